@@ -179,7 +179,7 @@ class _File:
             if (node, path) in found or not 0 <= node < len(self.json["nodes"]):
                 raise ValueError(f"{path} of node {node} is animated twice, or of no node")
             sampler = fields["samplers"][channel["sampler"]]
-            kind = sampler.get("interpolation", "LINEAR")
+            kind = sampler.get("interpolation") or "LINEAR"
             if kind not in ("LINEAR", "STEP", "CUBICSPLINE"):
                 raise MustRefuseError(f"interpolation {kind}")
             keys, values = self.accessor(sampler["input"])[:, 0], self.accessor(sampler["output"])

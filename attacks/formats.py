@@ -22,7 +22,7 @@ import evaluators
 from signsplice import formats
 from signsplice.errors import InputError
 from signsplice.motion import kinematics
-from signsplice.motion.clip import left_out_warnings
+from signsplice.rig.inspection import left_out_warnings
 
 METRES = 1e-5
 """A joint that is farther off than this is wrong."""

@@ -20,7 +20,8 @@ from fuzz_clips import unpacked
 from signsplice import formats, lexicon
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, left_out_warnings
+from signsplice.motion.clip import Clip
+from signsplice.rig.inspection import left_out_warnings
 
 TOLERANCE = 1e-4
 """Greatest distance between where a joint is read and where it is, as a fraction of the rig's extent."""

@@ -7,6 +7,7 @@ import hashlib
 import json
 import struct
 import tempfile
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from signsplice.bulk.shards import make_shard
 from signsplice.lexicon.reader import SHIPPED
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report as reports
 from signsplice.synth import notation
 from signsplice.synth.corpus import Recipe, write_pairs
@@ -58,16 +60,24 @@ def clip(seed: int = 0, names: str = "known", stretched: bool = False, n_joints:
     return Clip(skeleton, rotation.exp(waves), roots, 30.0, f"CLIP{seed}", lengths)
 
 
+def with_face(bare: Clip) -> Clip:
+    """A clip with all of ARKit's coefficients."""
+    return replace(bare, face=Face(ARKIT_CHANNELS, np.linspace(0.0, 1.0, 52 * len(bare)).reshape(-1, 52)))
+
+
 def clip_seeds(suffix: str) -> list[bytes]:
-    """Clips with known and other joint names, with bone lengths that change, and as of a file that was read."""
+    """Clips with known and other joint names, with bone lengths that change, with a face, and as of a file that was
+    read.
+    """
     clips = [clip(), clip(1, stretched=True), clip(2, "other")]
     if suffix == ".npz":  # with channels, as of a file that was read
+        clips.append(with_face(clip(3)))
         clips.append(formats.parse(formats.encode(clip(), "a.bvh"), "a.bvh"))
     return [formats.encode(one, f"a{suffix}") for one in clips]
 
 
 def gltf_seeds() -> list[bytes]:
-    """A .vrma, a .glb with a skin and one without, and a .gltf with its buffer inside."""
+    """A .vrma, a .glb with a skin and one without, a .gltf with its buffer inside, and a .vrma with a face."""
     whole, vrma = (formats.encode(clip(n_joints=n), "a.vrma") for n in (len(_JOINTS), 5))
     size = struct.unpack_from("<I", vrma, 12)[0]
     document, blob = json.loads(vrma[20 : 20 + size]), vrma[28 + size :]
@@ -89,6 +99,7 @@ def gltf_seeds() -> list[bytes]:
         joined_chunks([(b"JSON", bare), (b"BIN\0", blob)]),
         joined_chunks(skinned),
         json.dumps(inside).encode(),
+        formats.encode(with_face(clip()), "a.vrma"),
     ]
 
 
@@ -103,7 +114,7 @@ def lexicon_seeds() -> list[bytes]:
                 builder.add(clip(0), "HELLO", synonyms=["HI"], signer="A", source="book", checked=True)
                 builder.add(clip(1, stretched=True), "HOUSE")
                 builder.add(clip(2), "fs-A")
-                builder.add(clip(3, "other"), "TREE")
+                builder.add(with_face(clip(3, "other")), "TREE")
             seeds.append(packed({name: (path / name).read_bytes() for name in ("index.sqlite", "frames.bin")}))
     return seeds
 

@@ -32,6 +32,7 @@ from signsplice.body.retarget import retarget
 from signsplice.bulk import drawing, job, recipes, shards
 from signsplice.bulk.maker import FailedSentence, SentenceMaker
 from signsplice.errors import SignspliceError
+from signsplice.formats import live_link
 from signsplice.formats import roles as roles_files
 from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import glosses, sentence
@@ -323,6 +324,8 @@ TARGETS = {
                lambda read: use_clip(roles_files.with_roles(clip(4, "other"), read))),
         Target("report", fuzz_seeds.report_seeds, fuzz_mutators.of_json, _put_as("case.json"),
                lambda path: reports.read(path, N_REPORTED), _use_report),
+        Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(clip()))], fuzz_mutators.of_text,
+               _put_as("case.csv"), lambda path: live_link.with_face(clip(), path), use_clip),
         Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"), glosses.read,
                lambda _: None),
     )

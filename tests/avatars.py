@@ -248,3 +248,36 @@ def _humanoid(glb: Glb, version: str, roles: Mapping[str, int], springs: list[in
             }
         }
         glb.json["extensionsUsed"] = ["VRM"]
+
+
+def with_face(
+    path: Path, targets: Sequence[str] = (), expressions: Mapping[str, Mapping[int, float]] | None = None
+) -> Path:
+    """Give the last mesh of an avatar's file morph targets of these names, and VRM expressions of the file's version:
+    name -> number of a target -> weight.
+    """
+    content = path.read_bytes()
+    size = struct.unpack_from("<I", content, 12)[0]
+    glb = Glb(json.loads(content[20 : 20 + size]), bytearray(content[28 + size :]))
+    mesh = len(glb.json["meshes"]) - 1
+    primitive = glb.json["meshes"][mesh]["primitives"][0]
+    n = glb.json["accessors"][primitive["attributes"]["POSITION"]]["count"]
+    moved = np.zeros((n, 3))
+    moved[:3] = 0.01
+    primitive["targets"] = [{"POSITION": glb.array(moved, "f32", "VEC3", **_corners(moved))} for _ in targets]
+    glb.json["meshes"][mesh]["extras"] = {"targetNames": list(targets)}
+    node = next(k for k, fields in enumerate(glb.json["nodes"]) if fields.get("mesh") == mesh)
+    rows = (expressions or {}).items()
+    if "VRMC_vrm" in glb.json.get("extensions", {}):
+        binds = {
+            name: {"morphTargetBinds": [{"node": node, "index": k, "weight": w} for k, w in row.items()]}
+            for name, row in rows
+        }
+        glb.json["extensions"]["VRMC_vrm"]["expressions"] = {"preset": binds}
+    elif "VRM" in glb.json.get("extensions", {}):
+        glb.json["extensions"]["VRM"]["blendShapeMaster"] = {"blendShapeGroups": [
+            {"name": name.upper(), "presetName": name,
+             "binds": [{"mesh": mesh, "index": k, "weight": 100.0 * w} for k, w in row.items()]}
+            for name, row in rows
+        ]}  # fmt: skip
+    return glb.write(path)

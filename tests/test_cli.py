@@ -574,3 +574,62 @@ def test_lack_of_memory_and_interrupts_in_imports_are_one_line(
     assert run.returncode == status, run.stderr
     assert run.stderr.startswith(message)
     assert run.stderr.count("\n") == 1
+
+
+def test_faces_come_by_option_or_beside_their_clips_and_go_out_again(folder: Path, signsplice: Call) -> None:
+    spoken = signsplice("convert", "HELLO.bvh", "SAID.bvh", "--mouth", "h@l@U")
+    assert (spoken.returncode, spoken.stderr) == (0, "")
+    assert (folder / "SAID.csv").exists()
+    common = ("-o", "out.npz", "--report", "r.json", "--cutter", "ends")
+    for arguments, recorded in (
+        (("SAID.bvh", "SIGN.bvh"), [0]),
+        (("I.bvh", "SIGN.bvh", "--face", "SAID.csv", "--face", "SAID.csv", "--face-offset", "0.5"), [0, 1]),
+    ):
+        run = signsplice("splice", *arguments, *common)
+        assert run.returncode == 0, run.stderr
+        assert json.loads((folder / "r.json").read_text())["face"]["recorded"] == recorded
+        assert load(folder / "out.npz").face is not None
+    run = signsplice("convert", "SAID.bvh", "out.glb")
+    assert "out.glb: its figure cannot show " in run.stderr or load(folder / "out.glb").face is not None
+    assert signsplice("convert", "SAID.bvh", "out.vrma").returncode == 0
+    face = load(folder / "out.vrma").face
+    assert face is not None
+    assert face.of(["jawOpen"]).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("splice", "HELLO.bvh", "I.bvh", "-o", "o.bvh", "--face", "x.csv"), "1 --face for 2 clips, expected one for"),
+        (("convert", "HELLO.bvh", "o.bvh", "--face", "x.csv"), "x.csv: no such file"),
+        (("convert", "HELLO.bvh", "o.bvh", "--face", "o.csv"), "o.csv: would overwrite what is read from o.csv"),
+        (("convert", "HELLO.bvh", "o.bvh", "--mouth", "hello!"), "'!' is no sound of SAMPA"),
+    ],
+)
+def test_a_face_that_cannot_be_had_is_one_line(
+    arguments: tuple[str, ...], expected: str, folder: Path, signsplice: Call
+) -> None:
+    (folder / "o.csv").write_text("jawOpen\n0.5\n")
+    run = signsplice(*arguments)
+    assert run.returncode == 2
+    assert len(run.stderr.splitlines()) == 1
+    assert expected in run.stderr
+    assert not (folder / "o.bvh").exists()
+
+
+def test_a_sentence_has_a_face_by_rule_where_its_file_has_a_place_for_one(folder: Path, signsplice: Call) -> None:
+    line = ("sentence", "YOU DEAF?", "--cutter", "ends", "--report", "r.json", "-o")
+    for extra, rules in (
+        (("out.npz",), ["blinks", "brows"]),
+        (("out.bvh",), None),
+        (("out.npz", "--no-face-rules"), None),
+        (("out.bvh", "--face-rules"), ["blinks", "brows"]),
+    ):
+        run = signsplice(*line, *extra)
+        assert (run.returncode, run.stderr) == (0, "")
+        face = json.loads((folder / "r.json").read_text()).get("face")
+        assert face == (None if rules is None else {"recorded": [], "rules": rules})
+        clip = load(folder / extra[0])
+        assert (clip.face is None) == (rules is None)
+    run = signsplice(*line, "out.bvh")
+    assert "out.csv: beside out.bvh, which was written without a face, is another clip's; remove it" in run.stderr

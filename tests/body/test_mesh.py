@@ -7,14 +7,17 @@ import pytest
 
 from signing import word
 from signsplice.body import capsules, collision
-from signsplice.body.mesh import bind_pose, body_mesh
+from signsplice.body.mesh import _distances, _MeshCapsules, _union, bind_pose, body_mesh
 from signsplice.body.mesh_part import MeshPart
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.face import ARKIT_CHANNELS
+from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 
 CLIP = word("BOOK").clip
+HEAD = {"face", "lips", "eye", "iris", "pupil", "lash", "brow", "teeth", "tongue", "hair"}
 
 
 def test_the_surface_of_a_ball_and_of_a_ring_is_closed() -> None:
@@ -57,19 +60,29 @@ def test_the_mannequin_is_made_once_and_has_hands_and_a_face() -> None:
     assert body_mesh(CLIP.skeleton) is body_mesh(CLIP.skeleton)
     parts = mesh_parts()
     names = set(parts)
-    assert {"shirt", "face", "hair", "eye", "mouth", "left hand", "right hand", "left leg", "right leg"} <= names
+    assert {"shirt", "face", "hair", "eye", "lips", "left hand", "right hand", "left leg", "right leg"} <= names
     assert sum(name.endswith("Tip") for name in names) == 10
     assert parts["left hand"].colour != parts["right hand"].colour
 
 
 def test_every_part_is_closed_and_bound_to_joints() -> None:
     for part in mesh_parts().values():
-        assert count_edges(part.triangles) > 0
+        if part.name not in HEAD and not part.name.endswith(("hand", "creases")):  # skin is open at mouth, eyes, neck
+            assert count_edges(part.triangles) > 0
         np.testing.assert_array_equal(np.unique(part.triangles), np.arange(len(part.vertices)), "every vertex is used")
         np.testing.assert_allclose(part.weights.sum(axis=1), 1.0, atol=1e-12)
         assert (part.weights[:, 0] > 0.0).all()
         assert (part.joints[part.weights == 0.0] == 0).all()
         assert part.joints.max() < len(CLIP.skeleton)
+
+
+def test_a_hand_is_closed_with_its_creases() -> None:
+    for side in ("left", "right"):
+        hand, creases = (mesh_parts()[f"{side} {kind}"] for kind in ("hand", "creases"))
+        triangles = np.concatenate([hand.triangles, creases.triangles + len(hand.vertices)])
+        _, same = np.unique(np.concatenate([hand.vertices, creases.vertices]), axis=0, return_inverse=True)
+        assert count_edges(same.ravel()[triangles]) > 0
+        assert 0.005 < len(creases.triangles) / len(triangles) < 0.1
 
 
 def test_the_fingers_of_a_hand_are_separate() -> None:
@@ -97,7 +110,6 @@ def test_the_mesh_follows_the_capsules() -> None:
     for name, side, parts in (
         ("right hand", "right", {"palm", *FINGERS}),
         ("right IndexTip", "right", {"IndexTip"}),
-        ("face", "", {"face", "nose", "neck"}),
     ):
         mesh = mesh_parts()[name]
         capsule_rows = [
@@ -117,6 +129,40 @@ def test_the_mesh_follows_the_capsules() -> None:
             # In a palm the mesh lies higher between the bones, since their capsules are blended.
             assert np.median(np.abs(depths)) < 0.25, f"{name} at {frame}, cm"
             assert np.quantile(np.abs(depths), 0.95) < 1.0, f"{name} at {frame}, cm"
+
+
+def test_the_figures_head_lies_on_the_capsules_that_hands_touch() -> None:
+    """From 48 sides, the outermost skin or hair is within 3 mm of the capsules, save at eyes and ears."""
+    body, joint = capsules.body_capsules(CLIP.skeleton), CLIP.skeleton.index["mixamorig:Head"]
+    rotations, positions = bind_pose(CLIP.skeleton)
+    starts, ends = (p[0] for p in capsules.capsule_ends(body, rotation.to_matrix(rotations)[None], positions[None]))
+    rows = [n for n, part in enumerate(body.parts) if part in ("face", "nose", "hair", "neck")]
+    own = _MeshCapsules(starts[rows], ends[rows], body.radii[rows], body.joints[rows], np.arange(len(rows)))
+    points = np.concatenate([mesh_parts()[name].vertices for name in ("face", "hair")])
+    since = points - positions[joint] - [0.0, 8.0, 1.0]
+    far = np.linalg.norm(since, axis=1)
+    steps = np.arange(48)
+    up, around = 1.0 - 2.0 * (steps + 0.5) / 48.0, np.pi * (3.0 - np.sqrt(5.0)) * steps
+    sides = np.stack([np.sqrt(1 - up**2) * np.cos(around), up, np.sqrt(1 - up**2) * np.sin(around)], axis=1)
+    near = sides @ (since / far[:, None]).T > np.cos(np.deg2rad(12.0))
+    outer = [int(np.argmax(np.where(row, far, 0.0))) for row in near[up > -0.6]]
+    off = np.abs(_union(_distances(points[outer], own), 0.0035 * rig_info(CLIP.skeleton).sizes.stature))
+    assert np.quantile(off, 0.85) < 0.3, "cm"
+    assert off.max() < 1.5, "an ear"
+
+
+def test_the_figures_face_has_all_coefficients_and_each_moves_its_side() -> None:
+    moved: dict[str, np.ndarray] = {}
+    for part in mesh_parts().values():
+        for name, (rows, moves) in part.morphs.items():
+            at = part.vertices[rows] * np.abs(moves).sum(axis=1, keepdims=True)
+            moved[name] = moved.get(name, np.zeros(3)) + at.sum(axis=0)
+    assert {*moved} == {*ARKIT_CHANNELS}
+    for name, at in moved.items():
+        if name.startswith(("eye", "brow", "cheekSquint", "noseSneer")) and name.endswith(("Left", "Right")):
+            assert (at[0] > 0.0) == name.endswith("Left"), name
+    lids = next(part for part in mesh_parts().values() if part.name == "face").morphs["eyeBlinkLeft"][1]
+    assert 0.5 < -lids[:, 1].min() < 1.6, "an upper lid comes down by its eye's height, cm"
 
 
 def skinned(

@@ -216,3 +216,46 @@ def rest_quats(nodes: list[dict[str, Any]], parents: list[int]) -> list[np.ndarr
         own = np.array(node["rotation"])
         out.append(own if parent < 0 else rotation.multiply(out[parent], own))
     return out
+
+
+def sleeved(avatar: Avatar, name: str, has_arms: bool) -> list[Any]:
+    """The tubes of an avatar with sleeves around its forearms that are four times as thick, of a material ``name``, and
+    the arms within them where they are modelled.
+    """
+    assert avatar.body is not None
+    parts = list(avatars.tubes(avatar))
+    rest = kinematics.rest_positions(avatar)
+    for n, part in enumerate(avatar.body.parts):
+        if part == "cuff":
+            start, axis = rest[avatar.body.joints[n]], avatar.body.ends[n] / np.linalg.norm(avatar.body.ends[n])
+            along = (parts[n].vertices - start) @ axis
+            across = parts[n].vertices - start - along[:, None] * axis
+            wide = replace(parts[n], name=name, vertices=parts[n].vertices + 3.0 * across)
+            parts[n : n + 1] = [wide]
+            if has_arms:
+                parts.append(avatars.tubes(avatar)[n])
+    return parts
+
+
+def cuffs(body: BodyCapsules | None) -> np.ndarray:
+    """Radii (2, 2) of both forearms, m."""
+    assert body is not None
+    return body.radii[[body.keys.index(f"{side}LowerArm") for side in ("left", "right")]]
+
+
+@pytest.mark.parametrize(
+    ("name", "has_arms", "skin"),
+    [
+        ("Tops_CLOTH", True, ()),
+        ("Tops_CLOTH", False, ()),
+        ("M_7", True, ("Body_SKIN", "Scalp_SKIN")),
+        ("M_7", False, ()),
+    ],
+)
+def test_wide_sleeves_are_no_arms(
+    tmp_path: Path, broad: Avatar, name: str, has_arms: bool, skin: tuple[str, ...]
+) -> None:
+    path = avatars.write(tmp_path / "a.vrm", broad, sleeved(broad, name, has_arms))
+    read = cuffs(ss.read_avatar(path, skin=skin).body)
+    assert cuffs(broad.body).max() < 0.05
+    np.testing.assert_allclose(read, cuffs(broad.body), rtol=0.05 if has_arms else 0.35)

@@ -18,8 +18,9 @@ from signsplice.errors import InputError
 from signsplice.formats import bvh, load, save
 from signsplice.formats.bvh import format_rows
 from signsplice.motion import euler_channels, rotation
-from signsplice.motion.clip import Clip, concatenate, left_out_warnings, resample
+from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.motion.euler_channels import ROTATIONS
+from signsplice.rig.inspection import left_out_warnings
 
 MIXED = """HIERARCHY
 ROOT Hips

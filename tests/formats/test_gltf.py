@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from signsplice.formats.gltf_writer import in_front
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import ROLES
 from signsplice.rig.info import rig_info
@@ -147,8 +149,9 @@ def read_by_others(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         pytest.skip("no node, or viewer/node_modules is not installed")
     folder = tmp_path_factory.mktemp("gltf")
     files = [folder / "book.glb", folder / "book.vrma"]
+    face = Face(ARKIT_CHANNELS, np.random.default_rng(3).random((len(BOOK), len(ARKIT_CHANNELS))))
     for path in files:
-        ss.save(BOOK, path)
+        ss.save(replace(BOOK, face=face) if path.suffix == ".glb" else BOOK, path)
     command = ["node", str(VIEWER / "checks" / "gltf.mjs"), "--times", "0,0.5,1.1", *map(str, files)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -211,3 +214,17 @@ def test_blender_shows_an_armature_with_a_mesh_and_an_action(tmp_path: Path) -> 
         for name in ("mixamorig:RightHand", "mixamorig:LeftHandIndex3", "mixamorig:Head"):
             x, y, z = armature.matrix_world @ armature.pose.bones[name].head
             np.testing.assert_allclose([x, z, -y], expected[frame, BOOK.skeleton.index[name]], atol=1e-4)
+
+
+def test_the_face_of_a_clip_moves_the_figure_and_comes_back(tmp_path: Path) -> None:
+    weights = np.random.default_rng(3).random((6, len(ARKIT_CHANNELS)))
+    clip = replace(BOOK[:6], face=Face(ARKIT_CHANNELS, weights))
+    ss.save(clip, tmp_path / "a.glb")
+    back = ss.load(tmp_path / "a.glb")
+    assert back.face is not None
+    np.testing.assert_allclose(back.face.of(ARKIT_CHANNELS), weights, atol=1e-6)
+    made, plain = glb.document(clip), glb.document(BOOK[:6])
+    assert [mesh.name for mesh in made.meshes] == ["mannequin", "face"]
+    assert [mesh.name for mesh in plain.meshes] == ["mannequin"]
+    assert tuple(made.meshes[1].extras["targetNames"]) == ARKIT_CHANNELS
+    assert {len(primitive.targets) for primitive in made.meshes[1].primitives} == {len(ARKIT_CHANNELS)}

@@ -286,12 +286,14 @@ def test_what_is_animated_besides_joints_is_named(tmp_path: Path) -> None:
         meshes=[{"primitives": [], "extras": {"targetNames": ["smile", "frown"]}}],
     )
     clip = load_document(tmp_path, content)
-    names = ("expression happy", "expression wink", "look-at", "morph target smile", "morph target frown")
+    names = ("expression wink", "look-at", "morph target smile", "morph target frown")
+    assert clip.face is not None
+    assert clip.face.of(["mouthSmileLeft"])[-1] == pytest.approx(0.8)
     assert clip.left_out == names
     assert any("expression wink" in text for text in inspect(clip)["warnings"])
     result = ss.splice([clip, clip], ss.SpliceOptions(cutter="ends", transition="slerp"))
     assert [text for text in result.warnings if "left out" in text] == [
-        f"{clip.name}: {', '.join(names)} left out: a clip holds the motion of joints alone"
+        f"{clip.name}: {', '.join(names)} left out: a clip holds the motion of joints and faces"
     ]
     assert ss.inbetween(clip, [(1, len(clip) - 1)], "slerp").warnings == result.warnings
     assert load_document(tmp_path, document(ARM, [rotating()])).left_out == ()

@@ -148,7 +148,7 @@ def test_check_and_build_name_what_a_clip_leaves_out(
 ) -> None:
     monkeypatch.setattr(folders, "load", lambda path, limits: replace(load(path, limits), left_out=("a mesh",)))
     path = clips / "hello.bvh"
-    line = f"{path}: a mesh left out: a clip holds the motion of joints alone"
+    line = f"{path}: a mesh left out: a clip holds the motion of joints and faces"
     assert line in folders.check(clips).warnings
     assert line in lexicon.build(clips, tmp_path / "lex").warnings
 

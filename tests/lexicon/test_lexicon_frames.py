@@ -10,10 +10,12 @@ from conftest import random_clip
 from hypothesis import given
 from hypothesis import strategies as st
 
+from face_tracks import with_random_face
 from signsplice.errors import InputError
 from signsplice.lexicon.frames import FORMS, Shape, decode, encode
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
+from signsplice.motion.face import ARKIT_CHANNELS
 
 
 def round_trip(clip: Clip, form: str) -> Clip:
@@ -54,6 +56,35 @@ def test_clips_come_back_within_the_tolerance(
         assert np.allclose(back.translations, clip.translations, rtol=1e-7, atol=0.0)
     if constant:
         assert np.ptp(back.local_rotations[:, constant], axis=0).max() == 0.0
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("channels", [ARKIT_CHANNELS, ("jawOpen", "eyeBlinkLeft", "tongueOut")])
+def test_a_face_comes_back_in_float32_and_a_clip_without_one_keeps_its_bytes(
+    form: str, channels: tuple[str, ...]
+) -> None:
+    plain = random_clip(3, 17)
+    clip = with_random_face(plain, 1, channels)
+    face = round_trip(clip, form).face
+    assert face is not None
+    assert clip.face is not None
+    assert face.channels == tuple(name for name in ARKIT_CHANNELS if name in channels)
+    assert np.array_equal(face.of(channels), clip.face.weights.astype(np.float32))
+    assert round_trip(plain, form).face is None
+    assert encode(clip, form)[: len(encode(plain, form))] == encode(plain, form)
+    again = replace(clip, face=round_trip(clip, form).face)
+    assert encode(again, form) == encode(clip, form)
+
+
+def test_damage_in_a_face_is_found() -> None:
+    clip = with_random_face(random_clip(3, 17), 1, ("jawOpen",))
+    shape = Shape("float32", 17, len(clip.skeleton), False)
+    block, at = encode(clip, "float32"), len(encode(replace(clip, face=None), "float32"))
+    wrong = [block[: at + 8], block + b"\0" * 8, block[:at] + b"\xff" * 8 + block[at + 8 :]]
+    wrong += [block[:at] + bytes(8) + block[at + 8 :], block[: at + 8] + b"\x00\x00\x40\x40" + block[at + 12 :]]
+    for damaged in wrong:
+        with pytest.raises(InputError):
+            decode(damaged, shape, clip.skeleton, clip.fps, clip.name)
 
 
 def test_compact_rotations_are_within_the_tolerance() -> None:

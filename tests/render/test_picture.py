@@ -106,10 +106,11 @@ def test_position_and_facing_do_not_change_the_picture(words: dict[str, Clip], m
     assert np.mean(np.abs(a - b) > 8) < 0.002
 
 
-def test_metres_and_centimetres_give_the_same_pixels(words: dict[str, Clip], metric_skeleton: Skeleton) -> None:
+def test_metres_and_centimetres_give_the_same_picture(words: dict[str, Clip], metric_skeleton: Skeleton) -> None:
     clip = words["SIGN"]
     other = replace(clip, skeleton=metric_skeleton, root_positions=clip.root_positions * 0.01)
-    assert np.array_equal(draw(make_scene(clip), 30, 120, 120), draw(make_scene(other), 30, 120, 120))
+    a, b = (draw(make_scene(c), 30, 120, 120).astype(int) for c in (clip, other))
+    assert np.abs(a - b).max() <= 1, "rounding"
 
 
 def test_bone_lengths_of_the_frames_are_drawn_not_the_offsets(words: dict[str, Clip]) -> None:

@@ -18,6 +18,7 @@ from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 import generate
+from face_tracks import with_random_face
 from other_rigs import on_other_rig
 from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
@@ -28,10 +29,10 @@ from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.inspection import inspect
-from signsplice.service import page, stream_messages, wire
+from signsplice.service import page, stream_messages, wire, work
 from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
-from signsplice.splicing.engine import SpliceOptions, splice, stream
+from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.seam import Score
 
 GLOSSES = ["HELLO", "DEAF", "FRIEND"]
@@ -242,6 +243,33 @@ def test_punctuation_pauses_a_sentence_and_a_stream_alike(service: httpx.Client)
     np.testing.assert_array_equal(frames(streamed(service, glosses, pauses=False)), plain)
     asked = service.post("/v1/sentence", json={"glosses": glosses, "pauses": False}).json()
     assert asked["report"]["frames"] == len(plain)
+
+
+def test_a_face_by_rule_is_in_the_files_of_a_sentence_that_asks_for_it(service: httpx.Client) -> None:
+    asked = {"glosses": ["HELLO,", "DEAF?"], "face_rules": True, "formats": ["vrma"]}
+    answer = service.post("/v1/sentence", json=asked).json()
+    assert answer["report"]["face"] == {"recorded": [], "rules": ["blinks", "brows"]}
+    face = parse(base64.b64decode(answer["files"]["vrma"]), "a.vrma").face
+    assert face is not None
+    assert face.of(["browInnerUp"]).max() == pytest.approx(0.7)
+    assert face.of(["eyeBlinkLeft"]).max() == 1.0
+
+
+def test_a_stream_sends_a_face_before_its_frames() -> None:
+    """Of the words that ship none has a face: what a worker makes of pieces is looked at here."""
+    pieces = list(stream([with_random_face(clip, k) for k, clip in enumerate(clips(GLOSSES))]))
+    opened = work._OpenStream(Stream(), SpliceOptions(), True, True)
+    messages = work._messages(opened, pieces)
+    faces = [message for message in messages if isinstance(message, dict) and message["type"] == "face"]
+    assert [face["first"] for face in faces] == [piece.span.output[0] for piece in pieces]
+    for face, piece in zip(faces, pieces, strict=True):
+        assert piece.clip.face is not None
+        assert tuple(face["channels"]) == piece.clip.face.channels
+        assert np.abs(np.array(face["weights"]) - piece.clip.face.weights).max() < 1e-4
+        after = messages[messages.index(face) + 1]
+        assert isinstance(after, bytes)
+        assert struct.unpack_from("<II", after, 4) == (face["first"], len(face["weights"]))
+        TypeAdapter(stream_messages.FaceMessage).validate_python(face)
 
 
 def test_forms_of_signs_are_signed(service: httpx.Client) -> None:

@@ -98,7 +98,9 @@ export interface SentenceRequest {
   spell?: boolean;
   compounds?: boolean;
   pauses?: boolean;
+  face_rules?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
+  avatar?: string | null;
 }
 
 /** The form field ``options`` of a splice of files. */
@@ -112,6 +114,7 @@ export interface SpliceRequest {
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
   formats?: ("bvh" | "glb" | "vrma")[];
+  avatar?: string | null;
 }
 
 /** The report of a splice, version 1. */
@@ -246,6 +249,14 @@ export interface SeamMessage {
   seam: Seam;
 }
 
+/** The face in the frames that follow; none is sent where they have none. */
+export interface FaceMessage {
+  type: "face";
+  first: number;
+  channels: string[];
+  weights: number[][];
+}
+
 /** A warning to show to the user. */
 export interface WarningMessage {
   type: "warning";
@@ -267,4 +278,4 @@ export interface ErrorMessage {
 
 export type ClientMessage = OpenMessage | WordMessage | EndMessage;
 
-export type ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | WarningMessage | DoneMessage | ErrorMessage;
+export type ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | FaceMessage | WarningMessage | DoneMessage | ErrorMessage;

@@ -18,9 +18,10 @@ from signsplice.formats.roles import with_roles
 from signsplice.lexicon.folder import Source, find_sources
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton, left_out_warnings, resample
+from signsplice.motion.clip import Clip, EndSite, Skeleton, resample
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
+from signsplice.rig.inspection import left_out_warnings
 from signsplice.rig.placement import ORIGIN, place
 from signsplice.synth.pairs import EXTENT
 from signsplice.synth.rng import stream

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.body.avatar_file import AvatarFile
 from signsplice.body.mesh_part import MeshPart
 from signsplice.body.relief import Relief
 from signsplice.motion import rotation
@@ -161,6 +162,7 @@ class Avatar(Skeleton):
     mesh: its mesh in the rest pose; empty where the file holds none.
     is_vrm: whether its rest pose is the T-pose from which VRM animations rotate its bones.
     warnings: what a user should know about it, one line each.
+    file: the file that it was read from, into which its motion is written; None: none.
     """
 
     label: str = "the avatar"
@@ -168,6 +170,7 @@ class Avatar(Skeleton):
     mesh: tuple[MeshPart, ...] = ()
     is_vrm: bool = False
     warnings: tuple[str, ...] = ()
+    file: AvatarFile | None = None
 
 
 def body_capsules(skeleton: Skeleton) -> BodyCapsules:

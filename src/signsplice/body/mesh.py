@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.figure import has_head, head_parts
 from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
@@ -58,7 +59,11 @@ _BALL = 0.95
 """Thickness of the ball in an elbow or a knee, as a fraction of the limb's."""
 _CUFF_END = 0.90
 """Fraction of the forearm that the sleeve covers; from there on a bare wrist leads into the palm."""
+_NECK_END, _NECK_WITHIN = 0.65, 0.97
+"""Fraction of the neck's capsule that is seen below the figure's head, and its thickness there."""
 _WRIST = (0.0125, 0.0135)
+_CREASE, _CREASE_SHADE = 0.72, 0.84
+"""From which weight of the second of two phalanges, in that of the first, skin is their crease, and how dark it is."""
 _GROWN = {"mouth": 0.0020, "eye": 0.0010}
 """Added to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
 
@@ -124,7 +129,12 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
     starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None]))
     height = rig_info(skeleton).sizes.stature or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
     groups: dict[tuple[str, str], list[int]] = {}
+    has_face = has_head(skeleton, shape)
+    roles = rig_info(skeleton).roles.joints.items()
+    phalanges = np.array([joint for role, joint in roles for finger in FINGERS if finger in role], np.intp)
     for n, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)):
+        if has_face and part in ("face", "nose", "hair", "eye", "mouth"):
+            continue
         groups.setdefault(_part_of(part, side), []).append(n)
     pieces = []
     for (kind, side), own in groups.items():
@@ -133,16 +143,36 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
         if kind == "shirt":
             cuffs = [k for k, part in enumerate(parts) if part == "cuff"]
             made.ends[cuffs] = made.starts[cuffs] + _CUFF_END * (made.ends[cuffs] - made.starts[cuffs])
+        if kind == "face" and has_face:  # the neck below the figure's head, which goes into it
+            ends_in = made.starts + _NECK_END * (made.ends - made.starts)
+            made = replace(made, ends=ends_in, radii=_NECK_WITHIN * made.radii)
         if kind == "hand":
             made = _with_wrist(made, starts, ends, shape, side, height)
         made = replace(made, radii=made.radii + height * _GROWN.get(kind, 0.0))
         tint = colour(kind if kind in CLOTHES else parts[0], side)
         bends = _bends(made, [part in ("cuff", "leg") for part in parts])
-        piece = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
+        name = "neck" if kind == "face" and has_face else f"{side} {kind}".strip()
+        piece = _skin(name, kind, tint, made, height, bends)
         if bends.any():
             piece = _merged([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
-        pieces.append(piece)
-    return tuple(pieces)
+        pieces += _creased(piece, phalanges) if kind == "hand" else [piece]
+    return (*pieces, *(head_parts(skeleton, shape, positions) if has_face else ()))
+
+
+def _creased(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshPart]:
+    """A hand, and the darker creases at the joints of its fingers: where two phalanges carry the skin alike."""
+    bends = np.isin(hand.joints[:, :2], phalanges).all(axis=1) & (hand.weights[:, 1] > _CREASE * hand.weights[:, 0])
+    is_crease = bends[hand.triangles].all(axis=1)
+    side, parts = hand.name.partition(" ")[0], []
+    shades = ((hand.name, 1.0, ~is_crease), (f"{side} creases", _CREASE_SHADE, is_crease))
+    for name, shade, own in shades:
+        used, triangles = np.unique(hand.triangles[own], return_inverse=True)
+        red, green, blue = (shade * value for value in hand.colour)
+        parts.append(MeshPart(
+            name, (red, green, blue), hand.vertices[used], hand.normals[used], triangles.reshape(-1, 3),
+            hand.joints[used], hand.weights[used],
+        ))  # fmt: skip
+    return [part for part in parts if len(part.triangles)]
 
 
 def _bends(own: _MeshCapsules, may: Sequence[bool]) -> NDArray[np.bool_]:

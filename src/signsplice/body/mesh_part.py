@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ class MeshPart:
     vertices, normals: (V, 3) in the bind pose, clip units, the root at the origin.
     triangles: (F, 3) indices of vertices.
     joints, weights: (V, 4) which joints carry each vertex, and how much; unused ones have weight 0.
+    morphs: coefficient of a face -> vertices that it moves (N,), and how far at 1 (N, 3).
     """
 
     name: str
@@ -31,3 +33,4 @@ class MeshPart:
     triangles: NDArray[np.int64]
     joints: NDArray[np.int64]
     weights: FloatArray
+    morphs: Mapping[str, tuple[NDArray[np.int64], FloatArray]] = field(default_factory=dict)

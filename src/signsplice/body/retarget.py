@@ -31,6 +31,8 @@ ALIKE = 0.005
 """Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this are one body:
 rotations are enough.
 """
+_NAMED = 6
+"""Most names in a warning."""
 _SHORT = 0.1
 """Lengths below this part of the longest are compared as if they were as long."""
 BEYOND_M = 0.02
@@ -72,7 +74,9 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
     name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
     done = _fitted(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
     lines = [f"{clip.name}: {line}" for line in clip_warnings(clip)]
-    return replace(done, warnings=(*(onto.warnings if isinstance(onto, Avatar) else ()), *lines, *done.warnings))
+    if isinstance(onto, Avatar):
+        lines = [*onto.warnings, *_face_warnings(clip, onto), *lines]
+    return replace(done, warnings=(*lines, *done.warnings))
 
 
 def align(clip: Clip, to: Reference) -> Retargeted:
@@ -197,6 +201,17 @@ def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatA
         arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[own])
         out[:, side] = swivel.choose(arm, solid, np.maximum(-then.reshape(n, -1), 0.0), fit.fps)
     return out
+
+
+def _face_warnings(clip: Clip, avatar: Avatar) -> tuple[str, ...]:
+    """A line about coefficients of a clip's face that an avatar read from a file cannot show."""
+    if clip.face is None or avatar.file is None:
+        return ()
+    from signsplice.motion.face_shapes import target_weights  # loads scipy, which few clips need
+
+    _, lost = target_weights(clip.face, [control.name for control in avatar.file.face])
+    shown = ", ".join(lost[:_NAMED]) + (f" and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")
+    return (f"{avatar.label}: its face does not show {shown}",) if lost else ()
 
 
 def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:

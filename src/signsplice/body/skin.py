@@ -34,6 +34,7 @@ _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
 _ARM = ("sleeve", "cuff")
 """Parts whose capsules lie along their bones, from joint to joint, as the fit of clips has them."""
+_LIMBS = {"arms": ("sleeve", "cuff"), "legs": ("leg",), "neck": ("neck",)}
 _BINS = 6
 """Slices of a bone in which limbs are measured."""
 _HEIGHTS = 7
@@ -46,6 +47,8 @@ _BELOW_HEM, _LEVEL, _NEAR = 0.01, 0.015, 0.010
 """Fractions of stature: how far below the hem skin of the legs counts as the trunk's, and the distances within which
 vertices are at a height, and at a place seen from in front.
 """
+_SPAN = 0.4
+"""Part of a limb that has to be measured for its taper."""
 _TAPERS = (0.7, 1.2)
 """A limb's radii at its ends lie between the least and the largest that were measured, times these."""
 _ALONG, _SHORTEST = (-0.1, 1.1), 0.3
@@ -53,6 +56,10 @@ _ALONG, _SHORTEST = (-0.1, 1.1), 0.3
 _SLICES = ((0.2, 0.6), 0.45, 0.6)
 """Of a palm's capsule: where on the way to the knuckle its two slices begin, how long they are, and how wide on either
 side, in distances of neighbouring knuckles.
+"""
+_WIDE, _THICK = 1.7, 3.0
+"""A limb that is thicker than this many times the usual is a sleeve or a skirt, and so is what is farther than that
+many radii of a palm from its middle.
 """
 _BETWEEN = (0.05, 0.95)
 """Shares of vertices that lie below the one and the other surface of a palm or finger."""
@@ -68,11 +75,11 @@ def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tupl
     few vertices and keep the usual proportions.
     """
     fitting = _Fitting(skeleton, points)
-    fitting.limbs()
     fitting.hands()
+    fitting.limbs()
     fitting.trunk()
     fitting.head()
-    return fitting.body(), tuple(fitting.missed)
+    return fitting.body(), tuple(sorted(fitting.missed, key=lambda what: what not in _LIMBS))
 
 
 class _Fitting:
@@ -121,7 +128,7 @@ class _Fitting:
 
     def limbs(self) -> None:
         """Arms, legs and neck; those with too few vertices get the median factor of the others."""
-        for what, parts in (("arms", ("sleeve", "cuff")), ("legs", ("leg",)), ("neck", ("neck",))):
+        for what, parts in _LIMBS.items():
             rows = [n for n, part in enumerate(self.usual.parts) if part in parts]
             self._scale_others(what, rows, [n for n in rows if self._sleeve(n, halves=True)])
         for side in SIDES:
@@ -159,20 +166,33 @@ class _Fitting:
         along, across = (near - start) @ axis / length, (near - start) @ frame.T
         if not halves:
             return self._finger_sleeve(row, start, axis, along, across, frame)
-        seen = []
+        seen, away = [], np.linalg.norm(across, axis=1)
         for t in (np.arange(_BINS) + 0.5) / _BINS:
-            ring = _ring(across[np.abs(along - t) < 0.5 / _BINS], is_centred=self.usual.parts[row] in _ARM)
+            inside, widest = np.abs(along - t) < 0.5 / _BINS, self._widest(row, t)
+            ring = _ring(across[inside], is_centred=self.usual.parts[row] in _ARM)
+            if ring is not None and ring[1] > widest:  # a wide sleeve, or a skirt: what is within may be skin
+                ring = _ring(across[inside & (away < widest)], is_centred=self.usual.parts[row] in _ARM)
             if ring is not None:
                 seen.append((t, *ring[0], ring[1]))
         if not seen:
             return False
-        table = np.array(seen)
+        table, usual = np.array(seen), self.usual.radii[row]
+        if np.ptp(table[:, 0]) < _SPAN:  # bare at one end alone: as the usual limb tapers
+            self.radii[row] = usual * quantile(table[:, 3] / (usual[0] + table[:, 0] * (usual[1] - usual[0])), 0.5)
+            return True
         low, high = _TAPERS[0] * table[:, 3].min(), _TAPERS[1] * table[:, 3].max()
         for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
             x, y, radius = (_line(table[:, 0], table[:, column], t) for column in (1, 2, 3))
             ends[row] += np.array([x, y]) @ frame
             self.radii[row, k] = np.clip(radius, low, high)
         return True
+
+    def _widest(self, row: int, t: float) -> float:
+        """The radius at part t of a limb, from which on its vertices are cloth; stout bodies have stout palms."""
+        palms = [n for n, part in enumerate(self.usual.parts) if part == "palm"]
+        stout = quantile(self.radii[palms].mean(axis=1) / self.usual.radii[palms].mean(axis=1), 0.5) if palms else 1.0
+        start, end = self.usual.radii[row].tolist()
+        return float(_WIDE * max(1.0, stout) * (start + t * (end - start)))
 
     def _finger_sleeve(
         self, row: int, start: FloatArray, axis: FloatArray, along: FloatArray, across: FloatArray, frame: FloatArray
@@ -209,9 +229,11 @@ class _Fitting:
         up /= np.linalg.norm(up)
         since = self.points.of(self.roles[f"{side}Hand"]) - start
         along, height, beside = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
-        (lows, long, wide), found = _SLICES, []
+        (lows, long, wide), found, thick = _SLICES, [], _THICK * self.usual.radii[row].max()
         for low in lows:
-            inside = height[(beside < wide * spacing) & (along >= low) & (along < low + long)]
+            inside = height[
+                (beside < wide * spacing) & (along >= low) & (along < low + long) & (np.abs(height) < thick)
+            ]
             if len(inside) < MIN_POINTS:
                 return False
             found.append((quantile(inside, _BETWEEN[0]), quantile(inside, _BETWEEN[1])))

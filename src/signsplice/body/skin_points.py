@@ -12,6 +12,8 @@ from signsplice.motion.arrays import FloatArray
 
 MIN_POINTS = 6
 """Fewer vertices than this are too few to measure."""
+_BARE = 4
+"""Vertices of bare skin, in those, from which on clothes around it do not count."""
 _MOST_ROWS = 8
 """Rows of points on a triangle, at most: large triangles do not ask for more memory than small ones."""
 _MOST_SAMPLES = 300_000
@@ -29,16 +31,22 @@ class SkinPoints:
     positions: (V, 3) in the rest pose, root at the origin.
     joints, weights: (V, 4) which joints carry each, and how much.
     triangles: (F, 3) those between such vertices.
+    is_cloth: (V,) which lie on clothing, by its name.
     """
 
     positions: FloatArray
     joints: NDArray[np.int64]
     weights: FloatArray
     triangles: NDArray[np.int64]
+    is_cloth: NDArray[np.bool_]
 
     def of(self, joints: int | Sequence[int]) -> FloatArray:
-        """Positions (N, 3) of the vertices that these joints carry together, by half or more."""
-        return np.asarray(self.positions[self.is_of(joints)])
+        """Positions (N, 3) of the vertices that these joints carry together, by half or more: of bare skin where enough
+        of it is modelled, else of clothes too.
+        """
+        own = self.is_of(joints)
+        bare = own & ~self.is_cloth
+        return np.asarray(self.positions[bare if bare.sum() >= _BARE * MIN_POINTS else own])
 
     def is_of(self, joints: int | Sequence[int]) -> NDArray[np.bool_]:
         """Which vertices (V,) these joints carry together, by half or more."""

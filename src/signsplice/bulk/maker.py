@@ -77,11 +77,13 @@ class _Sentence:
 
 
 def motion_sha256(clip: Clip) -> str:
-    """Hash of a clip's rate, rotations, root positions and translations, bit for bit."""
+    """Hash of a clip's rate, rotations, root positions, translations and face, bit for bit."""
     digest = hashlib.sha256(f"{clip.fps!r} {clip.local_rotations.shape}".encode())
     for array in (clip.local_rotations, clip.root_positions, clip.translations):
         if array is not None:
             digest.update(array.tobytes())
+    if clip.face is not None:
+        digest.update(" ".join(clip.face.channels).encode() + clip.face.weights.tobytes())
     return digest.hexdigest()
 
 

@@ -23,7 +23,7 @@ from signsplice.bulk import recipes
 from signsplice.bulk.job import BulkJob
 from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, SentenceMaker
 from signsplice.errors import FormatError, InputError, SignspliceError
-from signsplice.formats import encode, save
+from signsplice.formats import FORMATS, encode, live_link, save
 from signsplice.formats.atomic import replacing
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
@@ -281,6 +281,8 @@ class _Samples:
         content = encode(clip, f"{key}.{self._job.format}")
         self._put(f"{key}.{self._job.format}", content)
         place = {"offset": self._tar.offset - -(-len(content) // 512) * 512, "n_bytes": len(content)}
+        if clip.face is not None and not FORMATS[f".{self._job.format}"].holds_faces:
+            self._put(f"{key}.face.csv", live_link.encode(clip))
         self._put(f"{key}.json", json.dumps(made.report(), ensure_ascii=False).encode())
         if self._job.poses:
             for name, positions in poses(clip).items():

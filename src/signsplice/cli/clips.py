@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
+SKIN = click.option(
+    "--skin", multiple=True, metavar="NAME", help="Mesh, node or material of the avatar that is skin; others are cloth."
+)
+"""An option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
 _LIFTED, _REST_FRAME = f"{__name__}.lifted", f"{__name__}.rest_frame"
@@ -73,13 +77,16 @@ def limits() -> ReadLimits:
     return NO_LIMITS if click.get_current_context().meta.get(_LIFTED) else DEFAULT_LIMITS
 
 
-def load(path: str, roles: str | None = None, warns: bool = True) -> Clip:
+def load(
+    path: str, roles: str | None = None, warns: bool = True, face: str | None = None, face_offset: float = 0.0
+) -> Clip:
     """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names.
-    ``warns``: whether to print here what of the file is left out or read otherwise.
+    ``warns``: whether to print here what of the file is left out or read otherwise. ``face``, ``face_offset``: as in
+    ``formats.load``.
     """
-    clip = formats.load(path, limits())
+    clip = formats.load(path, limits(), face=face, face_offset=face_offset)
     if warns and (clip.left_out or clip.notes):
-        from signsplice.motion.clip import left_out_warnings
+        from signsplice.rig.inspection import left_out_warnings
 
         warn(left_out_warnings(clip))
     return posed(clip if roles is None else with_roles([clip], roles)[0])
@@ -95,11 +102,41 @@ def posed(clip: Clip) -> Clip:
     return with_rest_pose(clip, frame)
 
 
-def load_avatar(path: str, roles: str | None = None) -> Avatar:
-    """The avatar in a file; ``roles`` as in ``load``."""
+def reads_faces(command: Command) -> Command:
+    """Add the options of clips that are given a face."""
+    with_offset = click.option(
+        "--face-offset",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="Seconds from a clip's first frame to its face's first row.",
+    )
+    files = click.option(
+        "--face",
+        "faces",
+        multiple=True,
+        metavar="FACE.csv",
+        help="Face of a clip: a CSV of ARKit's coefficients; may be repeated.  [default: NAME.csv beside NAME.bvh]",
+    )
+    return files(with_offset(command))
+
+
+def faces_of(clips: Sequence[str], faces: Sequence[str]) -> list[str | None]:
+    """The face of each clip: the file of the same name, else by their order where there is one for each."""
+    by_name = {Path(face).stem.casefold(): face for face in faces}
+    found = [by_name.get(Path(clip).stem.casefold()) for clip in clips]
+    if len({*found} - {None}) == len(faces):
+        return found
+    if len(faces) != len(clips):
+        raise InputError(f"{len(faces)} --face for {len(clips)} clips, expected one for each, or files of their names")
+    return list(faces)
+
+
+def load_avatar(path: str, roles: str | None = None, skin: Sequence[str] = ()) -> Avatar:
+    """The avatar in a file; ``roles`` as in ``load``, ``skin``: names of what is skin."""
     from signsplice.formats.avatar import read_avatar
 
-    return read_avatar(path, read_roles(roles), limits())
+    return read_avatar(path, read_roles(roles), limits(), skin)
 
 
 def read_roles(path: str | None) -> dict[str, str] | None:
@@ -125,9 +162,13 @@ def check_outputs(output: str, report: str | None = None, inputs: Iterable[str |
         formats.check_suffix(output)
     if report is not None and Path(report).resolve() == Path(output).resolve():
         raise InputError(f"{report}: named for both the animation and the report, expected two names")
+    inputs = list(inputs)
     for path in (output, report):
         if path is not None:
             check_output(path, inputs)
+    if Path(output).suffix.lower() == ".bvh":  # a face is written beside it
+        sidecars = [Path(source).with_suffix(".csv") for source in inputs if source and Path(source).suffix]
+        check_apart(str(Path(output).with_suffix(".csv")), [*inputs, *sidecars])
 
 
 def check_output(path: str, inputs: Iterable[str | Path | None]) -> None:
@@ -161,12 +202,35 @@ def _is_read(output: Path, source: Path) -> bool:
         return False
 
 
-def write(clip: Clip, output: str, spans: Spans = (), view: str = "front", size: tuple[int, int] | None = None) -> None:
-    """Write a clip by suffix. Pictures mark ``spans`` and are drawn from ``view``; films have a ``size`` in pixels."""
+def write(
+    clip: Clip,
+    output: str,
+    spans: Spans = (),
+    view: str = "front",
+    size: tuple[int, int] | None = None,
+    names_lost: bool = True,
+) -> None:
+    """Write a clip by suffix. Pictures mark ``spans`` and are drawn from ``view``; films have a ``size`` in pixels.
+    ``names_lost``: whether to say what of a face the figure cannot show.
+    """
     if Path(output).suffix.lower() in PICTURE_SUFFIXES:
         from signsplice.render import film
 
         with progress(f"rendering {Path(output).name}") as advance:
             film.write(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
-    else:
-        formats.save(clip, output)
+        return
+    formats.save(clip, output)
+    if clip.face is None and Path(output).suffix.lower() == ".bvh":
+        from signsplice.formats.live_link import sidecar
+
+        if (other := sidecar(Path(output))) is not None:
+            warn([f"{other}: beside {output}, which was written without a face, is another clip's; remove it"])
+    # The retargeting has said what an avatar's own file cannot show.
+    is_own = getattr(clip.skeleton, "file", None) is not None
+    if names_lost and not is_own and clip.face is not None and Path(output).suffix.lower() == ".glb":
+        from signsplice.formats.gltf_face import lost_in
+
+        lost = lost_in(output, clip)
+        if lost:
+            more = f" and {len(lost) - 4} more" if len(lost) > 4 else ""
+            warn([f"{output}: its figure cannot show {', '.join(lost[:4])}{more} of the face"])

@@ -5,15 +5,28 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import Spans, check_outputs, load, load_avatar, reads_poses, write
+from signsplice.cli.clips import (
+    SKIN,
+    Spans,
+    check_outputs,
+    faces_of,
+    load,
+    load_avatar,
+    reads_faces,
+    reads_poses,
+    write,
+)
 from signsplice.cli.options import AS_JSON, preset, two_numbers
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
+
+if TYPE_CHECKING:
+    from signsplice.motion.clip import Clip
 
 
 @click.command()
@@ -48,31 +61,49 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT")
 @click.option("--onto", metavar="RIG", help="Clip whose body the motion is brought to: places and contacts are kept.")
-@click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) whose body the motion is brought to, by its mesh.")
+@click.option(
+    "--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) that the motion is brought to; a .glb is its own file."
+)
+@SKIN
 @click.option(
     "--report", metavar="R.json", help="With --onto or --avatar: write what the hands touch, before and after."
 )
+@click.option("--mouth", metavar="SAMPA", help='Sounds that the mouth says over the sign, in SAMPA: "h@l@U".')
+@reads_faces
 @reads_poses
 def convert(
-    source: str, output: str, onto: str | None, avatar: str | None, report: str | None, roles: str | None
+    source: str,
+    output: str,
+    onto: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
+    report: str | None,
+    mouth: str | None,
+    faces: tuple[str, ...],
+    face_offset: float,
+    roles: str | None,
 ) -> None:
     """Turn one file into another, by suffix; with --onto or --avatar, for another body."""
     if onto is not None and avatar is not None:
         raise InputError("--onto and --avatar each name a body, expected one of them")
+    if skin and avatar is None:
+        raise InputError("--skin names meshes of an avatar, expected --avatar too")
     body = onto if avatar is None else avatar
     if report is not None and body is None:
         raise InputError("--report describes what --onto does, or --avatar, expected one of them too")
     if Path(output).suffix.lower() == ".vrm":
         raise InputError(f"{output}: an avatar is not written; name a .vrma, .glb or .bvh")
-    check_outputs(output, report, inputs=[source, body, roles])
-    clip = load(source, roles)
+    check_outputs(output, report, inputs=[source, body, roles, *faces])
+    clip = load(source, roles, face=faces_of([source], faces)[0], face_offset=face_offset)
+    if mouth is not None:
+        clip = _mouthing(clip, mouth)
     if body is None:
         write(clip, output)
         print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
         return
     from signsplice.body.retarget import retarget
 
-    done = retarget(clip, load(body, roles) if avatar is None else load_avatar(body, roles))
+    done = retarget(clip, load(body, roles) if avatar is None else load_avatar(body, roles, skin))
     warn(done.warnings)
     write(done.clip, output)
     if report is not None:
@@ -81,6 +112,17 @@ def convert(
         reports.write(reports.describe_retargeting(done, source, body), report)
     kept = f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
     print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {kept}")
+
+
+def _mouthing(clip: Clip, sampa: str) -> Clip:
+    """A clip whose mouth says sounds during what a splice keeps of it."""
+    from signsplice.splicing.methods import choice
+    from signsplice.splicing.methods.cut import cut_clips
+    from signsplice.synth.mouthing import with_mouthing
+
+    (cut,) = cut_clips(choice.choose(None, None, None, None).cutter, [clip, clip])
+    frames = (cut.post, cut.pre + 1) if cut.post < cut.pre else (0, len(clip))
+    return with_mouthing(clip, sampa, frames)
 
 
 @click.command()

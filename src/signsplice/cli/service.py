@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_output, load, reads_poses
+from signsplice.cli.clips import check_output, load, load_avatar, reads_poses
 from signsplice.cli.options import LEXICON, preset
 from signsplice.cli.terminal import require
 from signsplice.errors import InputError
@@ -34,6 +34,9 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
     help="Processes for requests, and as many for streams.  [default: one per core]",
 )
 @click.option(
+    "--avatar", "avatars", multiple=True, metavar="A.vrm", help="Avatar that callers may name; may be repeated."
+)
+@click.option(
     "--allow-host", "allowed_hosts", multiple=True, metavar="NAME", help="Another host name to answer to; *: any."
 )
 @click.option("--allow-origin", multiple=True, metavar="URL", help="Origin of another page that may call.")
@@ -47,10 +50,12 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
     metavar="NAME=N",
     help=_LIMIT_HELP,
 )
-def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], **given: Any) -> None:
+def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], avatars: tuple[str, ...], **given: Any) -> None:
     """Serve splices over HTTP and WebSocket, and the viewer. Ctrl-C stops it."""
     origins = tuple(origin.rstrip("/").lower() for origin in allow_origin)
-    settings = _settings(limits, allowed_origins=origins, **given)
+    for avatar in avatars:
+        load_avatar(avatar)  # an error now, not at the first request
+    settings = _settings(limits, allowed_origins=origins, avatars=tuple(map(Path, avatars)), **given)
 
     def on_open(address: str) -> None:
         if not settings.is_local:

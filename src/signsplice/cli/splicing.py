@@ -15,11 +15,15 @@ import click
 from signsplice.cli.aliases import former_names
 from signsplice.cli.clips import (
     OUTPUT_SUFFIXES,
+    SKIN,
     check_apart,
     check_outputs,
+    faces_of,
     limits,
     load,
+    load_avatar,
     posed,
+    reads_faces,
     reads_poses,
     with_roles,
     write,
@@ -30,6 +34,7 @@ from signsplice.cli.terminal import note, progress, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
+    from signsplice.body.capsules import Avatar
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
     from signsplice.splicing.whole_system import WholeSystem
 
@@ -43,6 +48,8 @@ _joining_options = added(
         help="How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
     ),
     BUNDLE,
+    click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) that signs; a .glb is its own file."),
+    SKIN,
     click.option(
         "--avoid-collisions/--no-avoid-collisions",
         default=None,
@@ -94,20 +101,33 @@ _splicing_options = added(
 
 @click.command(context_settings=_SETTINGS)
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
+@reads_faces
 @_splicing_options
-def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str | None, **method_options: Any) -> None:
+def splice(
+    clips: tuple[str, ...],
+    faces: tuple[str, ...],
+    face_offset: float,
+    output: str,
+    report: str | None,
+    roles: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
+    **method_options: Any,
+) -> None:
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
 
     if len(clips) < 2:
         raise InputError(f"one clip, {clips[0]}, expected two or more: signsplice splice A.bvh B.bvh -o OUT.bvh")
-    check_outputs(output, report, [*clips, roles, *_networks(**method_options)])
+    check_outputs(output, report, [*clips, *faces, roles, avatar, *_networks(**method_options)])
     options = _splice_options(**method_options)
+    signer = _signer(avatar, skin)
     began = time.perf_counter()
-    loaded = [load(path, roles, warns=False) for path in clips]
+    given = zip(clips, faces_of(clips, faces), strict=True)
+    loaded = [load(path, roles, warns=False, face=face, face_offset=face_offset) for path, face in given]
     load_ms = 1e3 * (time.perf_counter() - began)
     result = engine.splice(loaded, options)
-    deliver(result, output, report, load_ms)
+    deliver(result, output, report, load_ms, signer)
 
 
 @click.command(context_settings=_SETTINGS)
@@ -116,6 +136,11 @@ def splice(clips: tuple[str, ...], output: str, report: str | None, roles: str |
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @click.option("--no-pauses", is_flag=True, help="Hold no sign at a comma or a full stop.")
+@click.option(
+    "--face-rules/--no-face-rules",
+    default=None,
+    help="Blinks, and brows of questions, in words without a face of their own.  [default: unless OUT is a .bvh]",
+)
 @_splicing_options
 def sentence(
     glosses: tuple[str, ...],
@@ -123,17 +148,23 @@ def sentence(
     no_spell: bool,
     no_compounds: bool,
     no_pauses: bool,
+    face_rules: bool | None,
     output: str,
     report: str | None,
     roles: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import parse, pauses, starts
+    from signsplice.lexicon.sentence import brows, parse, pauses, starts
     from signsplice.splicing import engine
+    from signsplice.splicing.face_rules import RULES
 
-    check_outputs(output, report, [roles, *_networks(**method_options)])
-    options = _splice_options(**method_options)
+    check_outputs(output, report, [roles, avatar, *_networks(**method_options)])
+    has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
+    options = _splice_options(**method_options, face_rules=RULES if has_rules else ())
+    signer = _signer(avatar, skin)
     began = time.perf_counter()
     with open_words(lexicon) as words:
         for path in (output, report or output):
@@ -148,8 +179,15 @@ def sentence(
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
     held = None if no_pauses else pauses(units)
-    result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held)
-    deliver(result, output, report, load_ms, {"units": [asdict(unit) for unit in units]})
+    result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held, brows(units))
+    deliver(result, output, report, load_ms, signer, {"units": [asdict(unit) for unit in units]})
+
+
+def _signer(avatar: str | None, skin: tuple[str, ...]) -> Avatar | None:
+    """The avatar that a call names, None without one."""
+    if skin and avatar is None:
+        raise InputError("--skin names meshes of an avatar, expected --avatar too")
+    return None if avatar is None else load_avatar(avatar, skin=skin)
 
 
 def _splice_options(
@@ -211,13 +249,26 @@ def _opened(folder: str) -> WholeSystem:
 
 
 def deliver(
-    result: SpliceResult, output: str, report: str | None, load_ms: float, more: Mapping[str, Any] | None = None
+    result: SpliceResult,
+    output: str,
+    report: str | None,
+    load_ms: float,
+    avatar: Avatar | None = None,
+    more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write the clip and the report, with ``more`` keys, and print the warnings and a line about the clip."""
+    """Write the clip, on an avatar where one is given, and the report, with ``more`` keys, and print the warnings and a
+    line about the clip.
+    """
     from signsplice.splicing import report as reports
 
+    if avatar is not None:
+        from signsplice.splicing.onto_avatar import onto_avatar
+
+        result = onto_avatar(result, avatar)
     began = time.perf_counter()
-    write(result.clip, output, [(span.kind, span.name or "", *span.output) for span in result.spans])
+    is_recorded = result.face is not None and bool(result.face.recorded)
+    spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
+    write(result.clip, output, spans, names_lost=is_recorded)
     save_ms = 1e3 * (time.perf_counter() - began)
     if report is not None:
         reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | dict(more or {}), report)
@@ -246,17 +297,20 @@ def inbetween(
     avoid_collisions: bool | None,
     roles: str | None,
     report: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
 ) -> None:
     """Make frames of a clip anew from those around them; all other frames stay as they are."""
     from signsplice.splicing.inbetween import inbetween as fill_gaps
 
-    check_outputs(output, report, [clip, roles, *_networks(bundle, transition=transition)])
+    check_outputs(output, report, [clip, roles, avatar, *_networks(bundle, transition=transition)])
+    signer = _signer(avatar, skin)
     ranges = [two_numbers(gap, ":", f"--gap {gap!r}, expected A:B, frame numbers with B not included") for gap in gaps]
     began = time.perf_counter()
     loaded = load(clip, roles, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
     result = fill_gaps(loaded, ranges, _method(transition), avoid_collisions, bundle)
-    deliver(result, output, report, load_ms)
+    deliver(result, output, report, load_ms, signer)
 
 
 @click.command()

@@ -31,6 +31,7 @@ class FileFormat:
     has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
     holds: what a planned format holds, for the error message.
+    holds_faces: whether its files have a place for a clip's face.
     """
 
     suffix: str
@@ -39,12 +40,13 @@ class FileFormat:
     has_buffers: bool = False
     media_type: str = ""
     holds: str = ""
+    holds_faces: bool = True
 
 
 FORMATS = {
     row.suffix: row
     for row in (
-        FileFormat(".bvh", "bvh", media_type="text/plain; charset=utf-8"),
+        FileFormat(".bvh", "bvh", media_type="text/plain; charset=utf-8", holds_faces=False),
         FileFormat(".npz", "npz"),
         FileFormat(".glb", "glb", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".gltf", "glb", writes=False, has_buffers=True),
@@ -62,17 +64,31 @@ WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads: those of the HTTP service, which also sends them."""
 
 
-def load(path: str | Path, limits: ReadLimits = DEFAULT_LIMITS, rest_frame: int | None = None) -> Clip:
-    """The clip in a file, by its suffix, one of ``READ_SUFFIXES``.
+def load(
+    path: str | Path,
+    limits: ReadLimits = DEFAULT_LIMITS,
+    rest_frame: int | None = None,
+    face: str | Path | None = None,
+    face_offset: float = 0.0,
+) -> Clip:
+    """The clip in a file, by its suffix, one of ``READ_SUFFIXES``, with the face of NAME.csv beside NAME.bvh where that
+    is one (``live_link``).
 
     rest_frame: the frame whose pose is the rest pose where the rig shows no person with all rotations zero; by default
         the first that shows one.
+    face: a CSV file with the clip's face, in place of that beside it.
+    face_offset: how long after the clip's first frame the first row of such a file is shown, seconds.
 
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` for whatever is wrong with
     its content, and ``LimitError`` where that asks for more than ``limits``, which ``NO_LIMITS`` lifts.
     """
     row = _format(path, "read", READ_SUFFIXES)
     clip = _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent)
+    if face is not None or (clip.face is None and Path(path).with_suffix(".csv").is_file()):
+        from signsplice.formats import live_link
+
+        if (found := face or live_link.sidecar(Path(path))) is not None:
+            clip = live_link.with_face(clip, found, face_offset, limits)
     if rest_frame is None:
         return clip
     from signsplice.rig.rest_pose import with_rest_pose
@@ -108,7 +124,8 @@ def _parsed(row: FileFormat, content: bytes, file: str, limits: ReadLimits, fold
 
 
 def save(clip: Clip, path: str | Path) -> None:
-    """Write a clip to a file by its suffix, one of ``WRITE_SUFFIXES``, whole or not at all. Raises ``InputError`` for
+    """Write a clip to a file by its suffix, one of ``WRITE_SUFFIXES``, whole or not at all; its face goes to a file
+    NAME.csv beside it where the format holds none. Raises ``InputError`` for
     another suffix, a clip that the format cannot hold, or a file that cannot be written.
     """
     check_suffix(path)
@@ -118,6 +135,10 @@ def save(clip: Clip, path: str | Path) -> None:
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
         temporary.write_bytes(content)
+    if clip.face is not None and not _format(path, "written", WRITE_SUFFIXES).holds_faces:
+        from signsplice.formats import live_link
+
+        live_link.save_sidecar(clip, path)
 
 
 def encode(clip: Clip, file: str) -> bytes:

@@ -8,15 +8,21 @@ of version 1.0 do. VRM's players take its rest pose as the T-pose.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 
+from signsplice.body.avatar_file import AvatarFile
 from signsplice.body.capsules import Avatar
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
+from signsplice.formats.avatar_face import face_controls
+from signsplice.formats.avatar_writer import pack
+from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, printable, unique
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
@@ -24,19 +30,33 @@ from signsplice.formats.reading import format_errors, read_bytes, stem
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import FINGERS
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf")
 """Suffixes that ``read_avatar`` reads."""
+_IMAGES = {
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".webp": "image/webp",
+    ".ktx2": "image/ktx2",
+}
 _BEHIND = np.diag([-1.0, 1.0, -1.0])
 _MOST_MISSED = 4
 
 
 def read_avatar(
-    path: str | Path, roles: Mapping[str, str] | None = None, limits: ReadLimits = DEFAULT_LIMITS
+    path: str | Path,
+    roles: Mapping[str, str] | None = None,
+    limits: ReadLimits = DEFAULT_LIMITS,
+    skin: Sequence[str] = (),
 ) -> Avatar:
     """The avatar in a ``.vrm``, ``.glb`` or ``.gltf`` file: its skeleton at rest and its body, fitted to its mesh.
 
-    roles: role -> joint name, where the file is no VRM avatar and its joints are not known by name. Raises
+    roles: role -> joint name, where the file is no VRM avatar and its joints are not known by name. skin: names of the
+        meshes, nodes or materials that are skin, where names and shape do not tell them from cloth; an empty one: all
+        are told so. Raises
     ``InputError`` for another suffix, a file that cannot be read, or arms that are not found, ``FormatError`` for
     whatever is wrong with its content, and ``LimitError`` where that asks for more than ``limits``.
     """
@@ -46,14 +66,17 @@ def read_avatar(
         raise InputError(f"{file}: a file with suffix {suffix} is no avatar, expected .vrm, .glb or .gltf")
     content = read_bytes(path, limits.file_bytes)
     with format_errors(file, "avatar"), np.errstate(all="ignore"):
-        return AvatarReader(file, content, limits, Path(path).parent).avatar(roles or {})
+        reader = AvatarReader(file, content, limits, Path(path).parent)
+        return reader.avatar(roles or {}, content, skin)
 
 
 class AvatarReader(MeshReader):
     """A document whose avatar is being read."""
 
-    def avatar(self, roles: Mapping[str, str]) -> Avatar:
-        """The avatar; ``roles``: role -> joint name, which win over the file's own."""
+    def avatar(self, roles: Mapping[str, str], content: bytes, skin: Sequence[str]) -> Avatar:
+        """The avatar in ``content``; ``roles``: role -> joint name, which win over the file's own; ``skin``: names of
+        what is skin.
+        """
         nodes = self._roles(roles)
         order = self._joint_order(set(nodes.values()))
         names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
@@ -63,14 +86,56 @@ class AvatarReader(MeshReader):
         avatar = self._skeleton(order, names, named, turn)
         _ = rig_info(avatar).arm_joints  # raises where there are no arms
         origin = self.world(order[0])[:3, 3]
-        avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}))
+        above = self.parents.get(order[0])
+        file = AvatarFile(
+            self._whole(content), tuple(order), turn, np.stack([self.world(node) for node in order]),
+            np.eye(4) if above is None else self.world(above), *face_controls(self),
+        )  # fmt: skip
+        lacks = _lacking_fingers(avatar.label, named)
+        avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
         rows = {node: k for k, node in enumerate(order)}
-        parts, points = self.skin(rows, turn, origin)
+        parts, points = self.skin(rows, turn, origin, skin)
         if points is None:
             line = f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions"
-            return replace(avatar, mesh=parts, warnings=(line,))
+            return replace(avatar, mesh=parts, warnings=(*lacks, line))
         body, missed = fit_skin(avatar, points)
-        return replace(avatar, mesh=parts, body=body, warnings=_warnings(avatar.label, missed))
+        return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *_warnings(avatar.label, missed)))
+
+    def _whole(self, content: bytes) -> bytes:
+        """The file as one .glb that names no other; itself where it is one. An image that is not found, or lies
+        outside of the file's folder, stays a name.
+        """
+        buffers: list[Fields] = self.json.get("buffers") or []
+        pictures = {n: found for n, image in enumerate(self.json.get("images") or ()) if (found := self._image(image))}
+        if content[:4] == b"glTF" and not pictures and not any("uri" in buffer for buffer in buffers):
+            return content
+        document, blob, starts = copy.deepcopy(self.json), bytearray(), []
+        for n in range(len(buffers)):
+            starts.append(len(blob))
+            blob += self._buffer(n) + b"\0" * (-len(self._buffer(n)) % 4)
+        views = document.setdefault("bufferViews", [])
+        for view in views:
+            view["byteOffset"], view["buffer"] = view.get("byteOffset", 0) + starts[view["buffer"]], 0
+        for n, (kind, picture) in pictures.items():
+            document["images"][n] |= {"bufferView": len(views), "mimeType": kind}
+            del document["images"][n]["uri"]
+            views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(picture)})
+            blob += picture + b"\0" * (-len(picture) % 4)
+        document["buffers"] = [{"byteLength": len(blob)}]
+        return pack(document, bytes(blob))
+
+    def _image(self, image: Fields) -> tuple[str, bytes] | None:
+        """Media type and bytes of an image that is a file in the document's folder or below; None for any other."""
+        uri = image.get("uri")
+        if self.folder is None or not isinstance(uri, str) or uri.startswith("data:"):
+            return None
+        path = (self.folder / unquote(uri)).resolve()
+        kind = _IMAGES.get(path.suffix.lower())
+        if kind is None or not path.is_relative_to(self.folder.resolve()) or not path.is_file():
+            return None
+        content = read_bytes(path, self.limits.file_bytes - self.given_bytes)
+        self.given_bytes += len(content)
+        return kind, content
 
     def _skeleton(self, order: list[int], names: list[str], roles: Mapping[str, str], turn: FloatArray) -> Avatar:
         """The skeleton of nodes ``order`` at rest, turned, with the ends of fingers."""
@@ -108,6 +173,16 @@ class AvatarReader(MeshReader):
         _ = info.arm_joints  # raises where there are no arms
         joints_of_roles = info.roles.joints
         return {role: order[joint] for role, joint in joints_of_roles.items()}
+
+
+def _lacking_fingers(label: str, roles: Mapping[str, str]) -> tuple[str, ...]:
+    """A line about hands that have fewer than five fingers."""
+    lacking = [f.lower() for f in FINGERS if any(f"{side}{f}Proximal" not in roles for side in SIDES)]
+    if not lacking:
+        return ()
+    some = " or ".join([*([", ".join(lacking[:-1])] if lacking[1:] else []), lacking[-1]])
+    what = "fingers" if len(lacking) == len(FINGERS) else f"{some}{' finger' * (some != 'thumb')}"
+    return (f"{label}: has no {what} to move, so it cannot spell, and many handshapes look alike",)
 
 
 def _warnings(label: str, missed: tuple[str, ...]) -> tuple[str, ...]:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import numpy as np
 from pygltflib import GLTF2
 
+from signsplice.body.capsules import Avatar
 from signsplice.body.mesh import bind_pose, body_mesh
 from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
+from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
 from signsplice.motion import rotation
@@ -25,7 +27,11 @@ _STILL = 1e-9
 
 
 def encode(clip: Clip) -> bytes:
-    """The bytes of a clip's .glb file."""
+    """The bytes of a clip's .glb file; on an avatar that was read from a file, those of that file with the motion."""
+    if isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
+        from signsplice.formats import avatar_writer
+
+        return avatar_writer.encode(clip, clip.skeleton.file)
     return b"".join(document(clip).save_to_bytes())
 
 
@@ -51,13 +57,15 @@ def document(clip: Clip) -> GLTF2:
     if clip.skeleton.roles:
         writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
     writer.skin(joints, _inverse_bind(clip, metres), joints[0])
-    writer.mesh(body_mesh(clip.skeleton), metres)
+    writer.mesh(body_mesh(clip.skeleton), metres, has_face=clip.face is not None)
     times = writer.times(clip)
     for joint, node in enumerate(joints):
         if np.abs(quats[:, joint] - quats[:1, joint]).max() > _STILL or joint == 0:
             writer.channel(node, "rotation", times, quats[:, joint])
         if np.abs(translations[:, joint] - translations[:1, joint]).max() > _STILL or joint == 0:
             writer.channel(node, "translation", times, translations[:, joint])
+    if clip.face is not None:
+        write_face(writer, clip.face, times)
     return writer.finish(clip.name, clip.fps)
 
 

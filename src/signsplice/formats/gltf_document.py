@@ -33,6 +33,10 @@ _KEEPS_JOINTS = re.compile(
     r"|draco_mesh_compression|node_visibility|animation_pointer)|VRM|VRMC_\w+"
 )
 """Extensions that a file may require: they move no joint by keys of their own, or a warning names what they animate."""
+COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+"""Extensions of packed meshes, which are not read."""
+UNPACK = "`npx @gltf-transform/cli copy IN.glb OUT.glb` unpacks it"
+"""What a user can do about them; the command is free (MIT), and keeps no extensions of VRM."""
 _VALUE_BYTES = 50
 """Memory that a value of a JSON document takes, about."""
 _COMPONENTS: dict[int, type[np.generic]] = {
@@ -65,7 +69,7 @@ class Document:
 
     def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
         self.file, self.limits, self.folder, self.given_bytes = file, limits, folder, len(content)
-        text, self._blob = _chunks(file, content) if content[:4] == b"glTF" else (content, b"")
+        text, self._blob = chunks(file, content) if content[:4] == b"glTF" else (content, b"")
         n_values = sum(text.count(mark) for mark in (b",", b"{", b"["))
         limits.check_memory(f"{n_values:,} values of JSON", _VALUE_BYTES * n_values, len(text), file)
         self.json: Fields = parse_json(text, file, "a glTF document")
@@ -94,7 +98,8 @@ class Document:
             raise self._error(f"needs a reader of glTF {least:.20}, expected 2.0")
         for name in self.json.get("extensionsRequired") or ():
             if not _KEEPS_JOINTS.fullmatch(name):
-                raise self._error(f"requires the extension {name!r:.80}, which is not read; export it without")
+                remedy = UNPACK if name in COMPRESSED else "export it without"
+                raise self._error(f"requires the extension {name!r:.80}, which is not read; {remedy}")
 
     def _parents(self) -> dict[int, int]:
         parents: dict[int, int] = {}
@@ -238,7 +243,7 @@ class Document:
         return FormatError(what, file=self.file)
 
 
-def _chunks(file: str, content: bytes) -> tuple[bytes, bytes]:
+def chunks(file: str, content: bytes) -> tuple[bytes, bytes]:
     """The JSON chunk and the binary chunk of a .glb file, which come first and second; any others are extensions."""
     if len(content) < 20:
         raise FormatError(f"{len(content)} bytes are no glTF file, expected 20 at least", file=file)

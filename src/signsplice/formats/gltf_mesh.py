@@ -5,7 +5,7 @@ skin rather than hair, skirts or accessories.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.body.skin_points import SkinPoints
-from signsplice.formats.gltf_document import Fields
+from signsplice.errors import InputError
+from signsplice.formats.gltf_document import UNPACK, Fields
 from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
@@ -31,6 +32,38 @@ _LOOSE = {
     *("accessories", "acc", "weapon", "bag", "backpack"),
 }
 """Words in the names of what is no skin: of joints without a role, meshes, nodes and materials."""
+_CLOTH = {
+    *(
+        "cloth",
+        "clothes",
+        "clothing",
+        "tops",
+        "top",
+        "bottoms",
+        "bottom",
+        "outfit",
+        "shirt",
+        "tshirt",
+        "blouse",
+        "dress",
+    ),
+    *(
+        "robe",
+        "kimono",
+        "yukata",
+        "sleeve",
+        "sleeves",
+        "jacket",
+        "sweater",
+        "hoodie",
+        "suit",
+        "vest",
+        "pants",
+        "trousers",
+    ),
+    *("jeans", "shorts", "gloves", "glove", "cuff", "cuffs", "onepiece", "uniform", "socks", "shoes", "shoe", "boots"),
+}
+"""Words in the names of materials, nodes and meshes that cover skin."""
 _SOFT = {
     *("bust", "breast", "breasts", "boob", "boobs", "oppai", "mune", "chichi", "butt", "hip", "hips", "belly"),
     *("twist", "roll", "muscle", "helper"),
@@ -43,6 +76,11 @@ _WORD = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 def words(name: str) -> frozenset[str]:
     """The words of a name in lower case: "J_Sec_HairBack1" has j, sec, hair and back."""
     return frozenset(word.lower() for word in _WORD.findall(name))
+
+
+def is_cloth(name: str) -> bool:
+    """Whether a name is that of clothing."""
+    return bool(words(name) & _CLOTH)
 
 
 def is_loose(name: str) -> bool:
@@ -85,16 +123,20 @@ class MeshReader(SkeletonDocument):
         return matrix
 
     def skin(
-        self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray
+        self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray, named: Sequence[str] = ()
     ) -> tuple[tuple[MeshPart, ...], SkinPoints | None]:
         """The meshes that joints carry, and their vertices that are skin, None where there are none.
 
         rows: joint node -> row of the skeleton. Positions are turned by ``turn`` (3, 3), and relative to ``origin``.
+        named: meshes, nodes and materials that are skin, and all others cloth; where there are none, names decide, that
+        of the material first. Raises ``InputError`` for a name that is none of them.
         """
         self._carriers = self._carriers_of(rows)
         self._mesh_bytes = 0
         parts: list[MeshPart] = []
         skin: list[NDArray[np.bool_]] = []
+        cloth: list[bool] = []
+        seen: set[str] = set()
         for node, fields in enumerate(self.nodes):
             if fields.get("mesh") is None:
                 continue
@@ -106,7 +148,15 @@ class MeshReader(SkeletonDocument):
                 names = (str(mesh.get("name")), str(fields.get("name")), self._material(primitive)[0])
                 part, is_skin = self._part(primitive, bones, turn, origin)
                 parts.append(part)
-                skin.append(is_skin & (not any(map(is_loose, names))))
+                seen.update(names)
+                is_named = bool({*names} & {*named})
+                skin.append(is_skin & (is_named or not any(map(is_loose, names))))
+                cloth.append(not is_named if named else any(map(is_cloth, names)) and "skin" not in words(names[2]))
+        if unknown := [name for name in named if name not in seen]:
+            known = ", ".join(sorted(seen - {"None"}))
+            raise InputError(
+                f"{self.file}: {unknown[0]!r} is no mesh, node or material that joints carry: {known:.300}"
+            )
         kept = [mask for mask in skin if mask.any()]
         if not kept:
             return tuple(parts), None
@@ -119,7 +169,8 @@ class MeshReader(SkeletonDocument):
             np.concatenate([getattr(part, name)[mask] for part, mask in masked]) for name in ("vertices", "weights")
         )
         joints = np.concatenate([part.joints[mask] for part, mask in masked])
-        return tuple(parts), SkinPoints(vertices, joints, weights, triangles)
+        is_clothing = np.concatenate([np.full(mask.sum(), one) for mask, one in zip(skin, cloth, strict=True)])
+        return tuple(parts), SkinPoints(vertices, joints, weights, triangles, is_clothing)
 
     def _drawn(self, mesh: int) -> list[Fields]:
         """The primitives of a mesh that are triangles."""
@@ -202,7 +253,7 @@ class MeshReader(SkeletonDocument):
     ) -> tuple[MeshPart, NDArray[np.bool_]]:
         """A primitive in the rest pose, and which of its vertices are skin (V,)."""
         if _DRACO in (primitive.get("extensions") or {}):
-            raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; export it without")
+            raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; {UNPACK}")
         attributes, (matrices, rows, is_skin) = primitive["attributes"], bones
         # Counted for each part, also where parts share an accessor, or nodes a mesh.
         indices = self._values(primitive["indices"])[:, 0]

@@ -16,14 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, ROLES_EXTRA, VRM_ANIMATION, Fields
+from signsplice.formats.gltf_face import FaceReader, target_names, vrm_expressions
 from signsplice.formats.gltf_keys import DRIFT, INTERPOLATIONS, LEAST_FPS, MOST_FPS, Keys, frame_rate, sample
-from signsplice.formats.gltf_skeleton import EVEN, SkeletonDocument, printable, unique
+from signsplice.formats.gltf_skeleton import EVEN, printable, unique
 from signsplice.formats.json_files import shortened
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.face_shapes import shape_of
 from signsplice.rig.roles import ROLES
 
 _AVATAR = "a figure to put signing on is no clip: `signsplice convert` puts clips onto avatars"
@@ -43,7 +45,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, f
     return _AnimationReader(file, content, limits, folder).clip()
 
 
-class _AnimationReader(SkeletonDocument):
+class _AnimationReader(FaceReader):
     """A document whose animation is being read."""
 
     def clip(self) -> Clip:
@@ -108,6 +110,7 @@ class _AnimationReader(SkeletonDocument):
             translations=translations if stretches else None,
             left_out=left_out(self.json, self.json["animations"][0]),
             notes=_notes(self.json["animations"]),
+            face=self._face(self.json["animations"][0], times, fps),
         )
 
     def _stored_roles(self, names: Sequence[str]) -> dict[str, str]:
@@ -250,8 +253,8 @@ def _notes(animations: Sequence[Fields]) -> tuple[str, ...]:
 
 
 def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
-    """What an animation moves besides joints, by name, which a clip does not hold: expressions and look-at of a VRM
-    animation, morph targets, properties that a pointer animates, and what has no node.
+    """What an animation moves besides joints and a face, by name, which a clip does not hold: other expressions and
+    look-at of a VRM animation, other morph targets, properties that a pointer animates, and what has no node.
     """
     targets = [channel["target"] for channel in animation["channels"]]
     animated = {target.get("node") for target in targets}
@@ -268,26 +271,21 @@ def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
 
 
 def _vrm(document: Fields, animated: set[Any]) -> Iterator[str]:
-    """The expressions, and the look-at, of a VRM animation whose nodes are animated."""
+    """The expressions that are none of a face, and the look-at, of a VRM animation whose nodes are animated."""
     vrm = _object(_object(document.get("extensions")).get(VRM_ANIMATION))
-    expressions = _object(vrm.get("expressions"))
-    for kind in ("preset", "custom"):
-        for name, row in _object(expressions.get(kind)).items():
-            if _number(_object(row).get("node")) in animated:
-                yield f"expression {name}"
+    for name, node in vrm_expressions(document):
+        if node in animated and shape_of(name) is None:
+            yield f"expression {name}"
     if _number(_object(vrm.get("lookAt")).get("node")) in animated:
         yield "look-at"
 
 
 def _morph_targets(document: Fields, node: Any) -> list[str]:
-    """The names of the morph targets of a node's mesh, or of the node where they have none."""
-    nodes, meshes = document.get("nodes") or [], document.get("meshes") or []
+    """The names of the morph targets of a node's mesh that are none of a face, or of the node where they have none."""
+    nodes = document.get("nodes") or []
     fields = _object(nodes[node]) if isinstance(node, int) and 0 <= node < len(nodes) else {}
-    mesh = fields.get("mesh")
-    extras = _object(meshes[mesh]).get("extras") if isinstance(mesh, int) and 0 <= mesh < len(meshes) else None
-    names = _object(extras).get("targetNames")
-    if isinstance(names, list) and names:
-        return [f"morph target {name}" for name in names]
+    if names := target_names(document, node):
+        return [f"morph target {name}" for name in names if shape_of(name) is None]
     return [f"morph targets of {fields.get('name') or f'node {node}'}"]
 
 

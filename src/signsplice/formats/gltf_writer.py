@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pygltflib import (
     GLTF2,
     Accessor,
+    AccessorSparseIndices,
+    AccessorSparseValues,
     Animation,
     AnimationChannel,
     AnimationChannelTarget,
@@ -29,6 +31,7 @@ from pygltflib import (
     Primitive,
     Scene,
     Skin,
+    Sparse,
 )
 
 from signsplice.body.capsules import body_capsules, capsule_ends
@@ -103,52 +106,97 @@ class DocumentWriter:
         accessor, such as ``min`` and ``max``.
         """
         values = np.ascontiguousarray(values, _TYPES[component])
+        view = self._view(values, target)
+        accessor = Accessor(bufferView=view, componentType=component, count=len(values),
+                            type=kind, **bounds)  # fmt: skip
+        self.gltf.accessors.append(accessor)
+        return len(self.gltf.accessors) - 1
+
+    def _view(self, values: Array, target: int | None = None) -> int:
+        """The number of the view of an array that was added to the buffer."""
         self.content += b"\0" * (-len(self.content) % 4)
         view = BufferView(buffer=0, byteOffset=len(self.content), byteLength=values.nbytes, target=target)
         self.gltf.bufferViews.append(view)
         self.content += values.tobytes()
-        accessor = Accessor(bufferView=len(self.gltf.bufferViews) - 1, componentType=component, count=len(values),
-                            type=kind, **bounds)  # fmt: skip
-        self.gltf.accessors.append(accessor)
-        return len(self.gltf.accessors) - 1
+        return len(self.gltf.bufferViews) - 1
 
     def skin(self, joints: Sequence[int], inverse_bind: FloatArray, root: int) -> None:
         """Add a skin of joint nodes, with their inverse bind matrices (J, 4, 4)."""
         matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
         self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
-    def mesh(self, parts: Sequence[MeshPart], metres: float) -> None:
-        """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit."""
-        primitives = []
-        for colour in dict.fromkeys(part.colour for part in parts):
-            same = [part for part in parts if part.colour == colour]
-            starts = np.cumsum([0, *(len(part.vertices) for part in same)])
-            positions = np.concatenate([part.vertices for part in same]).astype(np.float32) * np.float32(metres)
-            joints = np.concatenate([part.joints for part in same])
-            weights = np.concatenate([part.weights for part in same])
-            indices = np.concatenate([part.triangles + k for part, k in zip(same, starts[:-1], strict=True)]).ravel()
-            corners = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
-            attributes = Attributes(
-                POSITION=self.array(positions, "VEC3", _FLOAT, _VERTICES, **corners),
-                NORMAL=self.array(np.concatenate([part.normals for part in same]), "VEC3", _FLOAT, _VERTICES),
-                JOINTS_0=self.array(joints, "VEC4", _UBYTE if joints.max() < 256 else _USHORT, _VERTICES),
-                WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", _UBYTE, _VERTICES, normalized=True),
+    def mesh(self, parts: Sequence[MeshPart], metres: float, has_face: bool = False) -> None:
+        """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit. The parts
+        with morphs are a mesh of their own where they are wanted (``has_face``).
+        """
+        moved = [part for part in parts if part.morphs and has_face]
+        for name, own in (("mannequin", [part for part in parts if part not in moved]), ("face", moved)):
+            if not own:
+                continue
+            colours = dict.fromkeys(part.colour for part in own)
+            names = tuple(dict.fromkeys(target for part in moved for target in part.morphs)) if own is moved else ()
+            primitives = [self._primitive([p for p in own if p.colour == colour], metres, names) for colour in colours]
+            self.gltf.meshes.append(Mesh(name=name, primitives=primitives))
+            if names:
+                self.gltf.meshes[-1].extras, self.gltf.meshes[-1].weights = {"targetNames": names}, [0.0] * len(names)
+            self.gltf.nodes.append(Node(name=name, mesh=len(self.gltf.meshes) - 1, skin=0))
+            self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
+
+    def _primitive(self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str]) -> Primitive:
+        """Parts of one colour, with morph targets of these names."""
+        starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        positions = np.concatenate([part.vertices for part in parts]).astype(np.float32) * np.float32(metres)
+        joints = np.concatenate([part.joints for part in parts])
+        weights = np.concatenate([part.weights for part in parts])
+        indices = np.concatenate([part.triangles + k for part, k in zip(parts, starts[:-1], strict=True)]).ravel()
+        corners = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
+        attributes = Attributes(
+            POSITION=self.array(positions, "VEC3", _FLOAT, _VERTICES, **corners),
+            NORMAL=self.array(np.concatenate([part.normals for part in parts]), "VEC3", _FLOAT, _VERTICES),
+            JOINTS_0=self.array(joints, "VEC4", _UBYTE if joints.max() < 256 else _USHORT, _VERTICES),
+            WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", _UBYTE, _VERTICES, normalized=True),
+        )
+        small = len(positions) < 65536
+        self.gltf.materials.append(Material(
+            name=parts[0].name,
+            pbrMetallicRoughness=PbrMetallicRoughness(
+                baseColorFactor=[*_linear(parts[0].colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
+            ),
+        ))  # fmt: skip
+        still = self._moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
+        moved: list[Attributes] = []
+        for name in targets:
+            own = [(part.morphs[name], k) for part, k in zip(parts, starts[:-1], strict=True) if name in part.morphs]
+            if not own:
+                moved.append(Attributes(POSITION=still))
+                continue
+            rows = np.concatenate([rows + k for (rows, _), k in own])
+            moves = metres * np.concatenate([moves for (_, moves), _ in own])
+            moved.append(Attributes(POSITION=self._moves(len(positions), rows, moves)))
+        return Primitive(
+            attributes=attributes,
+            indices=self.array(indices, "SCALAR", _USHORT if small else _UINT, _INDICES),
+            material=len(self.gltf.materials) - 1,
+            targets=moved,
+        )
+
+    def _moves(self, count: int, rows: NDArray[np.int64], moves: FloatArray) -> int:
+        """The accessor of displacements (count, 3) that are zero but in some rows."""
+        values = np.concatenate([np.zeros((min(1, count - len(rows)), 3)), moves]).astype(np.float32)
+        corners = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        accessor = Accessor(byteOffset=None, componentType=_FLOAT, count=count, type="VEC3", **corners)
+        if len(rows):
+            order = np.argsort(rows)
+            index, value = (
+                self._view(array) for array in (rows[order].astype(np.uint16), moves[order].astype(np.float32))
             )
-            small = len(positions) < 65536
-            self.gltf.materials.append(Material(
-                name=same[0].name,
-                pbrMetallicRoughness=PbrMetallicRoughness(
-                    baseColorFactor=[*_linear(colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
-                ),
-            ))  # fmt: skip
-            primitives.append(Primitive(
-                attributes=attributes,
-                indices=self.array(indices, "SCALAR", _USHORT if small else _UINT, _INDICES),
-                material=len(self.gltf.materials) - 1,
-            ))  # fmt: skip
-        self.gltf.meshes = [Mesh(name="mannequin", primitives=primitives)]
-        self.gltf.nodes.append(Node(name="mannequin", mesh=0, skin=0))
-        self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
+            accessor.sparse = Sparse(
+                count=len(rows),
+                indices=AccessorSparseIndices(bufferView=index, componentType=_USHORT),
+                values=AccessorSparseValues(bufferView=value),
+            )
+        self.gltf.accessors.append(accessor)
+        return len(self.gltf.accessors) - 1
 
     def times(self, clip: Clip) -> int:
         """The accessor of the times of a clip's frames, in seconds from the first."""
@@ -156,9 +204,11 @@ class DocumentWriter:
         return self.array(seconds, "SCALAR", _FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
 
     def channel(self, node: int, path: str, times: int, values: FloatArray) -> None:
-        """Animate a node's "rotation" (T, 4) or "translation" (T, 3), one linear key a frame."""
+        """Animate a node's "rotation" (T, 4), "translation" (T, 3), or "weights" (T * targets,), one linear key a
+        frame.
+        """
         animation = self.gltf.animations[0]
-        output = self.array(values, "VEC4" if path == "rotation" else "VEC3", _FLOAT)
+        output = self.array(values, {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3"), _FLOAT)
         animation.samplers.append(AnimationSampler(input=times, output=output, interpolation="LINEAR"))
         target = AnimationChannelTarget(node=node, path=path)
         animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))

@@ -18,6 +18,7 @@ from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.reading import format_errors, opened
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import POSITIONS, ROTATIONS, Channels
+from signsplice.motion.face import Face
 
 VERSION = 1
 _ENTRY = b"PK\x01\x02"
@@ -27,7 +28,7 @@ _LEAST_ALLOWED = 64 << 20
 _HEAD, _INTEGERS = "head", "parents"
 _ARRAYS = {
     "parents": 1, "offsets": 2, "end_offsets": 2, "local_rotations": 3, "root_positions": 2,
-    "translations": 3, "channel_values": 2, "channel_offsets": 2,
+    "translations": 3, "channel_values": 2, "channel_offsets": 2, "face_weights": 2,
 }  # fmt: skip
 """Names of arrays -> number of their dimensions."""
 
@@ -56,6 +57,8 @@ def encode(clip: Clip) -> bytes:
     if channels is not None:
         head |= {"channels": channels.names, "frame_time": channels.frame_time, "starts": channels.starts}
         arrays |= {"channel_values": channels.values, "channel_offsets": channels.offsets}
+    if clip.face is not None:
+        head["face"], arrays["face_weights"] = clip.face.channels, clip.face.weights
     archive = BytesIO()
     np.savez_compressed(archive, head=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
     return archive.getvalue()
@@ -134,7 +137,14 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
         name=head["name"],
         translations=arrays.get("translations"),
         channels=_channels(head, arrays) if "channels" in head else None,
+        face=_face(head["face"], arrays["face_weights"]) if "face" in head else None,
     )
+
+
+def _face(names: Any, weights: Any) -> Face:
+    if not _are(names, str):
+        raise InputError("face: expected a list of coefficients")
+    return Face(tuple(names), weights)
 
 
 def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:

@@ -1,6 +1,7 @@
 """VRM animations (``.vrma``, VRMC_vrm_animation 1.0): rotations of the humanoid's bones from a T-pose, for any avatar.
 
-The file holds no mesh and no eyes, which the format leaves to look-at. ``gltf_reader`` says what is read.
+The file holds no mesh and no eyes, which the format leaves to look-at; a face is its expressions.
+``gltf_reader`` says what is read.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pygltflib import GLTF2
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
 from signsplice.formats.gltf_document import VRM_ANIMATION
+from signsplice.formats.gltf_face import write_expressions
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
 from signsplice.motion import kinematics, rotation
@@ -77,8 +79,11 @@ def document(clip: Clip) -> GLTF2:
             writer.gltf.nodes[nodes[parent]].children.append(nodes[role])
         writer.channel(nodes[role], "rotation", times, rotation.continuous(local))
     human_bones = {role: {"node": node} for role, node in nodes.items()}
+    extension: dict[str, object] = {"specVersion": "1.0", "humanoid": {"humanBones": human_bones}}
+    if clip.face is not None:
+        extension["expressions"] = write_expressions(writer, clip.face, times)
     writer.gltf.extensionsUsed.append(VRM_ANIMATION)
-    writer.gltf.extensions[VRM_ANIMATION] = {"specVersion": "1.0", "humanoid": {"humanBones": human_bones}}
+    writer.gltf.extensions[VRM_ANIMATION] = extension
     return writer.finish(clip.name, clip.fps)
 
 

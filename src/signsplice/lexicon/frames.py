@@ -6,7 +6,9 @@ Values that are constant over a word are stored once. The layout, little-endian:
    one more for each joint: whether its translation changes; zeros up to a multiple of 8;
 2. for each of rotations, root position and bone translations: the constant values, then the changing ones frame by
    frame;
-3. zeros up to a multiple of 8.
+3. zeros up to a multiple of 8;
+4. where the word has a face: eight bytes, a bit for each of ARKit's 52 coefficients that it has, lowest first, then its
+   weights frame by frame in float32, and zeros up to a multiple of 8.
 
 Rotations are quaternions x y z w in float32, or in int16 with a unit of 1/32767 (an error below 1e-4 rad). All else is
 float32. Changing int16 rotations are compressed to about a quarter: a uint32 with the number of compressed bytes, then
@@ -27,6 +29,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.face import ARKIT_CHANNELS, Face
 
 Buffer = bytes | memoryview
 
@@ -74,7 +77,26 @@ def encode(clip: Clip, form: str) -> bytes:
         varying = track[:, changes]
         parts.append(track[0, ~changes].tobytes())
         parts.append(_compressed(varying) if varying.dtype.kind == "i" else varying.tobytes())
-    return _padded(b"".join(parts))
+    return _padded(b"".join(parts)) + (b"" if clip.face is None else _face_bytes(clip.face))
+
+
+def _face_bytes(face: Face) -> bytes:
+    channels = tuple(name for name in ARKIT_CHANNELS if name in face.channels)
+    bits = sum(1 << k for k, name in enumerate(ARKIT_CHANNELS) if name in channels)
+    return _padded(struct.pack("<Q", bits) + face.of(channels).astype("<f4").tobytes())
+
+
+def _face(block: Buffer, n_frames: int, at: int) -> Face | None:
+    """The face that begins at a byte; None where the block ends there."""
+    if at == len(block):
+        return None
+    (bits,) = struct.unpack("<Q", bytes(_numbers(block, np.dtype(np.uint8), 8, at)))
+    channels = tuple(name for k, name in enumerate(ARKIT_CHANNELS) if bits >> k & 1)
+    count = n_frames * len(channels)
+    if bits >> len(ARKIT_CHANNELS) or not channels or _aligned(at + 8 + 4 * count) != len(block):
+        raise InputError("its frames are not as many as the index says")
+    weights = _numbers(block, np.dtype("<f4"), count, at + 8)
+    return Face(channels, weights.reshape(n_frames, len(channels)).astype(np.float64))
 
 
 def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: str) -> Clip:
@@ -106,9 +128,8 @@ def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: st
         track[:, ~changes] = constant
         track[:, changes] = varying
         tracks.append(track)
-    if _aligned(at) != len(block):
-        raise InputError("its frames are not as many as the index says")
-    return Clip(skeleton, tracks[0], tracks[1][:, 0], fps, name, tracks[2] if shape.has_translations else None)
+    face, bones = _face(block, shape.n_frames, _aligned(at)), tracks[2] if shape.has_translations else None
+    return Clip(skeleton, tracks[0], tracks[1][:, 0], fps, name, bones, face=face)
 
 
 def _check_memory(n_frames: int, changing: list[NDArray[np.bool_]], n_bytes: int) -> None:

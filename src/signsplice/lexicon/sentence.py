@@ -21,6 +21,7 @@ SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
 PAUSES = ".?!,"
 """Marks at which signing pauses; of several the first one counts."""
+QUESTION_WORDS = ("WHO", "WHAT", "WHERE", "WHEN", "WHY", "HOW", "WHICH")
 _HYPHEN, _APOSTROPHE = "-'"
 _TYPO = 0.75
 """Least similarity (``Lexicon.nearest``) of the glosses that may have been meant by a word that can be spelled."""
@@ -99,6 +100,23 @@ def pauses(tokens: Sequence[SentenceToken]) -> dict[int, str]:
         n_glosses += len(token.glosses)
         if token.pause and n_glosses:
             found[n_glosses - 1] = min(token.pause, found.get(n_glosses - 1, token.pause), key=PAUSES.index)
+    return found
+
+
+def brows(tokens: Sequence[SentenceToken]) -> dict[int, str]:
+    """The brows of questions in ASL, by the place of a gloss among those of all tokens: "raised" in a phrase that ends
+    in ``?``, "furrowed" where it has one of ``QUESTION_WORDS``. A phrase ends at a mark other than a comma.
+    """
+    found: dict[int, str] = {}
+    phrase, asks, n_glosses = list[int](), False, 0
+    for token in tokens:
+        phrase += range(n_glosses, n_glosses + len(token.glosses))
+        n_glosses += len(token.glosses)
+        asks |= len(token.glosses) == 1 and token.glosses[0].partition(_HYPHEN)[0] in QUESTION_WORDS
+        if token.pause not in ("", ","):
+            if token.pause == "?":
+                found |= dict.fromkeys(phrase, "furrowed" if asks else "raised")
+            phrase, asks = [], False
     return found
 
 

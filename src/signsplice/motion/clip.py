@@ -16,14 +16,13 @@ from signsplice.errors import InputError
 from signsplice.motion import html_renderers, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.euler_channels import Channels
+from signsplice.motion.face import Face, joined_faces
 
 _UNIT_TOLERANCE = 1e-6
 _BLOCK = 32
 _FARTHEST = 1e12
 """Lengths and positions beyond this are no motion, and their squares would overflow."""
 _LONGEST_NAME = 300
-_NAMED = 12
-"""Most names in a warning."""
 SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
 
@@ -146,6 +145,7 @@ class Clip:
     channels: the numbers of the file, kept so that they can be written back exactly; None where there is no file.
     left_out: names of what its file animates besides joints (expressions, morph targets, look-at), which is not here.
     notes: lines about what else the clip has otherwise than its file: the first of several animations, a rounded rate.
+    face: the face in every frame; None where it is not known.
     source_clip: the clip that this one was placed from as one rigid whole (``rig.placement.place``), else None.
 
     Arrays are taken as they are, without a copy: do not write to them afterwards. Raises ``InputError`` where shapes do
@@ -161,6 +161,7 @@ class Clip:
     channels: Channels | None = None
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    face: Face | None = None
     source_clip: Clip | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -197,6 +198,8 @@ class Clip:
             raise InputError(f"{label}: {len(self.channels.values)} rows of channels for {len(q)} frames")
         if self.channels is not None and not (len(self.channels.names) == len(self.channels.offsets) == j):
             raise InputError(f"{label}: channels of {len(self.channels.names)} joints, expected {j}")
+        if self.face is not None and len(self.face) != len(q):
+            raise InputError(f"{label}: a face of {len(self.face)} frames for {len(q)} frames")
 
     def __repr__(self) -> str:
         frames = f"{len(self)} frame{'s' * (len(self) != 1)}, {self.seconds:.2f} s at {self.fps:g} fps"
@@ -227,6 +230,7 @@ class Clip:
             root_positions=self.root_positions[frames],
             translations=None if self.translations is None else self.translations[frames],
             channels=None if self.channels is None else self.channels[frames],
+            face=None if self.face is None else self.face[frames],
         )
 
     @property
@@ -238,19 +242,10 @@ class Clip:
     def nbytes(self) -> int:
         """Memory that the clip's arrays hold."""
         total = self.local_rotations.nbytes + self.root_positions.nbytes
+        total += 0 if self.face is None else self.face.weights.nbytes
         if self.translations is not None:
             total += self.translations.nbytes
         return total + (self.channels.values.nbytes if self.channels is not None else 0)
-
-
-def left_out_warnings(clip: Clip) -> tuple[str, ...]:
-    """Lines about what a clip's file holds and the clip does not, or otherwise; none where there is nothing."""
-    lines = list(clip.notes)
-    if clip.left_out:
-        some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
-        more = f" and {n_more} more" if n_more > 0 else ""
-        lines.insert(0, f"{', '.join(some)}{more} left out: a clip holds the motion of joints alone")
-    return tuple(f"{clip.name}: {line}" for line in lines)
 
 
 def same_fps(a: float, b: float) -> bool:
@@ -283,11 +278,13 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
         name=name or first.name,
         translations=translations,
         channels=first.channels and Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
+        face=joined_faces([(clip.face, len(clip)) for clip in clips]),
     )
 
 
 def unchecked_copy(clip: Clip, **changes: object) -> Clip:
-    """``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``.
+    """``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``; without its
+    face where the number of frames changes and no face is given.
 
     For changes that cannot break a valid clip: slices, joins and rigid moves.
     """
@@ -295,6 +292,8 @@ def unchecked_copy(clip: Clip, **changes: object) -> Clip:
     made.__dict__.update(clip.__dict__, source_clip=None)
     for name, value in changes.items():
         made.__dict__[name] = frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
+    if made.face is not None and len(made.face) != len(made):
+        made.__dict__["face"] = None
     return made
 
 
@@ -343,4 +342,5 @@ def sampled(clip: Clip, at: FloatArray) -> Clip:
         root_positions=between(clip.root_positions),
         translations=None if clip.translations is None else between(clip.translations),
         channels=None if clip.channels is None else clip.channels.forgotten(len(at)),
+        face=None if clip.face is None else Face(clip.face.channels, between(clip.face.weights)),
     )

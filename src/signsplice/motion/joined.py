@@ -39,7 +39,7 @@ class JoinedClips:
 
 def joined(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator[JoinedClips]:
     """Clips, each given as its parts in order, laid end to end with those of the same skeleton and rate, about ``most``
-    frames at a time; the channels of files are left out.
+    frames at a time; the channels of files and faces are left out.
     """
     groups: dict[tuple[int, float, bool], list[int]] = {}
     for row, parts in enumerate(clips):
@@ -64,5 +64,6 @@ def _joined(clips: Sequence[Sequence[Clip]], rows: list[int], lengths: list[int]
         root_positions=np.concatenate([part.root_positions for part in parts]),
         translations=np.concatenate([bone_translations(part) for part in parts]) if moving else None,
         channels=None,
+        face=None,
     )
     return JoinedClips(rows, whole, np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.face import Face
 from signsplice.render.raster import Canvas, Pixels, lit
 from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
@@ -40,6 +41,7 @@ class Skin:
     weights: (V, J) weight of each joint in each vertex, sparse.
     triangles: (F, 3) indices of vertices.
     tints: (F, 3) colour of each triangle, sRGB 0 to 1.
+    morphs: coefficient of the face -> vertices that it moves (N,), and how far at 1 (N, 3).
     groups: (F,) number of the finger that a triangle belongs to, 0 for all else.
     hands: (F,) "left" or "right" for triangles of a hand, else "".
     rotations: (J, 3, 3) global rotations of the joints in the bind pose.
@@ -51,6 +53,7 @@ class Skin:
     weights: csr_array
     triangles: NDArray[np.intp]
     tints: Pixels
+    morphs: Mapping[str, tuple[NDArray[np.intp], Pixels]]
     groups: NDArray[np.int16]
     hands: NDArray[np.str_]
     rotations: FloatArray
@@ -69,6 +72,7 @@ class Scene:
     height: stature, clip units.
     window: left, right, bottom and top of what the camera shows: head and hands in every frame.
     hands: (T, 2, 3) centres of the left and right hand.
+    face: the face in every frame; None where the clip has none.
     depths: median and largest coordinate towards the viewer.
     """
 
@@ -80,6 +84,7 @@ class Scene:
     height: float
     window: tuple[float, float, float, float]
     hands: FloatArray
+    face: Face | None
     depths: tuple[float, float]
 
 
@@ -116,6 +121,7 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
         height=height,
         window=_window(body, starts, ends, body.radii / height),
         hands=_hand_centres(body, starts, ends),
+        face=clip.face,
         depths=(float(np.median(depths)), float(depths.max())),
     )
 
@@ -153,6 +159,7 @@ def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
         weights=sparse_weights,
         triangles=triangles,
         tints=np.repeat(np.array([part.colour for part in parts], np.float32), counts, axis=0),
+        morphs=_morphs(parts, starts),
         groups=np.where(finger > 0, finger + len(FINGERS) * (hands == "left"), 0).astype(np.int16),
         hands=hands,
         rotations=rotation.to_matrix(global_quats),
@@ -160,10 +167,22 @@ def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
     )
 
 
+def _morphs(parts: Sequence[MeshPart], starts: NDArray[np.intp]) -> dict[str, tuple[NDArray[np.intp], Pixels]]:
+    """Coefficient -> vertices of the whole mesh that it moves, and how far; ``starts``: the first of each part."""
+    found: dict[str, list[tuple[NDArray[np.intp], Pixels]]] = {}
+    for part, start in zip(parts, starts[:-1].tolist(), strict=True):
+        for name, (rows, moves) in part.morphs.items():
+            found.setdefault(name, []).append((rows + start, moves.astype(np.float32)))
+    return {
+        name: (np.concatenate([r for r, _ in rows]), np.concatenate([m for _, m in rows]))
+        for name, rows in found.items()
+    }
+
+
 def _hand_of(part: MeshPart) -> str:
     """The side of a part that is a hand or a fingertip, else ""."""
     side, _, kind = part.name.partition(" ")
-    return side if kind == "hand" or kind.endswith("Tip") else ""
+    return side if kind in ("hand", "creases") or kind.endswith("Tip") else ""
 
 
 def _with_shown_bones(clip: Clip) -> Skeleton:
@@ -261,9 +280,22 @@ def posed(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
     transforms = np.concatenate([rotations.reshape(len(rotations), 9), shifts], axis=1).astype(np.float32)  # (J, 12)
     blended = skin.weights @ transforms  # (V, 12)
     linear = blended[:, :9].reshape(-1, 3, 3)
-    points = np.einsum("vab,vb->va", linear, skin.vertices / np.float32(scene.height)) + blended[:, 9:]
+    vertices = _with_face(skin, scene.face, frame) / np.float32(scene.height)
+    points = np.einsum("vab,vb->va", linear, vertices) + blended[:, 9:]
     normals = np.einsum("vab,vb->va", linear, skin.normals)
     return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def _with_face(skin: Skin, face: Face | None, frame: int) -> Pixels:
+    """Vertices (V, 3) in the bind pose with the face of a frame."""
+    if face is None:
+        return skin.vertices
+    out = skin.vertices.copy()
+    for name, weight in zip(face.channels, face.weights[frame].tolist(), strict=True):
+        if weight > 0.0 and name in skin.morphs:
+            rows, moves = skin.morphs[name]
+            out[rows] += np.float32(weight) * moves
+    return out
 
 
 def detail_colours() -> list[tuple[int, int, int]]:

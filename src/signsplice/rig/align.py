@@ -102,7 +102,7 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
         line = f"{clip.name}: no counterpart for {len(held)} joints of {to.name}, which hold their pose: {shown}"
         warnings = (*warnings, line)
     # The file's Euler angles describe another rig's rotations: they are not carried over.
-    carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name)
+    carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name, face=clip.face)
     hips = rig_info(target).roles.joints.get("hips", 0)
     if hips in counterpart and (hips > 0 or counterpart[hips] > 0):
         # Where a rig has a joint above the hips, match the path of the hips, not of the root.

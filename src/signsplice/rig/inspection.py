@@ -9,7 +9,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, left_out_warnings
+from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import placement
@@ -20,6 +20,8 @@ _RAISED, _BEHIND = 0.4, 0.15
 """Height of a wrist (``Arms.lift``) from which on it signs, and how far behind the shoulders, in arm lengths, it is in
 half of such frames where left and right are exchanged: no sign is made at one's back.
 """
+_NAMED = 12
+"""Most names in a warning."""
 
 
 def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
@@ -44,6 +46,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         "stature m": round(unit.stature_m, 3),
         "up": _axis(stands.up),
         "forward": _axis(stands.forward),
+        "face": "none" if clip.face is None else f"{len(clip.face.channels)} coefficients",
         "memory kB": clip.nbytes // 1024,
         "rest": rest,
         "roles": {role: skeleton.names[joint] for role, joint in humanoid.joints.items()},
@@ -132,3 +135,13 @@ def _rig_warnings(clip: Clip) -> list[str]:
     if clip.translations is not None:
         lines.append("bone lengths change over time; transitions interpolate them")
     return lines
+
+
+def left_out_warnings(clip: Clip) -> tuple[str, ...]:
+    """Lines about what a clip's file holds and the clip does not, or otherwise; none where there is nothing."""
+    lines = list(clip.notes)
+    if clip.left_out:
+        some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
+        more = f" and {n_more} more" if n_more > 0 else ""
+        lines.insert(0, f"{', '.join(some)}{more} left out: a clip holds the motion of joints and faces")
+    return tuple(f"{clip.name}: {line}" for line in lines)

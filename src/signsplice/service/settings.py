@@ -30,6 +30,8 @@ class Settings:
     """Port to listen on; 0 for any free one."""
     lexicon: Path | None = None
     """Folder of the lexicon, None for the one that ships."""
+    avatars: tuple[Path, ...] = ()
+    """Files of avatars that callers may name."""
     allowed_hosts: tuple[str, ...] = ()
     """Host names to answer to, besides loopback and the machine's; "*" for any."""
     allowed_origins: tuple[str, ...] = ()
@@ -100,6 +102,8 @@ class Settings:
             value = getattr(self, name)
             if not value > 0:
                 raise InputError(f"{name} is {value}, expected a positive number")
+        if len(self.avatar_files) < len(self.avatars):
+            raise InputError("two avatars have one name; rename a file")
         if not 0 <= self.port < 65536:
             raise InputError(f"port {self.port}, expected 0 to 65535")
         for proxy in self.proxies:
@@ -112,6 +116,11 @@ class Settings:
             raise InputError(f"worker_bytes is {self.worker_bytes}, expected at least {_LEAST_WORKER_BYTES} (256 MiB)")
         if self.n_workers < 0:
             raise InputError(f"{self.n_workers} workers, expected 0 (one per core) or more")
+
+    @property
+    def avatar_files(self) -> dict[str, Path]:
+        """Name of an avatar -> its file."""
+        return {path.stem: path for path in self.avatars}
 
     @property
     def workers(self) -> int:

@@ -95,6 +95,21 @@ class SeamMessage:
 
 
 @dataclass(frozen=True)
+class FaceMessage:
+    """The face in the frames that follow; none is sent where they have none.
+
+    first: number of the first of its frames.
+    channels: names of ARKit's coefficients; those that are not named are 0.
+    weights: of each frame, in the order of ``channels``.
+    """
+
+    type: Literal["face"]
+    first: int
+    channels: list[str]
+    weights: list[list[float]]
+
+
+@dataclass(frozen=True)
 class WarningMessage:
     """A warning to show to the user."""
 
@@ -129,4 +144,4 @@ class ErrorMessage:
 
 
 ClientMessage = OpenMessage | WordMessage | EndMessage
-ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | WarningMessage | DoneMessage | ErrorMessage
+ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | FaceMessage | WarningMessage | DoneMessage | ErrorMessage

@@ -122,14 +122,18 @@ class SentenceRequest(Dials):
     spell: whether words that the lexicon lacks are fingerspelled.
     compounds: whether words that are one gloss together are that gloss: I LOVE YOU is I-LOVE-YOU.
     pauses: whether signs are held at commas, full stops, question and exclamation marks.
+    face_rules: whether the face blinks, and its brows ask, by rule, where a word has no face of its own.
     formats: of the files to answer with.
+    avatar: name of the service's avatar that signs; null for the lexicon's signer.
     """
 
     glosses: Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
     spell: bool = True
     compounds: bool = True
     pauses: bool = True
+    face_rules: bool = False
     formats: Formats = field(default_factory=lambda: ["bvh"])
+    avatar: MethodName | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,9 +141,11 @@ class SpliceRequest(Dials):
     """The form field ``options`` of a splice of files.
 
     formats: of the files to answer with.
+    avatar: name of the service's avatar that signs; null for the signer of the first file.
     """
 
     formats: Formats = field(default_factory=lambda: ["bvh"])
+    avatar: MethodName | None = None
 
 
 @dataclass(frozen=True)

@@ -5,25 +5,30 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
+from signsplice.body.capsules import Avatar
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
+from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, parse, pauses, starts, typed_words
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.stream_messages import OpenMessage
 from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
+from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
+from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain
 
+_N_CACHED_AVATARS = 8
 _N_CACHED_CLIPS = 256
 """Words that a process keeps in memory, about 0.3 MB each."""
 
@@ -62,6 +67,7 @@ class _WorkerState:
     """What a worker process keeps between jobs.
 
     clip: reads a word of the lexicon, and keeps the last ones, with what a network found in them.
+    avatar: reads an avatar of the settings by its name, and keeps it.
     streams: growing sentences, by the key of their stream.
     """
 
@@ -69,7 +75,16 @@ class _WorkerState:
         self.settings = settings
         self.lexicon: Lexicon = open_lexicon(settings.lexicon)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
+        self.avatar = lru_cache(_N_CACHED_AVATARS)(self._read_avatar)
         self.streams: dict[str, _OpenStream] = {}
+
+    def _read_avatar(self, name: str) -> Avatar:
+        """An avatar of the service. Raises ``InputError`` for a name that it does not have."""
+        files = self.settings.avatar_files
+        if name not in files:
+            known = f"expected one of {', '.join(sorted(files))}" if files else "this service was started without any"
+            raise InputError(f"avatar {name!r:.80}: {known}")
+        return read_avatar(files[name])
 
 
 _worker: _WorkerState
@@ -130,7 +145,13 @@ def _answer(
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
-    result = splice(clips, options(request), starts(units), held)
+    avatar = None if request.avatar is None else _worker.avatar(request.avatar)
+    chosen = options(request)
+    if isinstance(request, SentenceRequest) and request.face_rules:
+        chosen = replace(chosen, face_rules=RULES)
+    result = splice(clips, chosen, starts(units), held, brows(units))
+    if avatar is not None:
+        result = onto_avatar(result, avatar)
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
         return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
@@ -223,6 +244,9 @@ def _messages(opened: _OpenStream, pieces: Iterable[Piece]) -> list[dict[str, An
         if piece.seam is not None:
             messages.append({"type": "seam", "seam": plain(asdict(piece.seam))})
         messages.append({"type": "span", "span": plain(asdict(piece.span))})
+        if (face := piece.clip.face) is not None:
+            rows = {"channels": list(face.channels), "weights": face.weights.round(4).tolist()}
+            messages.append({"type": "face", "first": opened.n_frames, **rows})
         messages.append(scene.frames(piece.clip, opened.n_frames))
         opened.n_frames += len(piece.clip)
     return messages

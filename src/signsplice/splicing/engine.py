@@ -16,7 +16,7 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.splicing.methods.duration import MAX_TRANSITION_S
 from signsplice.splicing.options import SpliceOptions, not_clips
-from signsplice.splicing.result import Piece, Span, SpliceResult
+from signsplice.splicing.result import FaceSources, Piece, Span, SpliceResult
 from signsplice.splicing.sentence import SentenceBuilder
 from signsplice.splicing.tempo import measured_tempo
 
@@ -28,12 +28,14 @@ def splice(
     options: SpliceOptions | None = None,
     starts: Collection[int] = (),
     pauses: Mapping[int, str] | None = None,
+    brows: Mapping[int, str] | None = None,
 ) -> SpliceResult:
     """Clips in order joined into one continuous clip.
 
     Neighbouring letters (clips named fs-A) are one spelled word (``joins.letters``); ``starts``: indices of letters
     with which another one begins. ``pauses``: the index of each clip that is held at the end of a phrase, with its mark
-    (``passes.pauses``); not where a system splices the words whole.
+    (``passes.pauses``); not where a system splices the words whole. ``brows``: the index of each clip that is part of a
+    question, "raised" or "furrowed" (``face_rules``), where the options have rules for faces.
 
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
     nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
@@ -42,7 +44,7 @@ def splice(
     if isinstance(clips, (Clip, str)):
         raise not_clips(clips)
     sentence = SentenceBuilder(options or SpliceOptions())
-    return joined_sentence(sentence, [*sentence.add(clips, starts, pauses), *sentence.end()])
+    return joined_sentence(sentence, [*sentence.add(clips, starts, pauses, brows), *sentence.end()])
 
 
 def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> SpliceResult:
@@ -71,6 +73,7 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
         bundle=bundle,
         contacts=sentence.contacts,
         tempo=measured_tempo(signs, clip.fps, tempo),
+        face=None if clip.face is None else FaceSources(tuple(sentence.faces), sentence.face_rules),
         system=None if system is None else system.described(),
     )
 
@@ -80,19 +83,20 @@ def stream(
     options: SpliceOptions | None = None,
     starts: Collection[int] = (),
     pauses: Mapping[int, str] | None = None,
+    brows: Mapping[int, str] | None = None,
 ) -> Iterator[Piece]:
     """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
     bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees two words at a time
     here. It chooses otherwise where a word would be left before it was entered.
 
-    Reads ``clips`` one ahead; without any, nothing comes. ``starts``, ``pauses``: as in ``splice``. Raises as
-    ``splice`` does, at the clip that is wrong.
+    Reads ``clips`` one ahead; without any, nothing comes. ``starts``, ``pauses``, ``brows``: as in ``splice``. Raises
+    as ``splice`` does, at the clip that is wrong.
     """
     growing = Stream(options)
     if isinstance(clips, (Clip, str)):
         raise not_clips(clips)
     for index, clip in enumerate(clips):
-        yield from growing.push(clip, index in starts, (pauses or {}).get(index))
+        yield from growing.push(clip, index in starts, (pauses or {}).get(index), (brows or {}).get(index))
     yield from growing.end()
 
 
@@ -109,12 +113,13 @@ class Stream:
         self._sentence = SentenceBuilder(options or SpliceOptions())
         self.cutter, self.transition, _ = self._sentence.names
 
-    def push(self, clip: Clip, starts: bool = False, pause: str | None = None) -> list[Piece]:
+    def push(self, clip: Clip, starts: bool = False, pause: str | None = None, brow: str | None = None) -> list[Piece]:
         """The pieces that are final now that one more word is known: none for the first. ``starts``: whether a letter
-        begins another spelled word; ``pause``: the mark after the word, if any. Raises as ``splice`` does; a word that
-        raises is not part of the sentence.
+        begins another spelled word; ``pause``: the mark after the word, if any; ``brow``: of its question, if any.
+        Raises as ``splice`` does; a word that raises is not part of the sentence.
         """
-        return self._sentence.add([clip], (0,) if starts else (), None if pause is None else {0: pause})
+        marks, brows = ({} if text is None else {0: text} for text in (pause, brow))
+        return self._sentence.add([clip], (0,) if starts else (), marks, brows)
 
     def end(self) -> list[Piece]:
         """The rest of the last word; nothing where there was none, or where it was taken already."""

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.clip import Clip, concatenate, unchecked_copy
 from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.methods.transition import Transition
+from signsplice.splicing.passes.face_seams import eased
 from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.result import Span, SpliceResult
 from signsplice.splicing.seam import Seam, score
@@ -48,7 +49,11 @@ def inbetween(
     pieces: list[Clip] = []
     for k, ((start, stop), gap, new) in enumerate(zip(ranges, asked, filled, strict=True)):
         kept = entries[k], start
-        pieces += [clip[kept[0] : kept[1]], new.clip]
+        made = new.clip
+        if clip.face is not None:
+            face = eased(clip.face[:start], clip.face[stop:], start - 1, 0, stop - start, clip.fps)
+            made = unchecked_copy(made, face=face)
+        pieces += [clip[kept[0] : kept[1]], made]
         spans += [Span("sign", 0, clip.name, kept, kept), Span("transition", None, None, None, (start, stop))]
         seams.append(score(gap, new, clip.name, clip.name, Cut(start - 1, stop), of_one_clip=True))
     kept = entries[-1], len(clip)

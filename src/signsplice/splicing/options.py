@@ -8,6 +8,7 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip
+from signsplice.splicing.face_rules import check_rules
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.methods.choice import ChosenMethods
 from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, Cutter
@@ -39,6 +40,7 @@ class SpliceOptions:
     free_hand: how much time a hand has that only goes to rest at a seam, or comes from it. "transition": that of the
         transition, which is lengthened where the hand would pass 2.2 m/s, unless the call names a transition or a time;
         "natural": frames of the signs too, as long as the hand rests in them.
+    face_rules: rules by which words without a face of their own have one, some of ``face_rules.RULES``.
     limits: how many frames a clip may have at the output rate.
     system: a system that splices whole words, in place of cutter, transition, duration and what goes with them.
     fill_misses: whether words for which the system has no splice are joined by the defaults, with a warning; else they
@@ -57,6 +59,7 @@ class SpliceOptions:
     fps: float | None = None
     avoid_collisions: bool | None = None
     free_hand: str = free_hand.TRANSITION
+    face_rules: tuple[str, ...] = ()
     limits: ReadLimits = DEFAULT_LIMITS
     system: WholeSystem | None = None
     fill_misses: bool = False
@@ -73,6 +76,7 @@ class SpliceOptions:
         seconds_a_sign(self.tempo)
         if self.free_hand not in free_hand.FREE_HANDS:
             raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(free_hand.FREE_HANDS)}")
+        check_rules(self.face_rules)
         if self.system is not None:
             decided = {field.name: field.default for field in fields(self) if field.name in _DECIDED_BY_SYSTEM}
             named = [name for name, default in decided.items() if getattr(self, name) not in (default, methods.AUTO)]

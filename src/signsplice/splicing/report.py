@@ -51,7 +51,9 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     The frames of a span with a ``warp`` are those of the source at the frames that it lists, by slerp between
     neighbours. A transition whose span has a ``pause`` begins with one. ``contacts`` is there only where a clip was
     brought to another body: what its hands touched, and whether they do there. ``system`` is there only where a system
-    spliced the words whole.
+    spliced the words whole. ``face`` is there only where the output has one: which clips have one of their own, and the
+    rules for the others; frames of a sign have the source's face, unless it is by rule. ``avatar`` is there only where
+    the output is on an avatar: the copies rebuild the sentence that was brought to it.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -71,8 +73,12 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         report["contacts"] = [
             {"clip": index, **asdict(contact)} for index, found in result.contacts.items() for contact in found
         ]
+    if result.face is not None:
+        report["face"] = asdict(result.face)
     if result.system is not None:
         report["system"] = dict(result.system)
+    if result.avatar is not None:
+        report["avatar"] = dict(result.avatar)
     rounded: dict[str, Any] = plain(report)
     return rounded
 

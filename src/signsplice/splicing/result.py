@@ -78,6 +78,18 @@ class Piece:
     warnings: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class FaceSources:
+    """Where the face of a sentence comes from.
+
+    recorded: indices of the clips with a face of their own.
+    rules: the rules by which the others have one (``face_rules``).
+    """
+
+    recorded: tuple[int, ...]
+    rules: tuple[str, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class SpliceResult:
     """A spliced sentence.
@@ -92,6 +104,8 @@ class SpliceResult:
     contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
     tempo: the tempo asked for, and how long signs take.
     system: name, bundle and training of the system that spliced the words whole; None where none did.
+    avatar: name and contacts of the avatar that the sentence was brought to; None where it was to none.
+    face: where the face comes from; None where there is none.
     """
 
     clip: Clip
@@ -105,3 +119,5 @@ class SpliceResult:
     contacts: Mapping[int, tuple[Contact, ...]] = field(default_factory=dict)
     tempo: ReachedTempo = field(default_factory=ReachedTempo)
     system: Mapping[str, Any] | None = None
+    avatar: Mapping[str, Any] | None = None
+    face: FaceSources | None = None

@@ -14,6 +14,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference
 from signsplice.splicing import stages
+from signsplice.splicing.face_rules import BLINKS, BROWS, Blinks, released, with_rules
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.joins.join import PlannedSeam
 from signsplice.splicing.options import SpliceOptions, not_a_clip, not_clips, not_options
@@ -49,6 +50,8 @@ class SentenceBuilder:
 
     seconds: time spent so far by part: "harmonize" (align), "cut", "transition", "join".
     contacts: of each word that was brought to another body, by its index.
+    faces: indices of words with a face of their own.
+    face_rules: rules by which the others have one.
     gap_passes, seam_passes: what happens to planned seams, in order.
     """
 
@@ -60,6 +63,8 @@ class SentenceBuilder:
         self.methods = stages.chosen_methods(options)
         self.gap_passes, self.seam_passes = split(stages.passes(options, self.methods) if passes is None else passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
+        self.faces: list[int] = []
+        self.face_rules, self._blinks = () if options.system is not None else options.face_rules, Blinks()
         self._aligner, self._planner = stages.word_aligner(options), stages.planner(options, self.methods)
         self._seconds_a_sign = seconds_a_sign(options.tempo)
         self._n_words = self._n_out = 0
@@ -76,10 +81,14 @@ class SentenceBuilder:
         return self.methods.cutter.name, self.methods.transition.name, self.methods.bundle
 
     def add(
-        self, clips: Iterable[Clip], starts: Collection[int] = (), pauses: Mapping[int, str] | None = None
+        self,
+        clips: Iterable[Clip],
+        starts: Collection[int] = (),
+        pauses: Mapping[int, str] | None = None,
+        brows: Mapping[int, str] | None = None,
     ) -> list[Piece]:
         """The pieces that are final once these words are known too; their seams are chosen together."""
-        planned = self.plan(clips, starts, pauses)
+        planned = self.plan(clips, starts, pauses, brows)
         began = perf_counter()
         filled = self.gap_passes.fill(planned.gaps)
         began = self._count("transition", began)
@@ -90,15 +99,21 @@ class SentenceBuilder:
         return self.pieces(seams, positions)
 
     def plan(
-        self, clips: Iterable[Clip], starts: Collection[int] = (), pauses: Mapping[int, str] | None = None
+        self,
+        clips: Iterable[Clip],
+        starts: Collection[int] = (),
+        pauses: Mapping[int, str] | None = None,
+        brows: Mapping[int, str] | None = None,
     ) -> PlannedWords:
         """Further words with their seams, before any frame is made. They are no part of the sentence yet. ``starts``,
-        ``pauses``: as in ``splice``, counted from the first of these clips.
+        ``pauses``, ``brows``: as in ``splice``, counted from the first of these clips.
         """
         if isinstance(clips, (Clip, str)):
             raise not_clips(clips)
-        marks = pauses or {}
-        new = [self._word(clip, self._n_words + k, k in starts, marks.get(k)) for k, clip in enumerate(clips)]
+        new = [self._word(clip, self._n_words + k, k in starts, (pauses or {}).get(k)) for k, clip in enumerate(clips)]
+        if self.face_rules:
+            asked = brows or {} if BROWS in self.face_rules else {}
+            new = [with_rules(word, asked.get(k), word.index == 0) for k, word in enumerate(new)]
         words = new if self._last is None else [self._last.word, *new]
         began = perf_counter()
         cuts = self._planner.cuts(words)
@@ -117,6 +132,7 @@ class SentenceBuilder:
         self._count("transition", began)
         self._n_words += len(planned.words)
         self.contacts |= {word.index: word.contacts for word in planned.words if word.contacts}
+        self.faces += [word.index for word in planned.words if word.clip.face is not None]
         if self._last is None and planned.words:
             self._last = OpenWord(planned.words[0])
         return seams
@@ -127,10 +143,13 @@ class SentenceBuilder:
         for seam, seen in zip(seams, positions, strict=True):
             assert self._last is not None, "set by ``finish``"
             stop = seam.retimed_cut.pre + 1
-            out.append(self._put_out(sign_piece(self._last, (*seam.earlier, *seam.leaving), stop, self._n_out)))
+            sign = sign_piece(self._last, (*seam.earlier, *seam.leaving), stop, self._n_out)
+            waits = seam.before.held is not None  # a blink for the pause that follows
+            out.append(self._put_out(sign, seam.before.face_by_rules and not waits))
             if seam.filled is not None:
                 new, held = seam.filled.clip, seam.before.held
-                out.append(self._put_out(transition_piece(new, self._n_out, seam.n_held, held)))
+                by_rules = seam.before.face_by_rules and seam.after.face_by_rules
+                out.append(self._put_out(transition_piece(new, self._n_out, seam.n_held, held), by_rules))
             self._last = OpenWord(seam.after, scored(seam, seen), seam.entering)
         self._count("join", began)
         return out
@@ -141,7 +160,10 @@ class SentenceBuilder:
         if last is None:
             return []
         began = perf_counter()
-        pieces = [self._put_out(piece) for piece in last_pieces(last, self._n_out)]
+        pieces, by_rules = last_pieces(last, self._n_out), last.word.face_by_rules
+        if by_rules:
+            pieces[-1] = released(pieces[-1])
+        pieces = [self._put_out(piece, by_rules and piece is pieces[-1], is_last=True) for piece in pieces]
         self._count("join", began)
         return pieces
 
@@ -167,8 +189,11 @@ class SentenceBuilder:
         self.seconds[part] += now - began
         return now
 
-    def _put_out(self, piece: Piece) -> Piece:
+    def _put_out(self, piece: Piece, by_rules: bool, is_last: bool = False) -> Piece:
+        """A piece as it is put out, with a blink in a face ``by_rules`` where one is due."""
         self._n_out = piece.span.output[1]
+        if by_rules and BLINKS in self.face_rules:
+            piece, self._blinks = self._blinks.on(piece, is_last)
         return piece
 
 

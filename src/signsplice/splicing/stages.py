@@ -22,6 +22,7 @@ from signsplice.splicing.methods.duration import RunningDuration
 from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.passes.collision_avoidance import AvoidCollisions
 from signsplice.splicing.passes.doubled_letters import ReformLetters, SlideLetters
+from signsplice.splicing.passes.face_seams import EaseFaces
 from signsplice.splicing.passes.filling import FillGaps, Refill
 from signsplice.splicing.passes.free_hand import NATURAL, FreeHands, WristSpeeds
 from signsplice.splicing.passes.letter_blending import MoveFingers
@@ -80,5 +81,6 @@ def passes(options: SpliceOptions, methods: ChosenMethods) -> tuple[Pass, ...]:
         (ReformLetters(), True),
         (MoveFingers(options.sign_speed), True),
         (HoldPauses(), True),
+        (EaseFaces(), True),
     )
     return tuple(one for one, is_wanted in listed if is_wanted)

@@ -8,6 +8,7 @@ import { gltf_mesh as WORDS } from './constants.js';
 import { SkinPoints } from './points.js';
 
 const LOOSE: ReadonlySet<string> = new Set(WORDS.LOOSE);
+const CLOTH: ReadonlySet<string> = new Set(WORDS.CLOTH);
 const SOFT: ReadonlySet<string> = new Set(WORDS.SOFT);
 
 interface Node {
@@ -57,7 +58,8 @@ export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place:
     const material = mesh.primitives[primitives]?.material;
     const called = [mesh.name, carriers.nameAbove(object), material === undefined ? undefined : json.materials?.[material]?.name];
     if (called.some((name) => isLoose(name ?? ''))) return;
-    const numbers = addVertices(object, new Set(index.array), carriers, points, place);
+    const isCloth = called.some((name) => [...words(name ?? '')].some((word) => CLOTH.has(word))) && !words(called[2] ?? '').has('skin');
+    const numbers = addVertices(object, new Set(index.array), carriers, points, place, isCloth);
     for (let k = 0; k + 2 < index.count; k += 3) {
       const [a, b, c] = [0, 1, 2].map((corner) => numbers.get(index.getX(k + corner)));
       if (a !== undefined && b !== undefined && c !== undefined) points.addTriangle(a, b, c);
@@ -68,7 +70,7 @@ export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place:
 
 /** Add the vertices of a mesh that are skin; their numbers in the mesh -> in ``points``. */
 function addVertices(
-  mesh: Mesh, used: Set<number>, carriers: Carriers, points: SkinPoints, place: (point: Vector3) => Vector3,
+  mesh: Mesh, used: Set<number>, carriers: Carriers, points: SkinPoints, place: (point: Vector3) => Vector3, isCloth: boolean,
 ): Map<number, number> {
   const numbers = new Map<number, number>();
   const { position, skinIndex, skinWeight } = mesh.geometry.attributes;
@@ -95,7 +97,7 @@ function addVertices(
       rows.push(carried[bone]!.row ?? 0);
       weights.push(weight);
     });
-    if (loose < 0.5) numbers.set(vertex, points.add(place(sum.clone()), rows, weights));
+    if (loose < 0.5) numbers.set(vertex, points.add(place(sum.clone()), rows, weights, isCloth));
   }
   return numbers;
 }

@@ -18,11 +18,15 @@ export class SkinPoints {
   /** Bone -> the vertices that it carries, and how much. */
   private readonly carried = new Map<number, { vertex: number; weight: number }[]>();
 
+  /** The vertices on clothing. */
+  private readonly cloth = new Set<number>();
+
   private readonly triangles: [number, number, number][] = [];
 
   /** The number of a vertex that is added; bones of these numbers carry it, so much. */
-  add(point: Vector3, bones: number[], weights: number[]): number {
+  add(point: Vector3, bones: number[], weights: number[], isCloth: boolean): number {
     const vertex = this.points.push(point) - 1;
+    if (isCloth) this.cloth.add(vertex);
     bones.forEach((bone, k) => {
       if (!this.carried.has(bone)) this.carried.set(bone, []);
       this.carried.get(bone)!.push({ vertex, weight: weights[k]! });
@@ -35,9 +39,11 @@ export class SkinPoints {
     this.triangles.push([a, b, c]);
   }
 
-  /** The vertices that these bones carry together, by half or more. */
+  /** The vertices that these bones carry together, by half or more: of bare skin where enough of it is modelled, else of clothes too. */
   of(bones: number[]): Vector3[] {
-    return [...this.numbersOf(bones)].map((vertex) => this.points[vertex]!);
+    const own = [...this.numbersOf(bones)];
+    const bare = own.filter((vertex) => !this.cloth.has(vertex));
+    return (bare.length >= POINTS.BARE * MIN_POINTS ? bare : own).map((vertex) => this.points[vertex]!);
   }
 
   private numbersOf(bones: number[]): Set<number> {

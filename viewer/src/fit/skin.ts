@@ -14,7 +14,7 @@ import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint,
 import { Relief } from './relief.js';
 
 const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM, STEP, BELOW_HEM, LEVEL, NEAR, TAPERS, ALONG, SHORTEST } = SKIN;
-const { SLICES, BETWEEN, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
+const { SLICES, WIDE, THICK, SPAN, BETWEEN, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
 const FINGER = new RegExp(`(${USUAL.FINGERS.join('|')})(${USUAL.SEGMENTS.join('|')})$`);
 
 interface Piece extends Shape {
@@ -37,8 +37,8 @@ export function fitSkin(
   { bones, toTPose }: Standing, usual: UsualCapsule[], points: SkinPoints,
 ): { capsules: FitCapsule[]; relief: Relief | null } {
   const fitting = new Fitting(bones, toTPose, usual, points);
-  fitting.limbs();
   for (const side of SIDES) fitting.hand(side);
+  fitting.limbs();
   fitting.trunk();
   fitting.head();
   return { capsules: fitting.capsules(), relief: fitting.relief() };
@@ -144,17 +144,34 @@ class Fitting {
     if (!measured) return false;
     const { u, v, seen } = measured;
     const rings = Array.from({ length: BINS }, (_, k) => (k + 0.5) / BINS).flatMap((t) => {
-      const found = ring(seen.filter(({ along }) => Math.abs(along - t) < 0.5 / BINS), isCentred);
+      const inside = seen.filter(({ along }) => Math.abs(along - t) < 0.5 / BINS);
+      const widest = this.widest(piece, t);
+      let found = ring(inside, isCentred);
+      if (found && found.radius > widest) found = ring(inside.filter(({ x, y }) => Math.hypot(x, y) < widest), isCentred);
       return found ? [{ t, ...found }] : [];
     });
     if (!rings.length) return false;
     const radii = rings.map(({ radius }) => radius);
+    const [first, last] = piece.usual.radii;
+    if (rings.at(-1)!.t - rings[0]!.t < SPAN) {
+      const factor = quantile(rings.map(({ t, radius }) => radius / (first + t * (last - first))), 0.5);
+      piece.radii = [first * factor, last * factor];
+      return true;
+    }
     const at = (values: number[], t: number) => line(rings.map((one) => one.t), values, t);
     [piece.start, piece.end].forEach((end, t) => {
       end.addScaledVector(u, at(rings.map(({ x }) => x), t)).addScaledVector(v, at(rings.map(({ y }) => y), t));
       piece.radii[t as 0 | 1] = clip(at(radii, t), TAPERS[0] * Math.min(...radii), TAPERS[1] * Math.max(...radii));
     });
     return true;
+  }
+
+  /** The radius at part t of a limb, from which on its vertices are cloth; stout bodies have stout palms. */
+  private widest({ usual }: Piece, t: number): number {
+    const palms = this.pieces.filter((piece) => /(Palm|Mitten)$/.test(piece.usual.key));
+    const factors = palms.map(({ radii, usual }) => (radii[0] + radii[1]) / (usual.radii[0] + usual.radii[1]));
+    const stout = factors.length ? quantile(factors, 0.5) : 1;
+    return WIDE * Math.max(1, stout) * (usual.radii[0] + t * (usual.radii[1] - usual.radii[0]));
   }
 
   /** One middle and one radius for a phalanx; the last one ends where its vertices do. */
@@ -192,8 +209,11 @@ class Fitting {
     });
     const found: [number, number][] = [];
     const [lows, long, wide] = SLICES;
+    const thick = THICK * Math.max(...piece.usual.radii);
     for (const low of lows) {
-      const inside = seen.filter((one) => one.beside < wide * spacing && one.along >= low && one.along < low + long).map(({ height }) => height);
+      const inside = seen
+        .filter((one) => one.beside < wide * spacing && one.along >= low && one.along < low + long && Math.abs(one.height) < thick)
+        .map(({ height }) => height);
       if (inside.length < MIN_POINTS) return false;
       found.push([quantile(inside, BETWEEN[0]), quantile(inside, BETWEEN[1])]);
     }

@@ -164,6 +164,11 @@ class SentenceWord:
         """The retimed frame at which it is entered."""
         return self.frames.first(self.entry)
 
+    @property
+    def face_by_rules(self) -> bool:
+        """Whether it has no face of its own, and one by rule (``face_rules``)."""
+        return self.clip.face is None and self.retimed.face is not None
+
     def nearest_frame(self, own_frame: int) -> int:
         """The frame of ``clip`` nearest in time to one of ``own``."""
         if self.own is None:

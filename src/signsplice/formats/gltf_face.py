@@ -1,0 +1,146 @@
+"""Faces in glTF documents: weights of morph targets, and the expressions of VRM, there and back.
+
+A target is known by its name (``motion.face_shapes``), or by the expression of a VRM avatar that moves it alone. Broken
+expressions are passed over, as joints do not depend on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from signsplice.formats.gltf_document import VRM_ANIMATION, Fields
+from signsplice.formats.gltf_keys import INTERPOLATIONS, Keys, sample
+from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, SkeletonDocument
+from signsplice.formats.gltf_writer import DocumentWriter
+from signsplice.formats.limits import NO_LIMITS
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip
+from signsplice.motion.face import Face
+from signsplice.motion.face_shapes import PRESETS, face_from, shape_of, target_weights
+
+_WRITTEN = ("aa", "ih", "ou", "ee", "oh", "blinkLeft", "blinkRight")
+"""Presets of a VRM animation; look-at is none of its expressions."""
+
+
+class FaceReader(SkeletonDocument):
+    """A document whose animated face is being read."""
+
+    def _face(self, animation: Fields, times: FloatArray, fps: float) -> Face | None:
+        """The face that an animation shows at ``times`` (T,); None where it moves no target that is known. Raises
+        ``FormatError`` for keys that do not fit.
+        """
+        tracks, n_bytes = dict[str, FloatArray](), 0
+        expressions = {node: name for name, node in vrm_expressions(self.json)}
+        for channel in animation["channels"]:
+            node, path, names = channel["target"].get("node"), channel["target"]["path"], list[str]()
+            if path == "translation" and node in expressions:
+                names = [expressions[node]]
+            elif path == "weights":
+                names = target_names(self.json, node)
+            if any(shape_of(name) is not None for name in names):
+                values = self._weights(animation, channel["sampler"], times, fps)
+                n_bytes += values.nbytes
+                self.limits.check_memory("weights of a face", n_bytes, self.given_bytes, self.file)
+                for name, track in zip(names, values.T, strict=False):
+                    tracks.setdefault(name, track)
+        return face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
+
+    def _weights(self, animation: Fields, number: int, times: FloatArray, fps: float) -> FloatArray:
+        """The values (T, N) of a sampler of N targets, or of a translation."""
+        sampler = self._row(animation["samplers"], number, "sampler")
+        at, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
+        interpolation = sampler.get("interpolation", INTERPOLATIONS[0])
+        per_key = 3 if interpolation == "CUBICSPLINE" else 1
+        width, rest = divmod(values.size, max(1, per_key * len(at)))
+        fits = width and not rest and interpolation in INTERPOLATIONS
+        if not fits or np.any(np.diff(at) <= 0.0) or not (np.isfinite(at).all() and np.isfinite(values).all()):
+            raise self._error(f"a face has {values.size} weights for {len(at)} rising times")
+        self.limits.check_memory("weights of a face", 8.0 * len(times) * width, self.given_bytes, self.file)
+        values = values.reshape((len(at), 3, width) if per_key == 3 else (len(at), width))
+        return sample(Keys(at, values, interpolation), times, fps, rotations=False)
+
+
+def vrm_expressions(document: Fields) -> Iterator[tuple[str, int]]:
+    """The name and the node of each expression of a VRM animation."""
+    vrm = _object(_object(document.get("extensions")).get(VRM_ANIMATION))
+    for kind in ("preset", "custom"):
+        for name, row in _object(_object(vrm.get("expressions")).get(kind)).items():
+            node = _object(row).get("node")
+            if isinstance(node, int):
+                yield name, node
+
+
+def target_names(document: Fields, node: Any) -> list[str]:
+    """The names of the morph targets of a node's mesh: ``targetNames``, or the VRM expression that moves one alone
+    where a name is not known. Empty where neither is there.
+    """
+    nodes = document.get("nodes") or []
+    number = _object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
+    meshes = document.get("meshes") or []
+    mesh = _object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
+    parts = mesh.get("primitives")
+    holders = (mesh, parts[0] if isinstance(parts, list) and parts else None)  # older exporters name them in a part
+    found = [_object(_object(holder).get("extras")).get("targetNames") for holder in holders]
+    named = next(([str(name) for name in names] for names in found if isinstance(names, list) and names), [])
+    if any(shape_of(name) is None for name in named) or not named:
+        bound = {index: name for name, where, index in _binds(document) if where in (("mesh", number), ("node", node))}
+        named += [""] * (max(bound, default=-1) + 1 - len(named))
+        named = [bound.get(k, name) if shape_of(name) is None else name for k, name in enumerate(named)]
+    return named
+
+
+def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
+    """The name, the mesh or node, and the target of each expression of a VRM avatar that moves one target of it."""
+    extensions = _object(document.get("extensions"))
+    groups = _object(_object(extensions.get(VRM_0)).get("blendShapeMaster")).get("blendShapeGroups")
+    rows = [_object(row) for row in groups] if isinstance(groups, list) else []
+    named = [(row.get("presetName"), row.get("name"), row.get("binds"), "mesh") for row in rows]
+    expressions = _object(_object(extensions.get(VRM_1)).get("expressions"))
+    for kind in ("preset", "custom"):
+        named += [(name, name, _object(row).get("morphTargetBinds"), "node")
+                  for name, row in _object(expressions.get(kind)).items()]  # fmt: skip
+    for preset, name, binds, key in named:
+        moved = [_object(bind) for bind in binds] if isinstance(binds, list) else []
+        targets = [(bind.get(key), bind.get("index")) for bind in moved]
+        for where, index in targets:
+            if isinstance(index, int) and 0 <= index < 10_000 and [other for other, _ in targets].count(where) == 1:
+                yield str(name if preset in (None, "unknown") else preset), (key, where), index
+
+
+def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
+    """Animate the targets of every mesh that has some by name."""
+    for number, node in enumerate(writer.gltf.nodes):
+        mesh = None if node.mesh is None else writer.gltf.meshes[node.mesh]
+        names = ((mesh and mesh.extras) or {}).get("targetNames")
+        if names:
+            writer.channel(number, "weights", times, target_weights(face, names)[0].ravel())
+
+
+def write_expressions(writer: DocumentWriter, face: Face, times: int) -> dict[str, dict[str, dict[str, int]]]:
+    """The expressions of a VRM animation: a custom one for each coefficient, and presets that come nearest to them."""
+    found: dict[str, dict[str, dict[str, int]]] = {"preset": {}, "custom": {}}
+    presets = [name for name in _WRITTEN if not {*PRESETS[name]}.isdisjoint(face.channels)]
+    weights = np.hstack([target_weights(face, presets)[0], face.weights])
+    for name, values in zip((*presets, *face.channels), weights.T, strict=True):
+        node = writer.node(name)
+        writer.gltf.scenes[0].nodes.append(node)
+        found["preset" if name in PRESETS else "custom"][name] = {"node": node}
+        writer.channel(node, "translation", times, np.stack([values, 0 * values, 0 * values], axis=1))
+    return found
+
+
+def lost_in(path: str | Path, clip: Clip) -> tuple[str, ...]:
+    """The coefficients of a clip's face that the targets of a .glb file, as written, cannot show."""
+    if clip.face is None:
+        return ()
+    document = SkeletonDocument(str(path), Path(path).read_bytes(), NO_LIMITS, None)
+    names = {name for node in range(len(document.nodes)) for name in target_names(document.json, node)}
+    return target_weights(clip.face, sorted(names))[1]
+
+
+def _object(value: Any) -> Fields:
+    return value if isinstance(value, dict) else {}

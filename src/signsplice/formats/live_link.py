@@ -1,0 +1,192 @@
+"""Faces as CSV: the 52 coefficients and 9 rotations of Live Link Face (Epic Games), or some columns that ARKit names.
+
+A header line names the columns in any order and case. ``Timecode`` is HH:MM:SS:FF.sss with 60 frames a second, or as
+many as its frame numbers reach; without one, rows are a frame each where a clip has as many frames, else 60 a second.
+Rotations of head and eyes are not read: the body's clip has the head, and eyeLook* has the gaze.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.errors import FormatError, InputError, LimitError
+from signsplice.formats.atomic import write as write_file
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import format_errors, opened, read_bytes
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.face import ARKIT_CHANNELS, Face
+
+_TIME, _COUNT = "timecode", "blendshapecount"
+ROTATIONS = tuple(f"{part}{axis}" for part in ("Head", "LeftEye", "RightEye") for axis in ("Yaw", "Pitch", "Roll"))
+_CHANNELS = {name.lower(): name for name in ARKIT_CHANNELS}
+_OTHERS = {_TIME, _COUNT, *(name.lower() for name in ROTATIONS)}
+_LEAST_NAMES = 5
+"""A table with fewer of ARKit's names, and without Live Link's first two, beside a clip is of something else."""
+_FPS = 60.0
+_RATES = (24, 25, 30, 48, 50, 60, 100, 120)
+_CODE = re.compile(r"(\d+):(\d+):(\d+)[:;](\d+(?:\.\d+)?)", re.ASCII)
+_NEAR_S = 1e-5
+"""Timecodes have three decimals of a frame."""
+_ROWS_OF_FRAMES = 10
+"""A face may have a tenth as many rows as a clip may have frames."""
+_FAR = (-0.5, 2.0)
+"""Weights outside 0 to 1 are brought to its nearer end; those beyond these are of another unit."""
+_UNCOVERED_S = 0.1
+_SPOILT = 0.02
+"""A capture may have so many rows of its number with a time that is no later than the one before."""
+
+
+def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
+    """A clip with the face in a CSV file, whose first row is shown ``offset_s`` seconds after the clip's first frame;
+    before its first row and after its last one, the face is held as it is there.
+
+    Raises ``InputError`` for a file that cannot be read, ``FormatError`` with the line for what is wrong in it, and
+    ``LimitError`` for more rows than a clip may have frames.
+    """
+    content = read_bytes(path, limits.file_bytes)
+    with format_errors(str(path), "face in CSV"):
+        return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s, limits)
+
+
+def sidecar(path: Path) -> Path | None:
+    """NAME.csv beside a clip's NAME.bvh, where its first line names coefficients of a face; else None."""
+    file = path.with_suffix(".csv")
+    if path.suffix.lower() == ".csv" or not file.is_file():
+        return None
+    with opened(file) as (content, _):
+        first = content.readline(10_000).decode("utf-8-sig", "replace").lower().replace('"', "")
+    names = [name.strip() for name in first.split(",")]
+    is_face = names[:2] == [_TIME, _COUNT] or sum(name in _CHANNELS for name in names) >= _LEAST_NAMES
+    return file if is_face else None
+
+
+def _on_clip(clip: Clip, text: str, file: str, offset_s: float, limits: ReadLimits) -> Clip:
+    if not np.isfinite(offset_s):
+        raise InputError(f"face offset {offset_s}, expected seconds")
+    n_lines, most = text.count("\n"), limits.frames / _ROWS_OF_FRAMES
+    if n_lines > most + 1:
+        raise LimitError(f"about {n_lines:,} rows, expected at most {most:,.0f}", file=file)
+    rows = csv.reader(text.splitlines())
+    names = [name.strip().lower() for name in next(rows, [])]
+    columns = {_CHANNELS[name]: k for k, name in enumerate(names) if name in _CHANNELS}
+    if not columns:
+        raise FormatError("its first line names no coefficient, expected ARKit's: EyeBlinkLeft, ...", file=file)
+    if len(set(names)) != len(names):
+        raise FormatError("two columns have one name", file=file, line=1)
+    channels = tuple(name for name in ARKIT_CHANNELS if name in columns)
+    order, time_column = [columns[name] for name in channels], names.index(_TIME) if _TIME in names else None
+    weights, codes, n_unseen = list[FloatArray](), list[FloatArray](), 0
+    for line, row in enumerate(rows, 2):
+        if len(row) == len(names):
+            weights.append(_weights([row[k] for k in order], file, line))
+            codes.append(np.zeros(4) if time_column is None else _parts(row[time_column], file, line))
+        elif _COUNT in names[:2] and row[1:2] == ["0"]:
+            n_unseen += 1
+        elif row:
+            raise FormatError(f"{len(row)} columns, expected {len(names)} as in the first line", file=file, line=line)
+    if not weights:
+        raise FormatError("has no row of a face, expected one a frame", file=file)
+    if time_column is None:
+        times = np.arange(len(weights)) / (clip.fps if len(weights) == len(clip) else _FPS)
+    else:
+        times = _times(np.array(codes), file)
+    table, later = np.array(weights), np.append(True, times[1:] > np.maximum.accumulate(times)[:-1])  # (N, C), (N,)
+    n_unseen += len(times) - int(later.sum())
+    if _SPOILT * len(times) < len(times) - later.sum():
+        first = int(np.argmin(later)) + 1
+        raise FormatError(f"the timecode of row {first} is no later than that of one before", file=file)
+    table, times = table[later], times[later]
+    notes = _notes(channels, names, table, times + offset_s, n_unseen, clip, file)
+    at, inside = np.arange(len(clip)) / clip.fps, np.clip(table, 0.0, 1.0)
+    sampled = np.stack([_between(at, times + offset_s, column) for column in inside.T], axis=1)
+    return unchecked_copy(clip, face=Face(channels, sampled), notes=(*clip.notes, *notes))
+
+
+def _between(at: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Values at times ``at``: linear between rows, and a row's own, exactly, near it."""
+    nearest = np.clip(np.searchsorted(times, at - _NEAR_S), 0, len(times) - 1)
+    return np.where(np.abs(times[nearest] - at) < _NEAR_S, values[nearest], np.interp(at, times, values))
+
+
+def _weights(cells: Sequence[str], file: str, line: int) -> FloatArray:
+    """The weights (C,) of a row, before they are brought into 0 to 1."""
+    try:
+        values = np.array([float(cell) for cell in cells])
+    except ValueError as error:
+        raise FormatError(f"{str(error)[:80]}, expected a number", file=file, line=line) from error
+    wrong = values[~((values >= _FAR[0]) & (values <= _FAR[1]))]  # NaN too
+    if len(wrong):
+        raise FormatError(f"a weight of {wrong[0]:g}, expected 0 to 1", file=file, line=line)
+    return values
+
+
+def _parts(code: str, file: str, line: int) -> FloatArray:
+    """Hours, minutes, seconds and frames (4,) of a timecode."""
+    found = _CODE.fullmatch(code.strip())
+    if found is None:
+        raise FormatError(f"timecode {code!r:.40}, expected HH:MM:SS:FF.sss", file=file, line=line)
+    return np.array([float(part) for part in found.groups()])
+
+
+def _times(parts: FloatArray, file: str) -> FloatArray:
+    """Seconds (N,) of timecodes (N, 4) from the first."""
+    highest, wraps = int(parts[:, 3].max()), bool(np.any(np.diff(parts[:, 3]) < 0.0))
+    if highest >= _RATES[-1]:
+        raise FormatError(f"a timecode has frame {highest}, expected below {_RATES[-1]}", file=file)
+    rate = next(rate for rate in _RATES if rate > highest) if wraps or highest >= _FPS else _FPS
+    times = parts[:, :3] @ [3600.0, 60.0, 1.0] + parts[:, 3] / rate
+    times = np.where(times < times[0] - 43_200.0, times + 86_400.0, times)  # past midnight
+    return np.asarray(times - times[0])
+
+
+def _notes(
+    channels: Sequence[str], names: Sequence[str], weights: FloatArray, times: FloatArray, n_unseen: int, clip: Clip,
+    file: str,
+) -> list[str]:  # fmt: skip
+    """Lines about what a face lacks, or has otherwise than its file."""
+    lines, name = [], Path(file).name
+    missing = [channel for channel in ARKIT_CHANNELS if channel not in channels]
+    if 0 < len(missing) < len(channels):  # else the file is not meant to have them all
+        lines.append(f"{name} lacks {len(missing)} of 52 coefficients: {', '.join(missing[:4])}")
+    unknown = [column for column in names if column not in _CHANNELS and column not in _OTHERS]
+    if unknown:
+        lines.append(f"{name}: columns that are no coefficients are not read: {', '.join(unknown)[:80]}")
+    outside = int(((weights < 0.0) | (weights > 1.0)).sum())
+    if outside:
+        lines.append(f"{name}: {outside} weights outside 0 to 1 were brought to its nearer end")
+    if n_unseen:
+        lines.append(f"{name}: {n_unseen} rows have no face, or no later time, and are filled from those beside them")
+    end = (len(clip) - 1) / clip.fps
+    if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
+        lines.append(f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond")
+    return lines
+
+
+def encode(clip: Clip) -> bytes:
+    """The bytes of a clip's face: as Live Link Face has it, or, where coefficients are missing, those there are. Raises
+    ``InputError`` for a clip without one.
+    """
+    if clip.face is None:
+        raise InputError(f"clip {clip.name!r} has no face")
+    is_whole = len(clip.face.channels) == len(ARKIT_CHANNELS)
+    channels = tuple(name for name in ARKIT_CHANNELS if name in clip.face.channels)
+    rest = ROTATIONS if is_whole else ()
+    lines = [",".join(("Timecode", "BlendshapeCount", *(name[0].upper() + name[1:] for name in channels), *rest))]
+    for k, row in enumerate(clip.face.of(channels)):
+        frames = k / clip.fps * _FPS
+        seconds, frame = divmod(round(frames, 3), _FPS)
+        minutes = int(seconds) // 60
+        code = f"{minutes // 60:02d}:{minutes % 60:02d}:{int(seconds) % 60:02d}:{frame:06.3f}"
+        lines.append(",".join((code, str(len(channels) + len(rest)), *(f"{w:.9g}" for w in row), *("0" for _ in rest))))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def save_sidecar(clip: Clip, path: str | Path) -> None:
+    """Write a clip's face as NAME.csv beside its NAME.bvh, whole or not at all."""
+    write_file(Path(path).with_suffix(".csv"), encode(clip).decode())
