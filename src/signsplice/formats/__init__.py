@@ -29,6 +29,7 @@ class FileFormat:
         ``encode(clip) -> bytes`` where clips are written. Empty for a format that is only planned.
     writes: whether clips are written in it.
     has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
+    has_takes: whether a file may hold several motions by name: then ``parse`` also takes ``take``, the name of one.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
     holds: what a planned format holds, for the error message.
     """
@@ -37,6 +38,7 @@ class FileFormat:
     module: str = ""
     writes: bool = True
     has_buffers: bool = False
+    has_takes: bool = False
     media_type: str = ""
     holds: str = ""
 
@@ -49,6 +51,7 @@ FORMATS = {
         FileFormat(".glb", "glb", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".gltf", "glb", writes=False, has_buffers=True),
         FileFormat(".vrma", "vrma", has_buffers=True, media_type="model/gltf-binary"),
+        FileFormat(".fbx", "fbx", writes=False, has_takes=True),
         FileFormat(".pose", holds="landmark"),
     )
 }
@@ -62,17 +65,20 @@ WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads: those of the HTTP service, which also sends them."""
 
 
-def load(path: str | Path, limits: ReadLimits = DEFAULT_LIMITS, rest_frame: int | None = None) -> Clip:
+def load(path: str | Path, limits: ReadLimits = DEFAULT_LIMITS, rest_frame: int | None = None, take: str = "") -> Clip:
     """The clip in a file, by its suffix, one of ``READ_SUFFIXES``.
 
     rest_frame: the frame whose pose is the rest pose where the rig shows no person with all rotations zero; by default
         the first that shows one.
+    take: the name of one of several motions that a file holds; by default the first.
 
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` for whatever is wrong with
     its content, and ``LimitError`` where that asks for more than ``limits``, which ``NO_LIMITS`` lifts.
     """
     row = _format(path, "read", READ_SUFFIXES)
-    clip = _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent)
+    if take and not row.has_takes:
+        raise InputError(f"{path}: take {take!r:.80}, expected none: {row.suffix} files have one motion")
+    clip = _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, take)
     if rest_frame is None:
         return clip
     from signsplice.rig.rest_pose import with_rest_pose
@@ -90,7 +96,9 @@ def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Cli
     return _parsed(row, content, file, limits, None)
 
 
-def _parsed(row: FileFormat, content: bytes, file: str, limits: ReadLimits, folder: Path | None) -> Clip:
+def _parsed(
+    row: FileFormat, content: bytes, file: str, limits: ReadLimits, folder: Path | None, take: str = ""
+) -> Clip:
     """The clip in the bytes of a file: the one boundary of all parsers."""
     import numpy as np
 
@@ -99,7 +107,8 @@ def _parsed(row: FileFormat, content: bytes, file: str, limits: ReadLimits, fold
         format_errors(file, f"{row.suffix} file"),
         np.errstate(all="ignore"),
     ):  # numbers that are not finite are refused by the clip
-        clip: Clip = module.parse(content, file, limits, **({"folder": folder} if row.has_buffers else {}))
+        more = {"folder": folder} if row.has_buffers else {"take": take} if row.has_takes else {}
+        clip: Clip = module.parse(content, file, limits, **more)
         if clip.skeleton.roles:
             from signsplice.rig.info import rig_info
 
