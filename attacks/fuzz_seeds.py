@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 import json
 import struct
@@ -90,6 +91,13 @@ def gltf_seeds() -> list[bytes]:
         joined_chunks(skinned),
         json.dumps(inside).encode(),
     ]
+
+
+def fbx_seeds() -> list[bytes]:
+    """Two binary files of Blender's exporter, and text files of versions 7 and 6."""
+    folder = ROOT / "tests" / "formats" / "fbx"
+    packed = [gzip.decompress(path.read_bytes()) for path in sorted(folder.glob("*.fbx.gz"))]
+    return [*packed, *(path.read_bytes() for path in sorted(folder.glob("*.fbx")))]
 
 
 @cache

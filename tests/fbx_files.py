@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+
 from signsplice.motion.arrays import FloatArray
 
 TICKS = 46186158000
@@ -32,7 +33,11 @@ class Node:
 
     def properties(self) -> dict[str, Sequence[float]]:
         own = {MOVES["T"]: self.at, MOVES["R"]: self.turned, MOVES["S"]: self.scale}
-        return own | dict(self.more) | {"RotationOrder": (self.order,), "InheritType": (self.inherit,), "RotationActive": (1,)}
+        return (
+            own
+            | dict(self.more)
+            | {"RotationOrder": (self.order,), "InheritType": (self.inherit,), "RotationActive": (1,)}
+        )
 
     def value(self, move: str, times: FloatArray) -> FloatArray:
         """(T, 3) with straight lines between keys."""
@@ -40,7 +45,7 @@ class Node:
         columns = []
         for axis in range(3):
             keys = self.moves.get((move, axis), ((0.0, rest[axis]),))
-            columns.append(np.interp(times, *zip(*keys, strict=True)))
+            columns.append(np.interp(times, [key[0] for key in keys], [key[1] for key in keys]))
         return np.stack(columns, axis=1)
 
 
@@ -84,83 +89,139 @@ def positions(nodes: Sequence[Node], times: FloatArray) -> dict[str, FloatArray]
 def text_7(
     nodes: Sequence[Node],
     settings: Mapping[str, float] | None = None,
-    take: str = "Take 001",
+    takes: Mapping[str, Sequence[Node]] | None = None,
     span: tuple[float, float] = (0.0, 1.0),
     flags: int = 4,
     attributes: str = "0,0,0,0",
 ) -> bytes:
-    """A text file of version 7.4 with one take; ``flags`` and ``attributes``: of all keys, straight lines by default."""
+    """A text file of version 7.4; ``takes``: name -> nodes whose moves it has, by default one of ``nodes``' own.
+
+    ``flags``, ``attributes``: of all keys, by default straight lines.
+    """
     ids = {node.name: 1000 + n for n, node in enumerate(nodes)}
-    lines = ["; FBX 7.4.0 project file", "FBXHeaderExtension:  {", "\tFBXHeaderVersion: 1003", "\tFBXVersion: 7400", "}"]
+    lines = [
+        "; FBX 7.4.0 project file",
+        "FBXHeaderExtension:  {",
+        "\tFBXHeaderVersion: 1003",
+        "\tFBXVersion: 7400",
+        "}",
+    ]
     lines += ["GlobalSettings:  {", "\tVersion: 1000", "\tProperties70:  {"]
     usual = {"UpAxis": 1, "UpAxisSign": 1, "FrontAxis": 2, "FrontAxisSign": 1, "CoordAxis": 0, "CoordAxisSign": 1}
-    usual |= {"OriginalUpAxis": -1, "OriginalUpAxisSign": 1}
     for name, value in (usual | {"UnitScaleFactor": 1.0, "TimeMode": 6} | dict(settings or {})).items():
-        kind = '"double", "Number"' if name == "UnitScaleFactor" else '"enum", ""' if name == "TimeMode" else '"int", "Integer"'
+        kind = {"UnitScaleFactor": '"double", "Number"', "TimeMode": '"enum", ""'}.get(name, '"int", "Integer"')
         lines.append(f'\t\tP: "{name}", {kind}, "",{value}')
     lines += ["\t}", "}", "Objects:  {"]
     links = []
     for node in nodes:
         own = ids[node.name]
         if node.kind == "LimbNode":
-            lines += [f'\tNodeAttribute: {own + 500}, "NodeAttribute::", "LimbNode" {{', '\t\tTypeFlags: "Skeleton"', "\t}"]
+            lines += [
+                f'\tNodeAttribute: {own + 500}, "NodeAttribute::", "LimbNode" {{',
+                '\t\tTypeFlags: "Skeleton"',
+                "\t}",
+            ]
             links.append(f'C: "OO",{own + 500},{own}')
         lines += [f'\tModel: {own}, "Model::{node.name}", "{node.kind}" {{', "\t\tVersion: 232", "\t\tProperties70:  {"]
         for name, values in node.properties().items():
-            kind = '"enum", ""' if len(values) == 1 else '"Vector3D", "Vector"' if name not in MOVES.values() else f'"{name}", ""'
-            if name == "RotationActive":
-                kind = '"bool", ""'
-            lines.append(f'\t\t\tP: "{name}", {kind}, "A",{",".join(repr(v) for v in values)}')
+            lines.append(f'\t\t\tP: "{name}", {_kind(name, values)}, "A",{",".join(map(repr, values))}')
         lines += ["\t\t}", "\t\tShading: Y", "\t}"]
         links.append(f'C: "OO",{own},{ids.get(node.parent, 0)}')
-        for n, move in enumerate("TRS"):
-            if not any(kind == move for kind, _ in node.moves):
-                continue
-            at = 100_000 + 100 * own + 10 * n
-            rest = {"T": node.at, "R": node.turned, "S": node.scale}[move]
-            lines += [f'\tAnimationCurveNode: {at}, "AnimCurveNode::{move}", "" {{', "\t\tProperties70:  {"]
-            lines += [f'\t\t\tP: "d|{axis}", "Number", "", "A",{rest[k]}' for k, axis in enumerate("XYZ")]
-            lines += ["\t\t}", "\t}"]
-            links += [f'C: "OO",{at},20', f'C: "OP",{at},{own}, "{MOVES[move]}"']
-            for axis in (axis for kind, axis in node.moves if kind == move):
-                keys = node.moves[move, axis]
-                times, values = ([k[0] for k in keys], [k[1] for k in keys])
-                n_keys = len(keys)
-                lines += [f'\tAnimationCurve: {at + axis + 1}, "AnimCurve::", "" {{', f"\t\tDefault: {values[0]}", "\t\tKeyVer: 4008"]
-                for name, cells in (
-                    ("KeyTime", [round(t * TICKS) for t in times]),
-                    ("KeyValueFloat", values),
-                    ("KeyAttrFlags", [flags]),
-                    ("KeyAttrDataFloat", attributes.split(",")),
-                    ("KeyAttrRefCount", [n_keys]),
-                ):
-                    lines += [f"\t\t{name}: *{len(cells)} {{", f"\t\t\ta: {','.join(map(str, cells))}", "\t\t}"]
-                lines += ["\t}"]
-                links.append(f'C: "OP",{at + axis + 1},{at}, "d|{"XYZ"[axis]}"')
-    lines += [f'\tAnimationStack: 10, "AnimStack::{take}", "" {{', "\t\tProperties70:  {"]
-    for name, value in (("LocalStart", span[0]), ("LocalStop", span[1]), ("ReferenceStart", span[0]), ("ReferenceStop", span[1])):
-        lines.append(f'\t\t\tP: "{name}", "KTime", "Time", "",{round(value * TICKS)}')
-    lines += ["\t\t}", "\t}", '\tAnimationLayer: 20, "AnimLayer::BaseLayer", "" {', "\t}", "}"]
-    lines += ["Connections:  {", *(f"\t{link}" for link in [*links, 'C: "OO",20,10']), "}"]
-    return ("\n".join(lines) + "\n").encode()
+    for number, (take, moving) in enumerate((takes or {"Take 001": nodes}).items()):
+        stack, layer = 10 + number, 30 + number
+        for node in moving:
+            for n, move in enumerate("TRS"):
+                axes = [axis for kind, axis in node.moves if kind == move]
+                if axes:
+                    at = 100_000 * (1 + number) + 10 * (10 * ids[node.name] + n)
+                    lines += _curve_node(at, node, move)
+                    links += [f'C: "OO",{at},{layer}', f'C: "OP",{at},{ids[node.name]}, "{MOVES[move]}"']
+                for axis in axes:
+                    lines += _curve(at + axis + 1, node.moves[move, axis], flags, attributes.split(","))
+                    links.append(f'C: "OP",{at + axis + 1},{at}, "d|{"XYZ"[axis]}"')
+        lines += [f'\tAnimationStack: {stack}, "AnimStack::{take}", "" {{', "\t\tProperties70:  {"]
+        for name, seconds in (("LocalStart", span[0]), ("LocalStop", span[1])):
+            lines.append(f'\t\t\tP: "{name}", "KTime", "Time", "",{round(seconds * TICKS)}')
+        lines += ["\t\t}", "\t}", f'\tAnimationLayer: {layer}, "AnimLayer::BaseLayer", "" {{', "\t}"]
+        links.append(f'C: "OO",{layer},{stack}')
+    return _with_definitions([*lines, "}", "Connections:  {", *(f"\t{link}" for link in links), "}"])
+
+
+def _kind(name: str, values: Sequence[float]) -> str:
+    """The type of a property, as the file names it."""
+    if name == "RotationActive":
+        return '"bool", ""'
+    if name in MOVES.values():
+        return f'"{name}", ""'
+    return '"enum", ""' if len(values) == 1 else '"Vector3D", "Vector"'
+
+
+def _curve_node(at: int, node: Node, move: str) -> list[str]:
+    rest = {"T": node.at, "R": node.turned, "S": node.scale}[move]
+    numbers = [f'\t\t\tP: "d|{axis}", "Number", "", "A",{rest[k]}' for k, axis in enumerate("XYZ")]
+    return [
+        f'\tAnimationCurveNode: {at}, "AnimCurveNode::{move}", "" {{',
+        "\t\tProperties70:  {",
+        *numbers,
+        "\t\t}",
+        "\t}",
+    ]
+
+
+def _curve(at: int, keys: Keys, flags: int, attributes: Sequence[str]) -> list[str]:
+    lines = [f'\tAnimationCurve: {at}, "AnimCurve::", "" {{', f"\t\tDefault: {keys[0][1]}", "\t\tKeyVer: 4008"]
+    for name, cells in (
+        ("KeyTime", [round(key[0] * TICKS) for key in keys]),
+        ("KeyValueFloat", [key[1] for key in keys]),
+        ("KeyAttrFlags", [flags]),
+        ("KeyAttrDataFloat", attributes),
+        ("KeyAttrRefCount", [len(keys)]),
+    ):
+        lines += [f"\t\t{name}: *{len(cells)} {{", f"\t\t\ta: {','.join(map(str, cells))}", "\t\t}"]
+    return [*lines, "\t}"]
 
 
 def text_6(nodes: Sequence[Node], span: tuple[float, float] = (0.0, 1.0)) -> bytes:
     """A text file of version 6.1 with one take whose keys are joined by straight lines."""
-    lines = ["; FBX 6.1.0 project file", "FBXHeaderExtension:  {", "\tFBXHeaderVersion: 1003", "\tFBXVersion: 6100", "}"]
+    lines = [
+        "; FBX 6.1.0 project file",
+        "FBXHeaderExtension:  {",
+        "\tFBXHeaderVersion: 1003",
+        "\tFBXVersion: 6100",
+        "}",
+    ]
     lines += ["Objects:  {"]
     for node in nodes:
-        lines += [f'\tModel: "Model::{node.name}", "{"Limb" if node.kind == "LimbNode" else node.kind}" {{', "\t\tVersion: 232", "\t\tProperties60:  {"]
+        lines += [
+            f'\tModel: "Model::{node.name}", "{"Limb" if node.kind == "LimbNode" else node.kind}" {{',
+            "\t\tVersion: 232",
+            "\t\tProperties60:  {",
+        ]
         for name, values in node.properties().items():
-            kind = '"enum", ""' if len(values) == 1 else '"Vector3D", ""' if name not in MOVES.values() else f'"{name}", "A+"'
-            if name == "RotationActive":
-                kind = '"bool", ""'
-            lines.append(f'\t\t\tProperty: "{name}", {kind},{",".join(repr(v) for v in values)}')
-        lines += ["\t\t}", "\t\tMultiLayer: 0", '\t\tShading: Y', '\t\tCulling: "CullingOff"', '\t\tTypeFlags: "Skeleton"', "\t}"]
-    lines += ['\tGlobalSettings: {', "\t\tVersion: 1000", "\t\tProperties60:  {", '\t\t\tProperty: "UnitScaleFactor", "double", "",1', "\t\t}", "\t}", "}", "Connections:  {"]
+            lines.append(f'\t\t\tProperty: "{name}", {_kind(name, values)},{",".join(map(repr, values))}')
+        lines += [
+            "\t\t}",
+            "\t\tMultiLayer: 0",
+            "\t\tShading: Y",
+            '\t\tCulling: "CullingOff"',
+            '\t\tTypeFlags: "Skeleton"',
+            "\t}",
+        ]
+    lines += [
+        "\tGlobalSettings: {",
+        "\t\tVersion: 1000",
+        "\t\tProperties60:  {",
+        '\t\t\tProperty: "UnitScaleFactor", "double", "",1',
+        "\t\t}",
+        "\t}",
+        "}",
+        "Connections:  {",
+    ]
     lines += [f'\tConnect: "OO", "Model::{node.name}", "Model::{node.parent or "Scene"}"' for node in nodes]
     lines += ["}", "Takes:  {", '\tCurrent: "Take 001"', '\tTake: "Take 001" {', '\t\tFileName: "Take_001.tak"']
-    lines += [f"\t\t{name}: {round(span[0] * TICKS)},{round(span[1] * TICKS)}" for name in ("LocalTime", "ReferenceTime")]
+    lines += [
+        f"\t\t{name}: {round(span[0] * TICKS)},{round(span[1] * TICKS)}" for name in ("LocalTime", "ReferenceTime")
+    ]
     for node in nodes:
         if not node.moves:
             continue
@@ -170,11 +231,28 @@ def text_6(nodes: Sequence[Node], span: tuple[float, float] = (0.0, 1.0)) -> byt
             lines += [f'\t\t\t\tChannel: "{move}" {{']
             for axis, letter in enumerate("XYZ"):
                 keys = node.moves.get((move, axis), ())
-                lines += [f'\t\t\t\t\tChannel: "{letter}" {{', f"\t\t\t\t\t\tDefault: {rest[axis]}", "\t\t\t\t\t\tKeyVer: 4005", f"\t\t\t\t\t\tKeyCount: {len(keys)}"]
+                lines += [
+                    f'\t\t\t\t\tChannel: "{letter}" {{',
+                    f"\t\t\t\t\t\tDefault: {rest[axis]}",
+                    "\t\t\t\t\t\tKeyVer: 4005",
+                    f"\t\t\t\t\t\tKeyCount: {len(keys)}",
+                ]
                 if keys:
                     lines.append("\t\t\t\t\t\tKey: " + ",\n\t".join(f"{round(t * TICKS)},{v},L" for t, v in keys))
                 lines += ["\t\t\t\t\t}"]
             lines += [f"\t\t\t\t\tLayerType: {n + 1}", "\t\t\t\t}"]
         lines += ["\t\t\t}", "\t\t}"]
     lines += ["\t}", "}"]
-    return ("\n".join(lines) + "\n").encode()
+    return _with_definitions(lines)
+
+
+def _with_definitions(lines: Sequence[str]) -> bytes:
+    """The file of lines with the counts of its objects, without which the FBX SDK reads none."""
+    top = lines.index("Objects:  {")
+    stop = lines.index("}", top)
+    names = [
+        line.split(":")[0].strip() for line in lines[top + 1 : stop] if line.startswith("\t") and line[1] not in "\t}"
+    ]
+    counts = [f'\tObjectType: "{name}" {{\n\t\tCount: {names.count(name)}\n\t}}' for name in dict.fromkeys(names)]
+    definitions = ["Definitions:  {", "\tVersion: 100", f"\tCount: {len(names)}", *counts, "}"]
+    return ("\n".join([*lines[:top], *definitions, *lines[top:]]) + "\n").encode()

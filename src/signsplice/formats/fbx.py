@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
-from signsplice.formats.fbx_scene import MOVES, Id, Scene, Take, Transforms
+from signsplice.formats.fbx_scene import MOVES, Id, FbxScene, Take, Transforms
 from signsplice.formats.gltf_keys import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate
 from signsplice.formats.gltf_skeleton import unique
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
@@ -42,13 +42,13 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, t
 
     Raises ``FormatError`` where the take or a skeleton is missing, and what the content causes where it is no FBX.
     """
-    return _Reader(Scene(content, file, limits), file, len(content), limits).clip(take)
+    return _Reader(FbxScene(content, file, limits), file, len(content), limits).clip(take)
 
 
 class _Reader:
     """A scene whose animation is being read."""
 
-    def __init__(self, scene: Scene, file: str, n_bytes: int, limits: ReadLimits) -> None:
+    def __init__(self, scene: FbxScene, file: str, n_bytes: int, limits: ReadLimits) -> None:
         self.scene, self.file, self.n_bytes, self.limits = scene, file, n_bytes, limits
 
     def clip(self, name: str) -> Clip:
@@ -133,16 +133,15 @@ class _Reader:
         if stop <= start:
             start, stop = min(curve.times[0] for curve in curves), max(curve.times[-1] for curve in curves)
         fps = self.scene.fps if LEAST_FPS <= self.scene.fps <= MOST_FPS else USUAL_FPS
-        if len(densest) > 2:
-            rate = frame_rate(densest)
-            at = (densest - densest[0]) * fps
-            is_even = np.ptp(np.diff(densest)) * rate < DRIFT
-            if is_even and (rate > fps or np.abs(at - np.rint(at)).max() > DRIFT):
+        steps = np.diff(densest)
+        if len(steps) > 1 and LEAST_FPS <= 1.0 / steps.mean() <= MOST_FPS:
+            rate, at = frame_rate(densest), (densest - densest[0]) * fps
+            if np.ptp(steps) * rate < DRIFT and (rate > fps or np.abs(at - np.rint(at)).max() > DRIFT):
                 fps = rate
-        steps = (stop - start) * fps
-        size = steps * len(order) * FRAME_BYTES
-        self.limits.check_clip(steps, len(order), fps, size, self.n_bytes, self.file)
-        return start + np.arange(int(np.floor(steps + DRIFT)) + 1) / fps, fps
+        n_steps = (stop - start) * fps
+        size = n_steps * len(order) * FRAME_BYTES
+        self.limits.check_clip(n_steps, len(order), fps, size, self.n_bytes, self.file)
+        return start + np.arange(int(np.floor(n_steps + DRIFT)) + 1) / fps, fps
 
     def _sampled(self, take: Take, order: Sequence[Id], times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (T, J, 4) and positions (T, J, 3) of joints relative to the joint above, the first in the world."""

@@ -36,7 +36,7 @@ class Tangents:
 
 
 @dataclass(frozen=True)
-class Curve:
+class KeyCurve:
     """The keys of one number.
 
     times: (K,) seconds, rising.
@@ -101,7 +101,7 @@ def _bezier(
     return np.asarray((1 - s) ** 3 * a + 3 * (1 - s) ** 2 * s * rise + 3 * (1 - s) * s**2 * fall + s**3 * b)
 
 
-def read_curve(record: Record, ticks: float, as_bits: bool) -> Curve | None:
+def read_curve(record: Record, ticks: float, as_bits: bool) -> KeyCurve | None:
     """The curve of an ``AnimationCurve`` (version 7); None where it has no keys.
 
     ticks: units of time in a second. as_bits: whether the bits of key attributes are written as whole numbers.
@@ -110,7 +110,7 @@ def read_curve(record: Record, ticks: float, as_bits: bool) -> Curve | None:
     if len(times) != len(values):
         raise InputError(f"a curve has {len(times)} times and {len(values)} values")
     kept = _checked_keys(times, values)
-    return Curve(times[kept], values[kept], lambda: _read_tangents(record, as_bits, kept)) if len(times) else None
+    return KeyCurve(times[kept], values[kept], lambda: _read_tangents(record, as_bits, kept)) if len(times) else None
 
 
 def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_]) -> Tangents:
@@ -130,7 +130,7 @@ def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_]) -> Ta
     return Tangents(*(np.repeat(rows, counts, axis=0)[kept] for rows in (flags, slopes, weights)))
 
 
-def read_old_curve(record: Record, ticks: float) -> Curve | None:
+def read_old_curve(record: Record, ticks: float) -> KeyCurve | None:
     """The curve of a ``Channel`` of version 6, or its constant; None where it has neither."""
     keys = record.find("Key")
     if keys is None or not keys.values:
@@ -141,7 +141,7 @@ def read_old_curve(record: Record, ticks: float) -> Curve | None:
     kept = _checked_keys(times, values)
     rows = rows[kept]
     tangents = Tangents(rows[:, 2].astype(np.int64), rows[:, 3:5], np.clip(rows[:, 5:], 0.0, 1.0))
-    return Curve(times[kept], values[kept], lambda: tangents)
+    return KeyCurve(times[kept], values[kept], lambda: tangents)
 
 
 def _old_keys(values: Iterator[Any]) -> Iterator[tuple[float, ...]]:
@@ -170,9 +170,9 @@ def _letter(value: Any) -> str:
     return chr(value) if isinstance(value, int) else str(value)
 
 
-def constant(value: float) -> Curve:
+def constant(value: float) -> KeyCurve:
     """A curve that has one value at all times."""
-    return Curve(np.zeros(1), np.array([value]), lambda: Tangents(np.zeros(1, np.int64), *np.zeros((2, 1, 2))))
+    return KeyCurve(np.zeros(1), np.array([value]), lambda: Tangents(np.zeros(1, np.int64), *np.zeros((2, 1, 2))))
 
 
 def _checked_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.formats.fbx_curves import Curve, constant, read_curve, read_old_curve
+from signsplice.formats.fbx_curves import KeyCurve, constant, read_curve, read_old_curve
 from signsplice.formats.fbx_records import MAGIC, Record, read_records
 from signsplice.formats.gltf_skeleton import printable
 from signsplice.formats.limits import ReadLimits
@@ -55,6 +55,10 @@ class Model:
         found = self.numbers.get(name, ())
         return np.array(found[:3]) if len(found) >= 3 else np.full(3, otherwise)
 
+    def number(self, name: str, otherwise: int = 0) -> int:
+        """A property of one whole number."""
+        return int(next(iter(self.numbers.get(name, ())), otherwise))
+
 
 @dataclass(frozen=True)
 class Take:
@@ -68,7 +72,7 @@ class Take:
 
     name: str
     span: tuple[float, float]
-    curves: Mapping[tuple[Id, str], tuple[Curve | None, ...]]
+    curves: Mapping[tuple[Id, str], tuple[KeyCurve | None, ...]]
     shapes: tuple[str, ...] = ()
 
 
@@ -88,7 +92,7 @@ class Transforms:
     scaling: FloatArray
 
 
-class Scene:
+class FbxScene:
     """What a file holds.
 
     settings: property -> its numbers.
@@ -154,7 +158,7 @@ class Scene:
         if above is None:
             return Transforms(quats, positions, scale, scale[:, None] * np.eye(3))
         positions = np.einsum("tab,tb->ta", above.scaling, positions)
-        inherits = int(next(iter(model.numbers.get("InheritType", ())), _SCALE_FIRST))
+        inherits = model.number("InheritType", _SCALE_FIRST)
         return Transforms(quats, positions, scale, _inherited(inherits, above, quats) * scale[:, None])
 
     def rest_rotation(self, key: Id, zero: bool) -> FloatArray:
@@ -199,20 +203,21 @@ class Scene:
             takes.append(Take(_name(record.values[1]), (start, stop), curves, self._moved_shapes(layers)))
         return takes
 
-    def _layer(self, layer: Id) -> dict[tuple[Id, str], tuple[Curve | None, ...]]:
+    def _layer(self, layer: Id) -> dict[tuple[Id, str], tuple[KeyCurve | None, ...]]:
         """The curves of a layer by model and property."""
         nodes = {source for source, _ in self._sources[layer] if self._is(source, "AnimationCurveNode")}
-        found: dict[tuple[Id, str], tuple[Curve | None, ...]] = {}
+        found: dict[tuple[Id, str], tuple[KeyCurve | None, ...]] = {}
         for model in self.models:
             for node, name in self._sources[model]:
                 if node in nodes and name in MOVES:
                     found[model, name] = self._curves(node)
         return found
 
-    def _curves(self, node: Id) -> tuple[Curve | None, ...]:
+    def _curves(self, node: Id) -> tuple[KeyCurve | None, ...]:
         """The curves of X, Y and Z of a node; a number without curve is the node's own."""
         numbers = _numbers(self._objects[node])
-        found = [constant(float(own[0])) if len(own := numbers.get(f"d|{axis}", ())) else None for axis in "XYZ"]
+        own = (numbers.get(f"d|{axis}") for axis in "XYZ")
+        found = [None if value is None else constant(float(value[0])) for value in own]
         for source, what in self._sources[node]:
             if self._is(source, "AnimationCurve") and what in _AXES:
                 curve = read_curve(self._objects[source], self._ticks, self._is_text and self._version >= _BITS_FROM)
@@ -231,7 +236,7 @@ class Scene:
         takes = []
         for record in _within(top, "Takes", ("Take",)):
             span = (record.numbers("LocalTime") / self._ticks).tolist()
-            curves: dict[tuple[Id, str], tuple[Curve | None, ...]] = {}
+            curves: dict[tuple[Id, str], tuple[KeyCurve | None, ...]] = {}
             for moved in record.all("Model"):
                 channels = [part for part in moved.all("Channel") if part.values == ["Transform"]]
                 for part in (part for channel in channels for part in channel.all("Channel")):
@@ -280,7 +285,9 @@ def _inherited(kind: int, above: Transforms, quats: FloatArray) -> FloatArray:
 
 def _rotations(model: Model, angles: FloatArray) -> FloatArray:
     """Rotations (..., 4) of a model for angles (..., 3) in degrees."""
-    order = int(next(iter(model.numbers.get("RotationOrder", ())), 0))
+    if not model.number("RotationActive"):  # the SDK then leaves out all below
+        return _quats(angles, _ORDERS[0])
+    order = model.number("RotationOrder")
     if not 0 <= order < len(_ORDERS):
         raise InputError(f"model {model.name!r:.80}: rotation order {order}, expected 0 to {len(_ORDERS) - 1}")
     quats = _quats(angles, _ORDERS[order])
@@ -335,7 +342,7 @@ def _name(text: Any) -> str:
 def _ticks(header: Record) -> float:
     """Units of time in a second, as a file's header defines them."""
     flags, version = header.find("OtherFlags"), header.numbers("FBXHeaderVersion")
-    defined = flags.numbers("TCDefinition") if flags is not None else ()
+    defined = np.empty(0) if flags is None else flags.numbers("TCDefinition")
     if len(defined) and len(version) and version[0] >= _DEFINED_FROM and defined[0] != _OLD_DEFINITION:
         return _NEW_TICKS
     return _TICKS
