@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
+import io
 import json
 import struct
 import tempfile
@@ -65,6 +66,16 @@ def clip_seeds(suffix: str) -> list[bytes]:
     if suffix == ".npz":  # with channels, as of a file that was read
         clips.append(formats.parse(formats.encode(clip(), "a.bvh"), "a.bvh"))
     return [formats.encode(one, f"a{suffix}") for one in clips]
+
+
+def smplx_seeds() -> list[bytes]:
+    """Poses of SMPL-X as they are written, and in parts as others name them."""
+    whole = formats.encode(clip(), "a.smplx.npz")
+    with np.load(io.BytesIO(whole)) as stored:
+        poses = stored["poses"].astype(np.float32)
+    parts = io.BytesIO()
+    np.savez(parts, global_orient=poses[:, :3], body_pose=poses[:, 3:66], left_hand_pose=poses[:, 75:120], fps=24)
+    return [whole, parts.getvalue()]
 
 
 def gltf_seeds() -> list[bytes]:

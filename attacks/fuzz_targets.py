@@ -303,6 +303,8 @@ TARGETS = {
                use_clip, oracle=fuzz_oracles.of_bvh),
         Target("npz", lambda: fuzz_seeds.clip_seeds(".npz"), fuzz_clips.of_npz, _put_as("case.npz"), formats.load,
                use_clip, _unpacked_npz, fuzz_oracles.of_npz),
+        Target("smplx", fuzz_seeds.smplx_seeds, fuzz_clips.of_npz, _put_as("case.npz"), formats.load, use_clip,
+               _unpacked_npz),
         Target("gltf", fuzz_seeds.gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip,
                oracle=fuzz_oracles.of_gltf),
         Target("fbx", fuzz_seeds.fbx_seeds, fuzz_clips.of_fbx, _put_as("case.fbx"), formats.load, use_clip),

@@ -27,7 +27,7 @@ class FileFormat:
     suffix: end of the names of its files, lower case with the dot.
     module: module of this package with ``parse(content, file, limits) -> Clip``, which may raise anything, and with
         ``encode(clip) -> bytes`` where clips are written. Empty for a format that is only planned.
-    writes: whether clips are written in it.
+    reads, writes: whether clips are read and written in it.
     has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
     has_takes: whether a file may hold several motions by name: then ``parse`` also takes ``take``, the name of one.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
@@ -36,6 +36,7 @@ class FileFormat:
 
     suffix: str
     module: str = ""
+    reads: bool = True
     writes: bool = True
     has_buffers: bool = False
     has_takes: bool = False
@@ -48,6 +49,7 @@ FORMATS = {
     for row in (
         FileFormat(".bvh", "bvh", media_type="text/plain; charset=utf-8"),
         FileFormat(".npz", "npz"),
+        FileFormat(".smplx.npz", "smplx", reads=False),
         FileFormat(".glb", "glb", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".gltf", "glb", writes=False, has_buffers=True),
         FileFormat(".vrma", "vrma", has_buffers=True, media_type="model/gltf-binary"),
@@ -57,7 +59,7 @@ FORMATS = {
 }
 """Suffix -> format, in the order in which messages and help texts list them."""
 
-READ_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module)
+READ_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.reads)
 """Suffixes that ``load`` reads."""
 WRITE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.writes)
 """Suffixes that ``save`` and ``encode`` write."""
@@ -150,7 +152,9 @@ def listed(suffixes: Sequence[str]) -> str:
 
 def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
     """The format of a path, or an ``InputError`` that says what cannot be ``done`` with it."""
-    suffix = Path(path).suffix.lower()
+    suffix, whole = Path(path).suffix.lower(), "".join(Path(path).suffixes[-2:]).lower()
+    if whole in suffixes:
+        return FORMATS[whole]
     if suffix in suffixes:
         return FORMATS[suffix]
     expected = f"expected {listed(suffixes)}"

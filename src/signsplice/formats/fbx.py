@@ -7,14 +7,14 @@ the pose with all angles 0 or, where that shows no person, the file's own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
-from signsplice.formats.fbx_scene import MOVES, Id, FbxScene, Take, Transforms
+from signsplice.formats.fbx_scene import MOVES, FbxScene, Id, Take, Transforms
 from signsplice.formats.gltf_keys import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate
 from signsplice.formats.gltf_skeleton import unique
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
@@ -176,12 +176,12 @@ class _Reader:
         roots = positions[:, 0].copy()
         positions[:, 0] = 0.0
         self._to_axes(quats)
-        for bound in self._rest_rotations(order):
+        for bound, is_last in self._rest_rotations(order):
             self._to_axes(bound)
             parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
             skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
             offsets = np.round(skeleton.offsets, _PLACES).tobytes()
-            if CACHE.recent(_shows_person, names, parents.tobytes(), offsets, most=_KNOWN_RIGS):
+            if is_last or CACHE.recent(_shows_person, names, parents.tobytes(), offsets, most=_KNOWN_RIGS):
                 break
         for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
             turned = rotation.multiply(rotation.multiply(parent_bound[k], quats[:, k]), rotation.inverse(bound[k]))
@@ -194,17 +194,20 @@ class _Reader:
         """Change rotations (..., 4) in the file's axes to X right, Y up, Z ahead."""
         quats[..., :3] = np.linalg.det(self.scene.axes) * quats[..., :3] @ self.scene.axes.T
 
-    def _rest_rotations(self, order: Sequence[Id]) -> Iterator[FloatArray]:
-        """Rotations (J, 4) in the world of poses that may be the rest pose, the likeliest first."""
+    def _rest_rotations(self, order: Sequence[Id]) -> Iterator[tuple[FloatArray, bool]]:
+        """Rotations (J, 4) in the world of poses that may be the rest pose, the likeliest first, and whether it is the
+        last.
+        """
         scene = self.scene
-        known = [scene.bound] if any(key in scene.bound for key in order) else []
-        for bound, zero in (*((bound, False) for bound in known), ({}, True), ({}, False)):
+        known = any(key in scene.bound for key in order)
+        poses: list[tuple[Mapping[Id, FloatArray], bool]] = [({}, True), ({}, False)]
+        for bound, zero in [(scene.bound, False)] * known + poses:
             found: dict[Id, FloatArray] = {}
             for key in scene.order:
                 over = scene.parents.get(key)
                 above = rotation.IDENTITY if over is None else found[over]
                 found[key] = bound.get(key, rotation.multiply(above, scene.rest_rotation(key, zero)))
-            yield np.array([found[key] for key in order])
+            yield np.array([found[key] for key in order]), bound is poses[-1][0]
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, file=self.file)

@@ -19,11 +19,13 @@ from signsplice.motion.arrays import FloatArray
 MAGIC = b"Kaydara FBX Binary  \x00\x1a\x00"
 _WIDE_HEADS = 7500
 """From this version on, the numbers in a record's head have 64 bits."""
-_SCALARS = {
-    kind: struct.Struct(form)
-    for kind, form in {"Y": "<h", "C": "<b", "B": "<b", "I": "<i", "F": "<f", "D": "<d", "L": "<q"}.items()
+_SCALARS = {ord(kind): struct.Struct(f"<{form}") for kind, form in zip("YCBIFDL", "hbbifdq", strict=True)}
+_ARRAYS = {
+    ord(kind): np.dtype(form) for kind, form in zip("fdlibc", ("<f4", "<f8", "<i8", "<i4", "i1", "i1"), strict=True)
 }
-_ARRAYS = {"f": "<f4", "d": "<f8", "l": "<i8", "i": "<i4", "b": "|i1", "c": "|i1"}
+_TEXT, _RAW = ord("S"), ord("R")
+_HEADS = {False: struct.Struct("<IIIB"), True: struct.Struct("<QQQB")}
+"""Of records: where it ends, the number of its values, their bytes, the length of its name."""
 _RECORD_BYTES, _VALUE_BYTES = 400, 64
 """Memory that a record and a value take at most, besides their bytes in the file."""
 _NAME = r"[A-Za-z_][\w|-]*:"
@@ -127,25 +129,24 @@ class _BinaryRecord(Record):
         self._children: list[Record] | None = None
 
     def _read_values(self) -> list[Any]:
-        start, stop, _ = self._at
+        content, (start, stop, _) = self._content, self._at
         self._budget.take(self._n_values * _VALUE_BYTES)
         found: list[Any] = []
         for _ in range(self._n_values):
-            kind, start = chr(self._content[start]), start + 1
-            if kind in _SCALARS:
-                found.append(_SCALARS[kind].unpack_from(self._content, start)[0])
-                start += _SCALARS[kind].size
-            elif kind in "SR":
-                (size,) = struct.unpack_from("<I", self._content, start)
-                text = self._content[start + 4 : start + 4 + size]
-                found.append(text.decode("utf-8", "replace") if kind == "S" else "")
+            kind, start = content[start], start + 1
+            if (scalar := _SCALARS.get(kind)) is not None:
+                found.append(scalar.unpack_from(content, start)[0])
+                start += scalar.size
+            elif kind in (_TEXT, _RAW):
+                size = int.from_bytes(content[start : start + 4], "little")
                 start += 4 + size
+                found.append(content[start - size : start].decode("utf-8", "replace") if kind == _TEXT else "")
             elif kind in _ARRAYS:
-                count, packed, size = struct.unpack_from("<III", self._content, start)
-                found.append(self._array(np.dtype(_ARRAYS[kind]), count, packed, start + 12, size))
+                count, packed, size = struct.unpack_from("<III", content, start)
+                found.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))
                 start += 12 + size
             else:
-                raise FormatError(f"{self.name}: a value of type {kind!r}", file=self._budget.file)
+                raise FormatError(f"{self.name}: a value of type {chr(kind)!r}", file=self._budget.file)
             if start > stop:
                 raise FormatError(f"{self.name}: its values end early", file=self._budget.file)
         return found
@@ -167,21 +168,23 @@ class _BinaryRecord(Record):
         return self._children
 
     def _read_children(self) -> list[Record]:
-        _, start, stop = self._at
-        head = struct.Struct("<QQQB" if self._wide else "<IIIB")
+        content, (_, start, stop), head = self._content, self._at, _HEADS[self._wide]
         found: list[Record] = []
         while start + head.size <= stop:
-            end, n_values, n_bytes, n_letters = head.unpack_from(self._content, start)
+            end, n_values, n_bytes, n_letters = head.unpack_from(content, start)
             if end == 0:
                 break
             begin = start + head.size + n_letters
             if not begin + n_bytes <= end <= stop or n_values > n_bytes:
-                raise FormatError(f"{self.name or 'file'}: a record ends at byte {end}", file=self._budget.file)
-            self._budget.take(_RECORD_BYTES)
-            name = self._content[start + head.size : begin].decode("utf-8", "replace")
+                raise FormatError(
+                    f"a record ends at byte {end}, expected at most {stop}: it is cut off or damaged",
+                    file=self._budget.file,
+                )
+            name = content[start + head.size : begin].decode("utf-8", "replace")
             at = (begin, begin + n_bytes, end)
-            found.append(_BinaryRecord(name, self._content, at, n_values, self._wide, self._budget))
+            found.append(_BinaryRecord(name, content, at, n_values, self._wide, self._budget))
             start = end
+        self._budget.take(_RECORD_BYTES * len(found))
         return found
 
 
