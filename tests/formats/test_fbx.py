@@ -22,7 +22,7 @@ from signsplice.formats.fbx_curves import KeyCurve, Tangents
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.rest_pose import rests_as_person
+from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
 FOLDER = Path(__file__).parent / "fbx"
 RNG = np.random.default_rng(38)
@@ -206,21 +206,21 @@ def test_the_frame_rate_is_the_files_unless_keys_lie_closer(mode: int) -> None:
     assert fbx.parse(text_7(TRUNK, {"TimeMode": mode}), "a.fbx").fps == {3: 60.0, 11: 24.0, 0: 30.0}[mode]
 
 
-def test_the_rest_pose_is_the_zero_pose_or_the_files_own_where_that_is_no_person() -> None:
-    body = _body()
-    clip = fbx.parse(text_7(body), "a.fbx")
+def test_the_rest_pose_is_the_pose_with_all_angles_0_or_a_frame_where_that_is_no_person() -> None:
+    clip = fbx.parse(text_7(_body()), "a.fbx")
     assert rests_as_person(clip.skeleton)
     assert clip.skeleton.offsets[clip.skeleton.index["LeftForeArm"]] == pytest.approx([0.3, 0.0, 0.0])
-    heap = tuple(
-        replace(
-            node,
-            turned=(0, 0, -90) if node.name == "LeftForeArm" else (-90, 0, 0) if not node.parent else (0, 0, 0),
-            more={},
-            at=node.at if node.parent else (0, 0, 90),
-        )
-        for node in body
+    lying = tuple(  # as Blender's bones: where they are follows from the file's own angles
+        replace(node, turned=(180, 0, 0))
+        if node.name == "Spine"
+        else replace(node, at=np.multiply(node.at, (1, -1, 1)).tolist())
+        if node.parent in ("Spine", "Spine1", "Neck")
+        else node
+        for node in _body()
     )
-    assert rests_as_person(fbx.parse(text_7(heap), "a.fbx").skeleton)
+    clip = fbx.parse(text_7(lying), "a.fbx")
+    assert not rests_as_person(clip.skeleton)
+    assert with_rest_pose(clip).skeleton.rest_pose is not None
 
 
 def _body() -> tuple[Node, ...]:

@@ -5,7 +5,8 @@ words are doubtful, with pictures.
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -52,12 +53,16 @@ class WordFacts:
 
 def write(words: Lexicon, page: Path, progress: Progress | None = None) -> list[WordFacts]:
     """Write the page as one HTML file with its pictures inside; returns what it says of each word, the most doubtful
-    first. Words that cannot be read are doubtful.
+    first. Words that cannot be read are doubtful; what is true of most words is said once, of their rig.
     """
     facts = [_facts(words, gloss) for gloss in counted([*words.glosses], progress)]
+    counts = Counter(line for one in facts for line in one.doubts)
+    of_the_rig = [line for line, count in counts.items() if count > max(1, len(facts) // 2)]
+    facts = [replace(one, doubts=tuple(line for line in one.doubts if line not in of_the_rig)) for one in facts]
     facts.sort(key=lambda one: (-len(one.doubts), one.gloss))
     doubtful = [one for one in facts if one.doubts]
     parts = [f"<h1>{escape(words.path.name)}: {len(facts)} words, {len(doubtful)} of them doubtful</h1>"]
+    parts += [f"<p>Of most words: {escape(line)}</p>" for line in of_the_rig]
     head = ("", *(f"{percent} %" for percent in _PERCENTILES))
     parts += _table(head, [(name, *_percentiles(facts, field)) for name, field in _MEASURES.items()])
     if doubtful:

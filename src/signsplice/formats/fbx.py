@@ -1,13 +1,13 @@
 """Skeletal animation read from FBX files, binary and text, of versions 6 and 7; what comes back is in metres, Y up.
 
 Joints are the file's bones, or, where it has none, all that moves with what hangs below; of several skeletons the one
-with most parts of a body. The pose in which skins are bound becomes the rest pose, as in ``gltf_reader``; without one
-the pose with all angles 0 or, where that shows no person, the file's own.
+with most parts of a body. The pose in which skins are bound becomes the rest pose, as in ``gltf_reader``, else that
+with all angles 0, which all files of an exporter share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -21,18 +21,14 @@ from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
-from signsplice.rig.rest_pose import rests_as_person
 
 _BONES = ("LimbNode", "Limb", "Root")
 _NO_JOINTS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _LEAST_JOINTS = 3
-_PLACES, _KNOWN_RIGS = 4, 16
-"""Decimals of offsets by which rigs are told apart, and of how many it is known whether they show a person."""
 _NAMED = 5
 """Most takes or skeletons that a note names."""
 
@@ -176,13 +172,10 @@ class _Reader:
         roots = positions[:, 0].copy()
         positions[:, 0] = 0.0
         self._to_axes(quats)
-        for bound, is_last in self._rest_rotations(order):
-            self._to_axes(bound)
-            parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
-            skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
-            offsets = np.round(skeleton.offsets, _PLACES).tobytes()
-            if is_last or CACHE.recent(_shows_person, names, parents.tobytes(), offsets, most=_KNOWN_RIGS):
-                break
+        bound = self._rest_rotations(order)
+        self._to_axes(bound)
+        parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
+        skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
         for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
             turned = rotation.multiply(rotation.multiply(parent_bound[k], quats[:, k]), rotation.inverse(bound[k]))
             quats[:, k] = rotation.continuous(rotation.normalize(turned))
@@ -194,28 +187,19 @@ class _Reader:
         """Change rotations (..., 4) in the file's axes to X right, Y up, Z ahead."""
         quats[..., :3] = np.linalg.det(self.scene.axes) * quats[..., :3] @ self.scene.axes.T
 
-    def _rest_rotations(self, order: Sequence[Id]) -> Iterator[tuple[FloatArray, bool]]:
-        """Rotations (J, 4) in the world of poses that may be the rest pose, the likeliest first, and whether it is the
-        last.
-        """
+    def _rest_rotations(self, order: Sequence[Id]) -> FloatArray:
+        """Rotations (J, 4) in the world of the rest pose."""
         scene = self.scene
-        known = any(key in scene.bound for key in order)
-        poses: list[tuple[Mapping[Id, FloatArray], bool]] = [({}, True), ({}, False)]
-        for bound, zero in [(scene.bound, False)] * known + poses:
-            found: dict[Id, FloatArray] = {}
-            for key in scene.order:
-                over = scene.parents.get(key)
-                above = rotation.IDENTITY if over is None else found[over]
-                found[key] = bound.get(key, rotation.multiply(above, scene.rest_rotation(key, zero)))
-            yield np.array([found[key] for key in order]), bound is poses[-1][0]
+        is_bound = any(key in scene.bound for key in order)
+        found: dict[Id, FloatArray] = {}
+        for key in scene.order:
+            over = scene.parents.get(key)
+            above = rotation.IDENTITY if over is None else found[over]
+            found[key] = scene.bound.get(key, rotation.multiply(above, scene.rest_rotation(key, zero=not is_bound)))
+        return np.array([found[key] for key in order])
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, file=self.file)
-
-
-def _shows_person(names: tuple[str, ...], parents: bytes, offsets: bytes) -> bool:
-    """Whether a skeleton shows a person with all rotations at identity; the files of a folder have the same."""
-    return rests_as_person(Skeleton(names, np.frombuffer(parents, np.intp), np.frombuffer(offsets).reshape(-1, 3)))
 
 
 def _note(what: str, others: Sequence[str]) -> tuple[str, ...]:
