@@ -177,7 +177,7 @@ def constant(value: float) -> KeyCurve:
 
 def _checked_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_]:
     """Which keys (K,) count: of those at one time the last. Raises ``InputError`` where they are no curve."""
-    steps = np.diff(times)
+    steps = times[1:] - times[:-1]
     if not (np.isfinite(times).all() and np.isfinite(values).all()):
         raise InputError("a key is not finite")
     if (steps < 0.0).any():

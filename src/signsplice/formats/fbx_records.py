@@ -81,10 +81,7 @@ class Record:
     def numbers(self, name: str) -> FloatArray:
         """The numbers (N,) of the first record within it of a name, none where there is none; text counts as 0."""
         child = self.find(name)
-        if child is None:
-            return np.empty(0)
-        inner = child.find("a")
-        values = (child if inner is None else inner).values
+        values = [] if child is None else child.values
         if values and isinstance(values[0], np.ndarray):
             return np.asarray(values[0], np.float64)
         return np.array([0.0 if isinstance(value, str) else value for value in values], np.float64)
