@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import signsplice as ss
 from fbx_files import Node, positions, text_6, text_7
@@ -295,3 +296,24 @@ def test_models_that_hang_below_themselves_are_no_joints() -> None:
     looped = text_7(TRUNK).replace(b'C: "OO",1000,0\n', b'C: "OO",1000,1001\n')
     with pytest.raises(ss.InputError, match="holds neither bones"):
         fbx.parse(looped, "loop.fbx")
+
+
+def test_the_pose_in_which_a_skin_is_bound_is_the_rest_pose_and_moved_blend_shapes_are_left_out() -> None:
+    spine = Rotation.from_euler("xyz", [0.0, *TRUNK[1].turned[1:]], degrees=True).as_matrix()  # in frame 0
+    objects, links = [], []
+    for number, turned in enumerate((np.eye(3), spine, spine, spine)):
+        matrix = np.eye(4)
+        matrix[:3, :3] = turned.T  # rows are the axes
+        cells = ",".join(map(str, matrix.ravel()))
+        objects.append(f'\tDeformer: {9000 + number}, "SubDeformer::", "Cluster" {{')
+        objects.append(f"\t\tTransformLink: *16 {{\n\t\t\ta: {cells}\n\t\t}}\n\t}}")
+        links.append(f'\tC: "OO",{1000 + number},{9000 + number}')
+    objects.append('\tDeformer: 9100, "SubDeformer::jawOpen", "BlendShapeChannel" {\n\t}')
+    objects.append('\tAnimationCurveNode: 9101, "AnimCurveNode::DeformPercent", "" {\n\t}')
+    links += ['\tC: "OO",9101,30', '\tC: "OP",9101,9100, "DeformPercent"']
+    text = text_7(TRUNK).decode().replace("Objects:  {\n", "Objects:  {\n" + "\n".join(objects) + "\n", 1)
+    text = text.replace("Connections:  {\n", "Connections:  {\n" + "\n".join(links) + "\n", 1)
+    clip = fbx.parse(text.encode(), "bound.fbx")
+    np.testing.assert_allclose(np.abs(clip.local_rotations[0, :, 3]), 1.0, atol=1e-12)
+    np.testing.assert_allclose(where(clip), expected(clip, TRUNK) / 100.0, atol=1e-12)
+    assert clip.left_out == ("blend shape jawOpen",)
