@@ -55,6 +55,17 @@ def joined_chunks(chunks: list[tuple[bytes, bytes]]) -> bytes:
     return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
 
 
+def of_fbx(content: bytes, rng: random.Random) -> bytes:
+    """An FBX file with a word of its text, or bytes of its records, mutated; mostly such that records end as before."""
+    if content[:7] != b"Kaydara":
+        return of_text(content, rng)
+    other = of_bytes(content, rng)
+    if len(other) != len(content) and rng.random() < 0.8:
+        at = rng.randrange(len(content) - 8)
+        other = content[:at] + struct.pack("<i", rng.choice(INTEGERS) % 2**31) + content[at + 4 :]
+    return other
+
+
 def of_gltf(content: bytes, rng: random.Random) -> bytes:
     """A glTF document with a number of an accessor or node, any value, or an embedded buffer mutated."""
     try:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
+import io
 import json
 import struct
 import tempfile
@@ -76,6 +78,16 @@ def clip_seeds(suffix: str) -> list[bytes]:
     return [formats.encode(one, f"a{suffix}") for one in clips]
 
 
+def smplx_seeds() -> list[bytes]:
+    """Poses of SMPL-X as they are written, and in parts as others name them."""
+    whole = formats.encode(clip(), "a.smplx.npz")
+    with np.load(io.BytesIO(whole)) as stored:
+        poses = stored["poses"].astype(np.float32)
+    parts = io.BytesIO()
+    np.savez(parts, global_orient=poses[:, :3], body_pose=poses[:, 3:66], left_hand_pose=poses[:, 75:120], fps=24)
+    return [whole, parts.getvalue()]
+
+
 def gltf_seeds() -> list[bytes]:
     """A .vrma, a .glb with a skin and one without, a .gltf with its buffer inside, and a .vrma with a face."""
     whole, vrma = (formats.encode(clip(n_joints=n), "a.vrma") for n in (len(_JOINTS), 5))
@@ -101,6 +113,13 @@ def gltf_seeds() -> list[bytes]:
         json.dumps(inside).encode(),
         formats.encode(with_face(clip()), "a.vrma"),
     ]
+
+
+def fbx_seeds() -> list[bytes]:
+    """Two binary files of Blender's exporter, and text files of versions 7 and 6."""
+    folder = ROOT / "tests" / "formats" / "fbx"
+    packed = [gzip.decompress(path.read_bytes()) for path in sorted(folder.glob("*.fbx.gz"))]
+    return [*packed, *(path.read_bytes() for path in sorted(folder.glob("*.fbx")))]
 
 
 @cache

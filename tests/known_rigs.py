@@ -331,6 +331,66 @@ RIGS: dict[str, tuple[str, list[str]]] = {
             ),
         ],
     ),
+    # Names of the joints of MHR, in which SAM 3D Body puts out its bodies.
+    "mhr": (
+        "bvh",
+        [
+            "body_world/root=hips/c_spine0=spine/c_spine1/c_spine2=chest/c_spine3=upperChest/c_neck=neck/c_head=head/c_jaw=jaw"
+            "/c_teeth",
+            *both_sides(
+                [
+                    "c_head/l_eye=leftEye/l_eye_null",
+                    "root/l_upleg=leftUpperLeg/l_lowleg=leftLowerLeg/l_foot=leftFoot/l_talocrural/l_subtalar"
+                    "/l_transversetarsal/l_ball=leftToes",
+                    "l_upleg/l_upleg_twist0_proc",
+                    "c_spine3/l_clavicle=leftShoulder/l_uparm=leftUpperArm/l_lowarm=leftLowerArm/l_wrist_twist"
+                    "/l_wrist=leftHand",
+                    "l_lowarm/l_lowarm_twist1_proc",
+                    "l_uparm/l_uparm_twist0_proc",
+                    "l_wrist/l_thumb0/l_thumb1=leftThumbMetacarpal/l_thumb2=leftThumbProximal/l_thumb3=leftThumbDistal"
+                    "/l_thumb_null",
+                    "l_wrist/l_pinky0/l_pinky1=leftLittleProximal/l_pinky2=leftLittleIntermediate"
+                    "/l_pinky3=leftLittleDistal/l_pinky_null",
+                    *(
+                        f"l_wrist/l_{name}1=left{finger}Proximal/l_{name}2=left{finger}Intermediate"
+                        f"/l_{name}3=left{finger}Distal/l_{name}_null"
+                        for name, finger in (("index", "Index"), ("middle", "Middle"), ("ring", "Ring"))
+                    ),
+                ],
+                "^l_",
+                "r_",
+            ),
+        ],
+    ),
+    # Names of the joints of SOMA, in which GEM-X puts out its bodies.
+    "soma": (
+        "soma",
+        [
+            "Hips=hips/Spine1=spine/Spine2=chest/Chest=upperChest/Neck1=neck/Neck2/Head=head/HeadEnd",
+            "Head/Jaw=jaw",
+            *both_sides(
+                [
+                    "Head/LeftEye=leftEye",
+                    "Hips/LeftLeg=leftUpperLeg/LeftShin=leftLowerLeg/LeftFoot=leftFoot/LeftToeBase=leftToes/LeftToeEnd",
+                    "Chest/LeftShoulder=leftShoulder/LeftArm=leftUpperArm/LeftForeArm=leftLowerArm/LeftHand=leftHand",
+                    "LeftHand/LeftHandThumb1=leftThumbMetacarpal/LeftHandThumb2=leftThumbProximal"
+                    "/LeftHandThumb3=leftThumbDistal/LeftHandThumbEnd",
+                    *(
+                        f"LeftHand/LeftHand{name}1/LeftHand{name}2=left{finger}Proximal"
+                        f"/LeftHand{name}3=left{finger}Intermediate/LeftHand{name}4=left{finger}Distal/LeftHand{name}End"
+                        for name, finger in (
+                            ("Index", "Index"),
+                            ("Middle", "Middle"),
+                            ("Ring", "Ring"),
+                            ("Pinky", "Little"),
+                        )
+                    ),
+                ],
+                "Left",
+                "Right",
+            ),
+        ],
+    ),
     "classic bvh": ("bvh", CLASSIC),
     "classic bvh of a long trunk": (
         "bvh",

@@ -38,7 +38,9 @@ def test_archives_keep_everything(tmp_path: Path) -> None:
 def test_foreign_archives_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
     np.savez(path, a=np.zeros(3))
-    with pytest.raises(FormatError, match=r"x\.npz: is no valid \.npz file \(it is no clip that signsplice wrote\)"):
+    with pytest.raises(
+        FormatError, match=r"x\.npz: is no valid \.npz file \(it is no clip that signsplice wrote, nor poses"
+    ):
         load(path)
     path.write_bytes(b"not a zip at all")
     with pytest.raises(FormatError, match=r"is no valid \.npz file"):

@@ -12,8 +12,8 @@ from dataclasses import asdict
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from signsplice.bulk.local import ONE_THREAD
 from signsplice.bulk.shards import ShardResult, make_shard
+from signsplice.children import ONE_THREAD
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 
 LOCAL = "local"

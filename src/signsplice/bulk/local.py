@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing import get_context
 from typing import TypeVar
 
 from signsplice.bulk.shards import ShardResult, make_shard
-from signsplice.children import end_with_parent
+from signsplice.children import processes
 from signsplice.errors import SignspliceError
 
 Result = TypeVar("Result")
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Environment of workers: how a product is cut among threads decides its last bits."""
 _MOST_DEATHS = 8
 """A shard that was being made each time when so many processes ended one after another is to blame for it."""
 
@@ -33,7 +27,7 @@ def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iter
     waiting = list(shards)[::-1]
     deaths: Counter[int] = Counter()
     while waiting:
-        with _pool(workers) as pool:
+        with processes(workers) as pool:
             running: dict[Future[ShardResult], int] = {}
             try:
                 while waiting or running:
@@ -57,38 +51,7 @@ def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iter
                     ) from None
 
 
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def alone(function: Callable[..., Result], *arguments: object) -> Result:
     """What a function gives in a process like those that make shards."""
-    with _pool(1) as pool:
+    with processes(1) as pool:
         return pool.submit(function, *arguments).result()
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that start anew, on one thread each, end with this one, and leave Ctrl-C to it."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin)
-    try:
-        yield pool
-    except BaseException:
-        for process in list((pool._processes or {}).values()):  # 3.14 has ProcessPoolExecutor.kill_workers
-            process.kill()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-def _begin() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()

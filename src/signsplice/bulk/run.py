@@ -17,6 +17,7 @@ from signsplice.bulk import job as jobs
 from signsplice.bulk.job import BulkJob, BulkOptions
 from signsplice.bulk.maker import WORDS_KEPT
 from signsplice.bulk.shards import ShardResult
+from signsplice.children import cores
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic
 
@@ -122,7 +123,7 @@ def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.Re
 def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int) -> Iterator[ShardResult]:
     if ray is not None:
         return cluster.make_all(out, missing, ray, n_kept, workers)
-    return local.make_all(out, missing, min(workers or local.cores(), len(missing)), n_kept)
+    return local.make_all(out, missing, min(workers or cores(), len(missing)), n_kept)
 
 
 def _index(out: Path, shard: int) -> pa.Table:

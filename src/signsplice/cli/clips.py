@@ -30,7 +30,7 @@ SKIN = click.option(
 """An option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
-_LIFTED, _REST_FRAME = f"{__name__}.lifted", f"{__name__}.rest_frame"
+_LIFTED, _REST_FRAME, _TAKE = f"{__name__}.lifted", f"{__name__}.rest_frame", f"{__name__}.take"
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -56,7 +56,9 @@ def reads_rigs(command: Command) -> Command:
 
 
 def reads_poses(command: Command) -> Command:
-    """Add the options of clips that are shown or spliced: ``reads_rigs``, and the frame that shows the rest pose."""
+    """Add the options of clips that are shown or spliced: ``reads_rigs``, the frame that shows the rest pose, and which
+    motion of a file is read.
+    """
 
     @click.option(
         "--rest-frame",
@@ -64,9 +66,10 @@ def reads_poses(command: Command) -> Command:
         metavar="N",
         help="Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]",
     )
+    @click.option("--take", metavar="NAME", help="Take of an .fbx file.  [default: the first that moves its joints]")
     @wraps(command)
-    def with_frame(*args: Any, rest_frame: int | None, **options: Any) -> Any:
-        click.get_current_context().meta[_REST_FRAME] = rest_frame
+    def with_frame(*args: Any, rest_frame: int | None, take: str | None, **options: Any) -> Any:
+        click.get_current_context().meta.update({_REST_FRAME: rest_frame, _TAKE: take})
         return command(*args, **options)
 
     return reads_rigs(with_frame)  # type: ignore[return-value]
@@ -84,7 +87,9 @@ def load(
     ``warns``: whether to print here what of the file is left out or read otherwise. ``face``, ``face_offset``: as in
     ``formats.load``.
     """
-    clip = formats.load(path, limits(), face=face, face_offset=face_offset)
+    row, take = formats.FORMATS.get(Path(path).suffix.lower()), click.get_current_context().meta.get(_TAKE)
+    chosen = take if take and row is not None and row.has_takes else ""
+    clip = formats.load(path, limits(), take=chosen, face=face, face_offset=face_offset)
     if warns and (clip.left_out or clip.notes):
         from signsplice.rig.inspection import left_out_warnings
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_apart, limits, read_roles, reads_rigs
+from signsplice.cli.clips import check_apart, check_output, limits, read_roles, reads_rigs
 from signsplice.cli.options import AS_JSON
 from signsplice.cli.terminal import progress, warn
+from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.lexicon import Entry, Lexicon
@@ -28,15 +29,28 @@ def lexicon() -> None:
 @click.option("--compact", is_flag=True, help="Rotations in 16 bits: half the size, within 0.0001 rad.")
 @click.option("--signer", default="", metavar="NAME", help="Who signs, where glosses.csv does not say.")
 @click.option("--skip-broken", is_flag=True, help="Leave broken clips out, with a warning each.")
+@click.option("--recipe", default="", metavar="NAME|FILE", help="How an archive names its words: see docs/archives.md.")
+@click.option("--jobs", type=click.IntRange(1), metavar="N", help="Processes.  [default: one a core, for many clips]")
 @reads_rigs
-def build(folder: str, output: str, compact: bool, signer: str, roles: str | None, skip_broken: bool) -> None:
+def build(
+    folder: str,
+    output: str,
+    compact: bool,
+    signer: str,
+    roles: str | None,
+    skip_broken: bool,
+    recipe: str,
+    jobs: int | None,
+) -> None:
     """Make a lexicon of every clip below a folder.
 
-    Glosses are the files' names, or stand in DIR/glosses.csv.
+    Glosses are the files' names, or stand in DIR/glosses.csv. With --recipe what is broken, or fits no word, is left
+    out, and a build that was stopped goes on.
     """
     from signsplice import lexicon as lexicons
+    from signsplice.lexicon.folder import reasons
 
-    check_apart(output, [roles])
+    check_apart(output, [roles, recipe])
     joint_of = read_roles(roles)
     with progress(f"building {Path(output).name}") as advance:
         built = lexicons.build(
@@ -46,10 +60,14 @@ def build(folder: str, output: str, compact: bool, signer: str, roles: str | Non
             signer=signer,
             roles=joint_of,
             skip_broken=skip_broken,
+            recipe=recipe,
+            jobs=jobs,
             progress=advance,
             limits=limits(),
         )
     warn(built.warnings)
+    for count, reason in reasons(built.left_out):
+        print(f"{count:6} left out: {reason.removesuffix('; left out')}")
     print(f"{output}: {_count(built.n_words, built.n_letters)}, {built.n_bytes / 1e6:.1f} MB, {built.form}")
 
 
@@ -102,8 +120,11 @@ def _count(n_words: int, n_letters: int) -> str:
 
 @lexicon.command()
 @click.argument("path", metavar="DIR")
+@click.option(
+    "--page", metavar="PAGE.html", help="Of a lexicon: write a page of its lengths, sizes and doubtful words."
+)
 @reads_rigs
-def check(path: str, roles: str | None) -> None:
+def check(path: str, page: str | None, roles: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.
 
     The exit status is 1 where there is one; what else `inspect` names is warned of.
@@ -119,6 +140,10 @@ def check(path: str, roles: str | None) -> None:
                 faults = list(words.faults(advance))
             with progress(f"looking for stray frames in {Path(path).name}") as advance:
                 warnings = list(words.warnings(advance))
+            if page is not None:
+                _write_page(words, page)
+    elif page is not None:
+        raise InputError(f"{path}: is no lexicon, expected one for --page; build it first")
     else:
         with progress(f"checking {Path(path).name}") as advance:
             checked = folder.check(path, joint_of, advance, limits())
@@ -130,6 +155,16 @@ def check(path: str, roles: str | None) -> None:
     print(f"{path}: {found}, {len(faults) or 'no'} fault{'s' if len(faults) != 1 else ''}")
     if faults:
         sys.exit(1)
+
+
+def _write_page(words: Lexicon, page: str) -> None:
+    """Write the page about a lexicon."""
+    from signsplice.evaluation import lexicon_page
+
+    check_output(page, [words.path])
+    with progress(f"writing {Path(page).name}") as advance:
+        facts = lexicon_page.write(words, Path(page), advance)
+    print(f"{page}: {sum(bool(one.doubts) for one in facts)} of {len(facts)} words are doubtful")
 
 
 def open_words(path: str | None) -> Lexicon:

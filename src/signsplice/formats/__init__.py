@@ -27,8 +27,9 @@ class FileFormat:
     suffix: end of the names of its files, lower case with the dot.
     module: module of this package with ``parse(content, file, limits) -> Clip``, which may raise anything, and with
         ``encode(clip) -> bytes`` where clips are written. Empty for a format that is only planned.
-    writes: whether clips are written in it.
+    reads, writes: whether clips are read and written in it.
     has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
+    has_takes: whether a file may hold several motions by name: then ``parse`` also takes ``take``, the name of one.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
     holds: what a planned format holds, for the error message.
     holds_faces: whether its files have a place for a clip's face.
@@ -36,8 +37,10 @@ class FileFormat:
 
     suffix: str
     module: str = ""
+    reads: bool = True
     writes: bool = True
     has_buffers: bool = False
+    has_takes: bool = False
     media_type: str = ""
     holds: str = ""
     holds_faces: bool = True
@@ -48,15 +51,17 @@ FORMATS = {
     for row in (
         FileFormat(".bvh", "bvh", media_type="text/plain; charset=utf-8", holds_faces=False),
         FileFormat(".npz", "npz"),
+        FileFormat(".smplx.npz", "smplx", reads=False, holds_faces=False),
         FileFormat(".glb", "glb", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".gltf", "glb", writes=False, has_buffers=True),
         FileFormat(".vrma", "vrma", has_buffers=True, media_type="model/gltf-binary"),
+        FileFormat(".fbx", "fbx", writes=False, has_takes=True),
         FileFormat(".pose", holds="landmark"),
     )
 }
 """Suffix -> format, in the order in which messages and help texts list them."""
 
-READ_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module)
+READ_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.reads)
 """Suffixes that ``load`` reads."""
 WRITE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.writes)
 """Suffixes that ``save`` and ``encode`` write."""
@@ -70,6 +75,7 @@ def load(
     rest_frame: int | None = None,
     face: str | Path | None = None,
     face_offset: float = 0.0,
+    take: str = "",
 ) -> Clip:
     """The clip in a file, by its suffix, one of ``READ_SUFFIXES``, with the face of NAME.csv beside NAME.bvh where that
     is one (``live_link``).
@@ -78,12 +84,15 @@ def load(
         the first that shows one.
     face: a CSV file with the clip's face, in place of that beside it.
     face_offset: how long after the clip's first frame the first row of such a file is shown, seconds.
+    take: the name of one of several motions that a file holds; by default the first.
 
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` for whatever is wrong with
     its content, and ``LimitError`` where that asks for more than ``limits``, which ``NO_LIMITS`` lifts.
     """
     row = _format(path, "read", READ_SUFFIXES)
-    clip = _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent)
+    if take and not row.has_takes:
+        raise InputError(f"{path}: take {take!r:.80}, expected none: {row.suffix} files have one motion")
+    clip = _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, take)
     if face is not None or (clip.face is None and Path(path).with_suffix(".csv").is_file()):
         from signsplice.formats import live_link
 
@@ -106,7 +115,9 @@ def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Cli
     return _parsed(row, content, file, limits, None)
 
 
-def _parsed(row: FileFormat, content: bytes, file: str, limits: ReadLimits, folder: Path | None) -> Clip:
+def _parsed(
+    row: FileFormat, content: bytes, file: str, limits: ReadLimits, folder: Path | None, take: str = ""
+) -> Clip:
     """The clip in the bytes of a file: the one boundary of all parsers."""
     import numpy as np
 
@@ -115,7 +126,8 @@ def _parsed(row: FileFormat, content: bytes, file: str, limits: ReadLimits, fold
         format_errors(file, f"{row.suffix} file"),
         np.errstate(all="ignore"),
     ):  # numbers that are not finite are refused by the clip
-        clip: Clip = module.parse(content, file, limits, **({"folder": folder} if row.has_buffers else {}))
+        more = {"folder": folder} if row.has_buffers else {"take": take} if row.has_takes else {}
+        clip: Clip = module.parse(content, file, limits, **more)
         if clip.skeleton.roles:
             from signsplice.rig.info import rig_info
 
@@ -162,7 +174,9 @@ def listed(suffixes: Sequence[str]) -> str:
 
 def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
     """The format of a path, or an ``InputError`` that says what cannot be ``done`` with it."""
-    suffix = Path(path).suffix.lower()
+    suffix, whole = Path(path).suffix.lower(), "".join(Path(path).suffixes[-2:]).lower()
+    if whole in suffixes:
+        return FORMATS[whole]
     if suffix in suffixes:
         return FORMATS[suffix]
     expected = f"expected {listed(suffixes)}"

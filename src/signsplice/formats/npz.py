@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError, LimitError
+from signsplice.formats import smplx
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.reading import format_errors, opened
+from signsplice.formats.reading import format_errors, opened, stem
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import POSITIONS, ROTATIONS, Channels
 from signsplice.motion.face import Face
@@ -65,8 +66,8 @@ def encode(clip: Clip) -> bytes:
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
-    """The clip in the bytes of an archive that ``encode`` made. Raises ``InputError``, or what numpy and zipfile raise,
-    for any other.
+    """The clip in the bytes of an archive that ``encode`` made, or that holds poses of SMPL-X. Raises
+    ``InputError``, or what numpy and zipfile raise, for any other.
     """
     if content.count(_ENTRY) > limits.members:  # before zipfile makes an object of each
         raise LimitError(f"{content.count(_ENTRY):,} members, expected at most {limits.members:,.0f}", file=file)
@@ -76,20 +77,21 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
         if unpacked > most:
             what = f"unpacks to {unpacked >> 20:,} MiB, far more than a clip does"
             raise LimitError(f"{what}; expected at most {most / 2**20:,.0f} MiB", file=file)
-        names = [name for name in (_HEAD, *_ARRAYS) if f"{name}.npy" in archive.NameToInfo]
-        if _HEAD not in names:
-            raise InputError("it is no clip that signsplice wrote")
+        members = {name.removesuffix(".npy") for name in archive.NameToInfo}
+        is_ours = _HEAD in members
+        if not is_ours and not smplx.is_smplx(members):
+            raise InputError("it is no clip that signsplice wrote, nor poses of SMPL-X")
+        names = [name for name in ((_HEAD, *_ARRAYS) if is_ours else smplx.NAMES) if name in members]
         for name in names:
-            _check_member(archive, name)
+            _check_member(archive, name, is_ours)
     with np.load(BytesIO(content), allow_pickle=False) as stored:
         arrays = {name: stored[name] for name in names}
-    head = json.loads(str(arrays.pop(_HEAD)))
-    clip = _clip(head, arrays)
+    clip = _clip(json.loads(str(arrays.pop(_HEAD))), arrays) if is_ours else smplx.from_arrays(arrays, stem(file))
     limits.check_clip(len(clip), len(clip.skeleton), clip.fps, clip.nbytes, unpacked, file)
     return clip
 
 
-def _check_member(archive: zipfile.ZipFile, name: str) -> None:
+def _check_member(archive: zipfile.ZipFile, name: str, is_ours: bool) -> None:
     """Raise ``InputError`` where an array is of another type, or larger than its bytes, before memory is taken."""
     member = archive.getinfo(f"{name}.npy")
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
@@ -100,9 +102,10 @@ def _check_member(archive: zipfile.ZipFile, name: str) -> None:
         shape, _, dtype = np.lib.format.read_array_header_1_0(stored)
         n_bytes = member.file_size - stored.tell()
     expected = "U" if name == _HEAD else "i" if name == _INTEGERS else "f"
-    if dtype.kind != expected or (expected == "f" and dtype.itemsize not in (4, 8)):
+    is_count = not is_ours and not shape and dtype.kind in "iu"  # a frame rate
+    if (dtype.kind != expected and not is_count) or (not is_count and expected == "f" and dtype.itemsize not in (4, 8)):
         raise InputError(f"{name} holds {dtype}, expected {_KINDS[expected]}")
-    if len(shape) != _ARRAYS.get(name, 0) or math.prod(shape) * dtype.itemsize != n_bytes:
+    if (is_ours and len(shape) != _ARRAYS.get(name, 0)) or math.prod(shape) * dtype.itemsize != n_bytes:
         raise InputError(f"{name} has shape {shape} in {n_bytes} bytes")
 
 

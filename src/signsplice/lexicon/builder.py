@@ -7,17 +7,14 @@ import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
 from signsplice.lexicon import index
 from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
-from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
-from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames
+from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, fingerprint
+from signsplice.lexicon.preparing import PreparedWord, SharedSkeletons, prepare
+from signsplice.motion.clip import Clip
 
 
 class Builder:
@@ -40,7 +37,7 @@ class Builder:
         self._n_bytes = HEAD_BYTES
         self._names: dict[str, str] = {}  # folded gloss or synonym -> gloss
         self._shared = SharedSkeletons()
-        self._written: dict[Skeleton, tuple[int, str]] = {}  # number and SHA-256 in the index
+        self._written: dict[str, tuple[int, str]] = {}  # description of a skeleton -> number and SHA-256 in the index
         self._digest = hashlib.sha256()
 
     @property
@@ -63,50 +60,57 @@ class Builder:
 
         Raises ``InputError`` where a gloss or synonym is taken or invalid; more words can be added after that.
         """
-        gloss = gloss_of(gloss or clip.name)
+        word = prepare(self._shared.of(clip), self.form)
+        return self.add_prepared(
+            word, gloss, kind=kind, synonyms=synonyms, signer=signer, source=source, checked=checked
+        )
+
+    def add_prepared(
+        self,
+        word: PreparedWord,
+        gloss: str = "",
+        *,
+        kind: str = "",
+        synonyms: Iterable[str] = (),
+        signer: str = "",
+        source: str = "",
+        checked: bool = False,
+    ) -> Entry:
+        """Add a clip that was made ready in the lexicon's form, as ``add`` does."""
+        gloss = gloss_of(gloss or word.name)
         kind = kind_of(gloss, kind)
         other_names = tuple(dict.fromkeys(name for name in map(gloss_of, synonyms) if fold(name) != fold(gloss)))
         for name in (gloss, *other_names):
             if fold(name) in self._names:
                 raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[fold(name)]}")
-        block = encode(clip, self.form)
-        clip = self.with_shared_skeleton(clip)
-        number, skeleton_sha256 = self._skeleton(clip.skeleton)
-        before, after = rest_frames(clip)
+        number, skeleton_sha256 = self._skeleton(word.skeleton)
         entry = Entry(
             gloss=gloss,
             kind=kind,
             synonyms=other_names,
-            fps=clip.fps,
-            n_frames=len(clip),
+            fps=word.fps,
+            n_frames=word.n_frames,
             signer=signer,
             source=source,
             checked=checked,
-            rest_before=before,
-            rest_after=after,
-            sha256=fingerprint(block, skeleton_sha256, clip.fps, len(clip)),
+            rest_before=word.rest_before,
+            rest_after=word.rest_after,
+            sha256=fingerprint(word.block, skeleton_sha256, word.fps, word.n_frames),
         )
-        self._frames.write(block)
-        location = index.ClipLocation(number, self._n_bytes, len(block), clip.translations is not None)
+        self._frames.write(word.block)
+        location = index.ClipLocation(number, self._n_bytes, len(word.block), word.has_translations)
         self._index.add_word(entry, location)
         self._names |= {fold(name): gloss for name in (gloss, *other_names)}
         self._digest.update(index.row_digest(entry, location))
-        self._n_bytes += len(block)
+        self._n_bytes += len(word.block)
         self.n_words += 1
         return entry
 
-    def with_shared_skeleton(self, clip: Clip) -> Clip:
-        """The clip on the first equal skeleton that was met, whose roles and sizes are known by then. Raises
-        ``InputError`` for more joints than are read.
-        """
-        return self._shared.of(clip)
-
-    def _skeleton(self, skeleton: Skeleton) -> tuple[int, str]:
-        """Number and SHA-256 of a shared skeleton; a new one is written to the index."""
-        if skeleton not in self._written:
-            description = index.describe(skeleton)
-            self._written[skeleton] = (self._index.add_skeleton(description), index.sha256(description))
-        return self._written[skeleton]
+    def _skeleton(self, description: str) -> tuple[int, str]:
+        """Number and SHA-256 of a skeleton; a new one is written to the index."""
+        if description not in self._written:
+            self._written[description] = (self._index.add_skeleton(description), index.sha256(description))
+        return self._written[description]
 
     def finish(self) -> None:
         """Write both heads."""
@@ -156,34 +160,3 @@ def check_target(path: str | Path) -> None:
     if not target.is_dir() or index.application_id(target / index.INDEX) != index.APPLICATION_ID:
         raise InputError(f"{path}: is there already and is no lexicon, expected a new name or a lexicon to replace")
     check_nothing_else(Path(path), (index.INDEX, FRAMES), "lexicon")
-
-
-def rest_frames(clip: Clip) -> tuple[int | None, int | None]:
-    """Numbers of frames before and after the sign, of rest or left out by splices; None where the rig's arms are not
-    known.
-    """
-    try:
-        clip = with_rest_pose(clip)
-        stray = stray_frames(clip)
-        start, stop = active_span(arms(clip[stray.start : stray.stop]))
-    except InputError:
-        return None, None
-    return stray.start + start, len(clip) - stray.start - stop
-
-
-class SharedSkeletons:
-    """The first of equal skeletons, of which each file has a copy of its own: finding roles and sizes of a rig takes
-    longer than reading a clip.
-    """
-
-    def __init__(self) -> None:
-        self._by_description: dict[str, Skeleton] = {}
-        self._first: WeakKeyDictionary[Skeleton, Skeleton] = WeakKeyDictionary()
-
-    def of(self, clip: Clip) -> Clip:
-        """The clip on the first skeleton that equals its own. Raises ``InputError`` for more joints than are read."""
-        first = self._first.get(clip.skeleton)
-        if first is None:
-            first = self._by_description.setdefault(index.describe(clip.skeleton), clip.skeleton)
-            self._first[clip.skeleton] = first
-        return clip if first is clip.skeleton else unchecked_copy(clip, skeleton=first)

@@ -3,39 +3,50 @@
 from __future__ import annotations
 
 import os
+import re
 import unicodedata
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from shlex import quote
 
-from signsplice.errors import InputError
-from signsplice.formats import READ_SUFFIXES, load
+from signsplice.children import cores, in_order
+from signsplice.errors import InputError, SignspliceError
+from signsplice.formats import READ_SUFFIXES
+from signsplice.formats.atomic import resumable_folder
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.roles import with_roles
-from signsplice.lexicon import glosses
-from signsplice.lexicon.builder import Builder, SharedSkeletons, building, check_target
-from signsplice.lexicon.entry import Entry, fold, gloss_of
-from signsplice.lexicon.frames import encode
-from signsplice.lexicon.glosses import COLUMNS, TABLE, GlossRow
-from signsplice.motion.clip import Clip
-from signsplice.progress import Progress, counted
-from signsplice.rig.inspection import clip_warnings
+from signsplice.lexicon import archives, glosses
+from signsplice.lexicon.builder import building, check_target
+from signsplice.lexicon.entry import fold, gloss_of
+from signsplice.lexicon.glosses import TABLE, GlossRow
+from signsplice.lexicon.preparing import FileTask, PreparedWord, prepare_file
+from signsplice.progress import Progress
+
+_FILES_A_PROCESS = 50
+"""A process takes as long to start as so many files to read."""
 
 
 @dataclass(frozen=True)
 class Source:
     """A clip's file and the metadata of its word.
 
-    path: the file.
+    paths: the file, and others of the same recording that are read where it is broken.
     where: where its gloss comes from, for messages.
     row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
     """
 
-    path: Path
+    paths: tuple[Path, ...]
     where: str
     row: GlossRow
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.paths[0]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,6 +63,7 @@ class Built:
     n_bytes: size of the frames file.
     form: how rotations are stored.
     warnings: what a user should know, one line each.
+    left_out: words and files that are not in it, one line each, which are among the warnings.
     """
 
     n_words: int
@@ -59,6 +71,7 @@ class Built:
     n_bytes: int
     form: str
     warnings: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,32 +88,35 @@ class Checked:
     warnings: list[str]
 
 
-def find_sources(folder: str | Path, signer: str = "") -> tuple[list[Source], list[str]]:
+def find_sources(folder: str | Path, signer: str = "", table: str | Path = "") -> tuple[list[Source], list[str]]:
     """Every clip below a folder, sorted by name, and the faults of file names and table, one line each.
 
-    Subfolders are searched, except hidden ones and links. Raises ``InputError`` where there is no clip or a folder
-    cannot be read.
+    table: names the clips that are meant, in place of ``glosses.csv``, which names some. Subfolders are searched,
+    except hidden ones and links. Raises ``InputError`` where there is no clip or a folder cannot be read.
     """
     folder = Path(folder)
-    files = _files(folder)
-    rows: dict[str, GlossRow] = {}
+    files = {unicodedata.normalize("NFC", path.relative_to(folder).as_posix()): path for path in _files(folder)}
+    path_of_table = Path(table or folder / TABLE)
+    rows: list[GlossRow] = []
     faults: list[str] = []
-    if (folder / TABLE).exists():
+    if table or path_of_table.exists():
         try:
-            rows, faults = glosses.read(folder / TABLE)
+            rows, faults = glosses.read(path_of_table)
         except InputError as error:
             faults = [str(error)]
-    unused = {unicodedata.normalize("NFC", name): row for name, row in rows.items()}
+    by_file: dict[str, list[GlossRow]] = {}
+    for row in rows:
+        by_file.setdefault(unicodedata.normalize("NFC", row.file), []).append(row)
     sources: list[Source] = []
-    for path in files:
-        name = path.relative_to(folder).as_posix()
-        row = unused.pop(unicodedata.normalize("NFC", name), None)
-        try:
-            sources.append(_source(path, name, row, folder, signer))
-        except InputError as error:
-            faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
-    faults += [f"{folder / TABLE}:{row.line}: no clip {row.file} in {folder}" for row in unused.values()]
-    return sources, faults + _duplicates(sources)
+    for name, path in files.items():
+        for row in by_file.pop(name, [] if table else [GlossRow(name)]):
+            try:
+                sources.append(_source(path, path_of_table, row, signer))
+            except InputError as error:
+                faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
+    lost = [row for rows in by_file.values() for row in rows]
+    faults += [f"{path_of_table}:{row.line}: no clip {row.file} in {folder}" for row in lost]
+    return sources, faults + [fault for _, fault in _duplicates(sources)]
 
 
 def build(
@@ -111,43 +127,53 @@ def build(
     signer: str = "",
     roles: Mapping[str, str] | None = None,
     skip_broken: bool = False,
+    recipe: str = "",
+    jobs: int | None = 1,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
 ) -> Built:
-    """Build a lexicon at ``output`` from every clip below ``folder``, with one clip in memory at a time.
+    """Build a lexicon at ``output`` from every clip below ``folder``, with few clips in memory at a time.
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
-    for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a warning each, rather
-    than stop at the first. limits: of each clip. Raises ``InputError``, also where one of the folders lies in the
-    other; then nothing has changed at ``output``.
+    for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each, rather than
+    stop at the first. recipe: of an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: what does not
+    fit is left out, and a build that was stopped goes on. jobs: processes; None: one a core where there are
+    many files. limits: of each clip. Raises ``InputError``,
+    also where one of the folders lies in the other; then nothing has changed at ``output``.
     """
     check_target(output)
     read, made = Path(folder).resolve(), Path(output).resolve()
     if made.is_relative_to(read) or read.is_relative_to(made):
         raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
-    sources, faults = find_sources(folder, signer)
-    if faults:
-        more = (
-            f" (and {len(faults) - 1} more: `signsplice lexicon check {quote(str(folder))}`)" if len(faults) > 1 else ""
-        )
-        raise InputError(faults[0] + more)
-    warnings: list[str] = []
+    sources, left_out = _wanted(Path(folder), recipe, signer)
+    checks = f"`signsplice lexicon check {quote(str(folder))}`"
+    if left_out and not recipe:
+        more = f" (and {len(left_out) - 1} more: {checks})" if len(left_out) > 1 else ""
+        raise InputError(left_out[0] + more)
+    store = made.with_name(f".{made.name}.prepared") if recipe else None
+    task = FileTask((), (), "int16" if compact else "float32", roles, limits, store)
+    warnings: list[str] = [*left_out]
     n_letters = 0
-    with building(output, compact=compact) as builder:
-        for source in counted(sources, progress):
-            try:
-                entry = _add(builder, source, roles, limits, warnings)
-                n_letters += entry.kind == "letter"
-            except InputError as error:
-                if not skip_broken:
+    with resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
+        for source, word in _prepared(sources, task, jobs, progress):
+            if isinstance(word, str):
+                if not (skip_broken or recipe):
                     raise InputError(
-                        f"{error}; nothing was built: `signsplice lexicon check {quote(str(folder))}` shows every "
-                        "fault, skip_broken leaves such clips out"
-                    ) from error
-                warnings.append(f"{error}; left out")
+                        f"{word}; nothing was built: {checks} shows every fault, skip_broken leaves such clips out"
+                    )
+                left_out.append(f"{word}; left out")
+                warnings.append(left_out[-1])
+                continue
+            warnings += word.warnings
+            row = source.row
+            entry = builder.add_prepared(
+                word, row.gloss, kind=row.kind, synonyms=row.synonyms, signer=row.signer, source=row.source,
+                checked=row.checked,
+            )  # fmt: skip
+            n_letters += entry.kind == "letter"
         if not builder.n_words:
-            raise InputError(f"{folder}: every clip is broken, the first one: {warnings[0]}")
-    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings))
+            raise InputError(f"{folder}: every clip is broken, the first one: {left_out[0]}")
+    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out))
 
 
 def check(
@@ -158,51 +184,52 @@ def check(
 ) -> Checked:
     """What is found in the clips below a folder. Raises ``InputError`` where there is no clip."""
     sources, faults = find_sources(folder)
-    skeletons = SharedSkeletons()
     warnings: list[str] = []
-    for source in counted(sources, progress):
-        try:
-            clip = _read(source, roles, limits)
-            with _prefixed_errors(source):
-                clip = skeletons.of(clip)
-                encode(clip, "float32")
-                warnings += _warnings(clip, source)
-        except InputError as error:
-            faults.append(str(error))
+    for _, word in _prepared(sources, FileTask((), (), "float32", roles, limits), None, progress):
+        if isinstance(word, str):
+            faults.append(word)
+        else:
+            warnings += word.warnings
     return Checked(len(sources), faults, warnings)
 
 
-def _add(
-    builder: Builder, source: Source, roles: Mapping[str, str] | None, limits: ReadLimits, warnings: list[str]
-) -> Entry:
-    """Read a source, add it and return its entry; add to ``warnings``. Raises ``InputError`` that names its file."""
-    clip = _read(source, roles, limits)
-    with _prefixed_errors(source):
-        clip = builder.with_shared_skeleton(clip)
-        warnings += _warnings(clip, source)
-        return builder.add(clip, **{name: getattr(source.row, name) for name in COLUMNS[1:]})
+def reasons(lines: Iterable[str]) -> list[tuple[int, str]]:
+    """How many of the lines that begin with a file give a reason, and the reason, the most frequent first."""
+    counts = Counter(re.sub(r"'[^']*'|\d[\d,.]*", "...", line.partition(": ")[2]) for line in lines)
+    return [(count, reason) for reason, count in counts.most_common()]
 
 
-def _warnings(clip: Clip, source: Source) -> list[str]:
-    """What a user should know about a clip; nothing where its roles do not fit, which ``splice`` says."""
-    with suppress(InputError):
-        return [f"{source.path}: {line}" for line in clip_warnings(clip)]
-    return []
+def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[str]]:
+    """The sources that are built, and a line for each fault or, by a recipe, for each file that is left out."""
+    if not recipe or recipe.lower().endswith(".csv"):
+        sources, lines = find_sources(folder, signer, recipe)
+    else:
+        words, lines = archives.recordings(folder, _files(folder), archives.find_recipe(recipe))
+        sources = [Source(word.paths, str(word.paths[0]), replace(word.row, signer=signer)) for word in words]
+    if not recipe:
+        return sources, lines
+    twice = _duplicates(sources)
+    return [source for source in sources if source not in {source for source, _ in twice}], lines
 
 
-def _read(source: Source, roles: Mapping[str, str] | None, limits: ReadLimits) -> Clip:
-    clip = load(source.path, limits)
-    with _prefixed_errors(source):
-        return clip if roles is None else with_roles(clip, roles)
-
-
-@contextmanager
-def _prefixed_errors(source: Source) -> Iterator[None]:
-    """Prefix errors within the block with the source's file."""
+def _prepared(
+    sources: Sequence[Source], task: FileTask, jobs: int | None, progress: Progress | None
+) -> Iterator[tuple[Source, PreparedWord | str]]:
+    """Each source with its word ready, or what is wrong with it; each file is read once for all of its words."""
+    groups = [list(words) for _, words in groupby(sources, key=lambda source: source.paths)]
+    tasks = [replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words)) for words in groups]
+    workers = min(cores(), len(tasks) // _FILES_A_PROCESS) if jobs is None else min(jobs, len(tasks))
+    done = 0
     try:
-        yield
-    except InputError as error:
-        raise InputError(f"{source.path}: {error}") from error
+        for words, ready in zip(groups, in_order(prepare_file, tasks, max(workers, 1)), strict=True):
+            yield from zip(words, ready, strict=True)
+            done += len(words)
+            if progress is not None:
+                progress(done, len(sources))
+    except BrokenProcessPool as error:
+        raise SignspliceError(
+            "a process that reads clips has ended, out of memory or by a fault; call again with fewer processes"
+        ) from error
 
 
 def _files(folder: Path) -> list[Path]:
@@ -223,25 +250,24 @@ def _files(folder: Path) -> list[Path]:
     return sorted(found, key=lambda path: path.relative_to(folder).as_posix())
 
 
-def _source(path: Path, name: str, row: GlossRow | None, folder: Path, signer: str) -> Source:
-    if row is None:
-        row = GlossRow(name, "", (), "", "", False, "", 0)
-    where = f"{path} ({folder / TABLE}:{row.line})" if row.line else str(path)
+def _source(path: Path, table: Path, row: GlossRow, signer: str) -> Source:
+    where = f"{path} ({table}:{row.line})" if row.line else str(path)
     gloss = row.gloss or gloss_of(path.stem)
-    return Source(path, where, replace(row, gloss=gloss, signer=row.signer or signer, source=row.source or name))
+    return Source((path,), where, replace(row, gloss=gloss, signer=row.signer or signer, source=row.source or row.file))
 
 
-def _duplicates(sources: list[Source]) -> list[str]:
-    """A fault for each gloss or synonym that two files would have."""
+def _duplicates(sources: Sequence[Source]) -> list[tuple[Source, str]]:
+    """The sources whose gloss or synonym another has before them, each with a line that says so."""
     owners: dict[str, Source] = {}
-    faults = []
+    found = []
     for source in sources:
         for name in dict.fromkeys(map(fold, source.names)):
             owner = owners.setdefault(name, source)
             if owner is not source:
                 shown = next(n for n in source.names if fold(n) == name)
-                faults.append(
+                line = (
                     f"{source.where}: gloss {shown!r} is that of {owner.where} too, expected different glosses; "
                     f"name them in {TABLE}"
                 )
-    return faults
+                found.append((source, line))
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.entry import gloss_of, kind_of
 
 TABLE = "glosses.csv"
-COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind")
+COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant")
 _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 
@@ -22,25 +23,27 @@ class GlossRow:
 
     file: path of the clip, relative to the folder.
     gloss, synonyms, signer, source, checked, kind: as in ``Entry``.
-    line: number of the row in the file.
+    line: number of the row in the table, 0 without one.
+    span: start and end of the word in seconds; None where it begins or ends with the clip.
     """
 
     file: str
-    gloss: str
-    synonyms: tuple[str, ...]
-    signer: str
-    source: str
-    checked: bool
-    kind: str
-    line: int
+    gloss: str = ""
+    synonyms: tuple[str, ...] = ()
+    signer: str = ""
+    source: str = ""
+    checked: bool = False
+    kind: str = ""
+    line: int = 0
+    span: tuple[float | None, float | None] = (None, None)
 
 
-def read(path: str | Path) -> tuple[dict[str, GlossRow], list[str]]:
-    """File name -> its row, and every fault of the table as a line ``FILE:LINE: what, expected what``.
+def read(path: str | Path) -> tuple[list[GlossRow], list[str]]:
+    """The rows, and every fault of the table as a line ``FILE:LINE: what, expected what``.
 
     The table is UTF-8 with commas and a header of ``file`` and any other of ``COLUMNS``; synonyms are separated by
-    ``;``; checked is yes or no. Raises ``InputError`` where the file cannot be read, ``FormatError`` where its header
-    is wrong.
+    ``;``; checked is yes or no; a file has several rows where start or end tells its
+    words apart. Raises ``InputError`` where the file cannot be read, ``FormatError`` where its header is wrong.
     """
     file = str(path)
     try:
@@ -49,7 +52,7 @@ def read(path: str | Path) -> tuple[dict[str, GlossRow], list[str]]:
         line = error.object[: error.start].count(b"\n") + 1
         raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=file, line=line) from error
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    rows: dict[str, GlossRow] = {}
+    rows: dict[tuple[str, object], GlossRow] = {}
     faults: list[str] = []
     try:
         head = [cell.strip().lower() for cell in next(reader, [])]
@@ -59,14 +62,14 @@ def read(path: str | Path) -> tuple[dict[str, GlossRow], list[str]]:
                 continue
             try:
                 row = _row(head, cells, reader.line_num)
-                if row.file in rows:
-                    raise InputError(f"{row.file} stands in line {rows[row.file].line} too, expected one row a file")
-                rows[row.file] = row
+                first = rows.setdefault((row.file, row.span), row)
+                if first is not row:
+                    raise InputError(f"{row.file} stands in line {first.line} too, expected one row a file")
             except InputError as error:
                 faults.append(str(FormatError(str(error)[:300], file=file, line=reader.line_num)))
     except csv.Error as error:
         faults.append(str(FormatError(f"is no table ({error})", file=file, line=reader.line_num)))
-    return rows, faults
+    return [*rows.values()], faults
 
 
 def _check_head(head: list[str], file: str) -> None:
@@ -90,6 +93,8 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
         raise InputError(f"checked {fields['checked']!r}, expected yes, no or nothing")
     gloss = gloss_of(fields["gloss"]) if fields["gloss"] else ""
     kind = fields["kind"].lower()
+    if fields["variant"]:
+        gloss = gloss_of(f"{gloss or gloss_of(Path(fields['file']).stem)}-{fields['variant']}")
     kind_of(gloss or gloss_of(Path(fields["file"]).stem), kind)
     return GlossRow(
         file=fields["file"].replace("\\", "/").removeprefix("./"),
@@ -100,4 +105,16 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
         checked=_CHECKED[fields["checked"].lower()],
         kind=kind,
         line=line,
+        span=(_seconds(fields["start"]), _seconds(fields["end"])),
     )
+
+
+def _seconds(cell: str) -> float | None:
+    """A time in seconds; None where the cell is empty."""
+    try:
+        time = float(cell) if cell else None
+    except ValueError:
+        time = math.nan
+    if time is not None and not 0.0 <= time < math.inf:
+        raise InputError(f"time {cell[:40]!r}, expected seconds")
+    return time

@@ -129,14 +129,14 @@ def _fingers(keys: set[tuple[int, bool]], from_zero: bool) -> Mapping[tuple[int,
 
 def _segments(finger: int, chain: list[int], parts: Mapping[int, _Part], first_of_thumb: int) -> dict[int, int]:
     """Segment from 0 -> joint, of a finger's joints from the palm out."""
-    first = first_of_thumb if finger == 0 else 1
+    first, has_end = first_of_thumb if finger == 0 else 1, False
     while chain and _END.search(parts[chain[-1]].words):
-        chain.pop()
+        has_end |= parts[chain.pop()].segment is None  # a fingertip of its own: the last of four joints is none
     while chain and _METACARPAL.search(parts[chain[0]].words) and (finger or len(chain) > 3):
         chain.pop(0)
     if len(chain) > 3:
         numbers = [parts[joint].segment for joint in chain]
-        if numbers[1] is not None and (numbers[0] is None or numbers[0] < first):
+        if (finger and has_end) or (numbers[1] is not None and (numbers[0] is None or numbers[0] < first)):
             chain.pop(0)
     chain = chain[:3]
     segments = [_segment(finger, parts[joint], first) for joint in chain]

@@ -76,6 +76,8 @@ unreal    | clavicle upperarm lowerarm hand | thigh calf foot ball
     | marks spine01 indexmetacarpal middlemetacarpal ringmetacarpal pinkymetacarpal
 # Rokoko's own "Newton" skeleton.
 rokoko    | shoulder arm forearm hand | thigh shin foot toe
+# SOMA's skeleton of 77 joints, as GEM-X writes it.
+soma      | shoulder arm forearm hand | leg shin foot toebase
 xsens     | shoulder upperarm forearm/lowerarm hand | upperleg lowerleg foot toe | marks l5 l3 t12 t8 carpus
 characterCreator | clavicle upperarm forearm hand | thigh calf foot toebase | neck necktwist01 | marks waist
 optitrack | shoulder uarm farm hand | thigh shin foot toe | marks ab
@@ -111,7 +113,8 @@ _SIDE_OF = {"l": "left", "left": "left", "r": "right", "right": "right"}
 _GAP = re.compile(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _PREFIX = re.compile(
     r"(?:(?:mixamorig\d*|bip\d+)(?!\d)[\W_]*"
-    r"|(?:character\d*|valvebiped|cc[\W_]base|j[\W_](?:bip|adj)(?:[\W_]c(?=[\W_]))?|def|org|skel)[\W_]+)(?=.)",
+    r"|(?:character\d*|valvebiped|cc[\W_]base|j[\W_](?:bip|adj)(?:[\W_]c(?=[\W_]))?|def|org|skel)[\W_]+"
+    r"|c_(?=(?:spine|neck|head|jaw)\d*$))(?=.)",
     re.IGNORECASE,
 )
 

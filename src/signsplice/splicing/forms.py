@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from signsplice.errors import InputError
-from signsplice.lexicon.builder import rest_frames
 from signsplice.lexicon.entry import Entry
 from signsplice.lexicon.frames import encode, fingerprint
 from signsplice.lexicon.index import describe, sha256
+from signsplice.lexicon.preparing import rest_frames
 from signsplice.lexicon.reader import SHIPPED, Lexicon, shipped
 from signsplice.motion.clip import Clip, unchecked_copy
 

@@ -1,0 +1,140 @@
+"""A page about a lexicon: how long its words are and rest, how tall its signers are, how fast joints turn, and which
+words are doubtful, with pictures.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections import Counter
+from dataclasses import dataclass, replace
+from html import escape
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from signsplice.errors import InputError
+from signsplice.formats import atomic
+from signsplice.lexicon import Lexicon
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip
+from signsplice.progress import Progress, counted
+from signsplice.render.sheet import Strip, write_strips
+from signsplice.rig.info import rig_info
+from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.rest_pose import with_rest_pose
+
+_PERCENTILES = (0, 5, 50, 95, 100)
+_MOST_SHOWN, _N_PICTURES = 30, 8
+_LEAST_S, _MOST_S, _MOST_DEG_S = 0.3, 8.0, 3000.0
+"""Words that are shorter or longer are doubtful, and those in which a joint turns faster."""
+_STYLE = "body{font:15px sans-serif;margin:2em}td,th{padding:2px 10px;text-align:left}img{max-width:100%}"
+
+
+@dataclass(frozen=True)
+class WordFacts:
+    """What the page says of a word.
+
+    gloss: its gloss.
+    seconds, rest_before_s, rest_after_s: its length, and how much of that is rest; NaN where the arms are not known.
+    stature_m: how tall its signer is.
+    fastest_deg_s: the fastest turn of a joint from frame to frame.
+    doubts: what may be wrong, a line each.
+    """
+
+    gloss: str
+    seconds: float
+    rest_before_s: float
+    rest_after_s: float
+    stature_m: float
+    fastest_deg_s: float
+    doubts: tuple[str, ...]
+
+
+def write(words: Lexicon, page: Path, progress: Progress | None = None) -> list[WordFacts]:
+    """Write the page as one HTML file with its pictures inside; returns what it says of each word, the most doubtful
+    first. Words that cannot be read are doubtful; what is true of most words is said once, of their rig.
+    """
+    facts = [_facts(words, gloss) for gloss in counted([*words.glosses], progress)]
+    counts = Counter(line for one in facts for line in one.doubts)
+    of_the_rig = [line for line, count in counts.items() if count > max(1, len(facts) // 2)]
+    facts = [replace(one, doubts=tuple(line for line in one.doubts if line not in of_the_rig)) for one in facts]
+    facts.sort(key=lambda one: (-len(one.doubts), one.gloss))
+    doubtful = [one for one in facts if one.doubts]
+    parts = [f"<h1>{escape(words.path.name)}: {len(facts)} words, {len(doubtful)} of them doubtful</h1>"]
+    parts += [f"<p>Of most words: {escape(line)}</p>" for line in of_the_rig]
+    head = ("", *(f"{percent} %" for percent in _PERCENTILES))
+    parts += _table(head, [(name, *_percentiles(facts, field)) for name, field in _MEASURES.items()])
+    if doubtful:
+        parts += ["<h2>Doubtful words</h2>", _pictures(words, doubtful[:_MOST_SHOWN])]
+        parts += _table(("gloss", "what may be wrong"), [(one.gloss, "; ".join(one.doubts)) for one in doubtful])
+    parts.append("<h2>All words</h2>")
+    rows = [(one.gloss, *(f"{getattr(one, field):.2f}" for field in _MEASURES.values())) for one in facts]
+    parts += _table(("gloss", *_MEASURES), sorted(rows))
+    head_ = f'<!doctype html><meta charset="utf-8"><title>{escape(words.path.name)}</title><style>{_STYLE}</style>'
+    atomic.write(page, "\n".join([head_, *parts]) + "\n")
+    return facts
+
+
+_MEASURES = {
+    "seconds": "seconds",
+    "s of rest before": "rest_before_s",
+    "s of rest after": "rest_after_s",
+    "stature, m": "stature_m",
+    "fastest joint, degrees/s": "fastest_deg_s",
+}
+"""Heading -> field of ``WordFacts``."""
+
+
+def _facts(words: Lexicon, gloss: str) -> WordFacts:
+    entry = words.entry(gloss)
+    before, after = (np.nan if rest is None else rest / entry.fps for rest in (entry.rest_before, entry.rest_after))
+    try:
+        clip = words.clip(gloss)
+        doubts, stature = [*clip_warnings(clip)], rig_info(clip.skeleton).sizes.unit.stature_m
+    except InputError as error:
+        return WordFacts(gloss, entry.seconds, before, after, np.nan, np.nan, (str(error),))
+    fastest = _fastest(clip)
+    if not _LEAST_S <= entry.seconds <= _MOST_S:
+        doubts.append(f"it takes {entry.seconds:.2f} s")
+    if fastest > _MOST_DEG_S:
+        doubts.append(f"a joint turns by {fastest:,.0f} degrees/s")
+    return WordFacts(gloss, entry.seconds, before, after, stature, fastest, tuple(doubts))
+
+
+def _fastest(clip: Clip) -> float:
+    """The fastest turn of a joint, degrees/s."""
+    if len(clip) < 2:
+        return 0.0
+    steps = rotation.angle_between(clip.local_rotations[:-1], clip.local_rotations[1:])
+    return float(np.rad2deg(steps.max()) * clip.fps)
+
+
+def _percentiles(facts: list[WordFacts], field: str) -> list[str]:
+    values = np.array([getattr(one, field) for one in facts])
+    known = values[np.isfinite(values)]
+    return [f"{value:.2f}" for value in np.percentile(known, _PERCENTILES)] if len(known) else []
+
+
+def _pictures(words: Lexicon, doubtful: list[WordFacts]) -> str:
+    """One picture with a row of frames for each word that can be drawn."""
+    strips = []
+    for one in doubtful:
+        try:
+            clip = with_rest_pose(words.clip(one.gloss))
+            _ = rig_info(clip.skeleton).arm_joints
+        except InputError:
+            continue
+        frames = np.linspace(0, len(clip) - 1, min(_N_PICTURES, len(clip))).round().astype(int).tolist()
+        strips.append(Strip(clip, f"{one.gloss}: {one.doubts[0]}", frames))
+    if not strips:
+        return ""
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "strips.png")
+        write_strips(strips, file)
+        return f'<img alt="" src="data:image/png;base64,{base64.b64encode(file.read_bytes()).decode()}">'
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> list[str]:
+    cells = [[f"<th>{escape(cell)}" for cell in head], *([f"<td>{escape(cell)}" for cell in row] for row in rows)]
+    return ["<table>", *(f"<tr>{''.join(row)}" for row in cells), "</table>"]

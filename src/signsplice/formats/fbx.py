@@ -1,0 +1,211 @@
+"""Skeletal animation read from FBX files, binary and text, of versions 6 and 7; what comes back is in metres, Y up.
+
+Joints are the file's bones, or, where it has none, all that moves with what hangs below; of several skeletons the one
+with most parts of a body. The pose in which skins are bound becomes the rest pose, as in ``gltf_reader``, else that
+with all angles 0, which all files of an exporter share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import FormatError
+from signsplice.formats.fbx_scene import MOVES, FbxScene, Id, Take, Transforms
+from signsplice.formats.gltf_keys import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate
+from signsplice.formats.gltf_skeleton import unique
+from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
+from signsplice.formats.reading import stem
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.info import rig_info
+
+_BONES = ("LimbNode", "Limb", "Root")
+_NO_JOINTS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
+_HELD = 1e-5
+"""Translations that change by less than this fraction of the longest bone are constant."""
+_LEAST_JOINTS = 3
+_NAMED = 5
+"""Most takes or skeletons that a note names."""
+
+
+def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, take: str = "") -> Clip:
+    """The clip of a take in the bytes of a file named ``file``, by default of the first that moves its joints.
+
+    Raises ``FormatError`` where the take or a skeleton is missing, and what the content causes where it is no FBX.
+    """
+    return _Reader(FbxScene(content, file, limits), file, len(content), limits).clip(take)
+
+
+class _Reader:
+    """A scene whose animation is being read."""
+
+    def __init__(self, scene: FbxScene, file: str, n_bytes: int, limits: ReadLimits) -> None:
+        self.scene, self.file, self.n_bytes, self.limits = scene, file, n_bytes, limits
+
+    def clip(self, name: str) -> Clip:
+        """The clip of a take; without a name of the first that moves a joint."""
+        skeletons = self._skeletons()
+        take = self._take(name, {key for order in skeletons for key in order})
+        ranks = [self._rank(order, take) for order in skeletons] if len(skeletons) > 1 else [(0, 0)]
+        order = skeletons.pop(ranks.index(max(ranks)))
+        times, fps = self._times(take, order)
+        quats, positions = self._sampled(take, order, times)
+        clip = self._rested(order, quats, positions, fps)
+        tops = [self.scene.models[other[0]].name for other in skeletons if len(other) > 1]
+        takes = [other.name for other in self.scene.takes if other is not take and other.curves]
+        what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
+        notes = [*_note(f"the take {take.name!r:.80}", takes), *_note(what, tops)]
+        return replace(clip, left_out=take.shapes, notes=tuple(notes))
+
+    def _skeletons(self) -> list[list[Id]]:
+        """The joints of each skeleton, parents first."""
+        models, parents = self.scene.models, self.scene.parents
+        joints = {key for key in self.scene.order if models[key].kind in _BONES or key in self.scene.skinned}
+        if not joints:
+            moved = {key for take in self.scene.takes for key, _ in take.curves}
+            for key in self.scene.order:
+                if (key in moved or parents.get(key) in joints) and models[key].kind not in _NO_JOINTS:
+                    joints.add(key)
+        if not joints:
+            raise self._error("holds neither bones nor models that move, expected an animated skeleton")
+        tops: dict[Id, Id] = {}
+        skeletons: dict[Id, list[Id]] = {}
+        for key in self.scene.order:
+            over = parents.get(key)
+            if over in tops:
+                tops[key] = tops[over]
+            elif key in joints:
+                tops[key] = key
+            if key in joints:
+                skeletons.setdefault(tops[key], []).append(key)
+        return list(skeletons.values())
+
+    def _rank(self, order: Sequence[Id], take: Take) -> tuple[int, int]:
+        """How much of a body a skeleton has, and how many of its joints move."""
+        if len(order) < _LEAST_JOINTS or len(order) > self.limits.joints:
+            return 0, 0
+        names = unique([self.scene.models[key].name for key in order])
+        offsets = np.array([self.scene.models[key].vector(MOVES[0]) for key in order])
+        skeleton = Skeleton(tuple(names), self._parents(order), offsets)
+        return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.curves}.intersection(order))
+
+    def _parents(self, order: Sequence[Id]) -> NDArray[np.intp]:
+        """For each joint the row of the one above it, -1 for the first."""
+        rows = {key: row for row, key in enumerate(order)}
+        found = []
+        for key in order:
+            over = self.scene.parents.get(key)
+            while over is not None and over not in rows:
+                over = self.scene.parents.get(over)
+            found.append(-1 if over is None else rows[over])
+        return np.array(found)
+
+    def _take(self, name: str, joints: Set[Id]) -> Take:
+        """The take of a name, or the first that moves a joint."""
+        for take in self.scene.takes:
+            moves = any(key in joints for key, _ in take.curves)
+            if name == take.name if name else moves:
+                if not moves:
+                    raise self._error(f"its take {name!r:.80} moves no joint")
+                return take
+        names = ", ".join(repr(take.name)[:80] for take in self.scene.takes[:_NAMED])
+        if name and names:
+            raise self._error(f"no take {name!r:.80}, expected one of {names}")
+        raise self._error("holds no take that moves a joint, expected an animated skeleton")
+
+    def _times(self, take: Take, order: Sequence[Id]) -> tuple[FloatArray, float]:
+        """Times (T,) of the frames, and the frame rate: the file's, or that of keys that lie closer or between its
+        frames.
+        """
+        wanted = {*order}
+        curves = [curve for (key, _), axes in take.curves.items() if key in wanted for curve in axes if curve]
+        densest = max(curves, key=lambda curve: len(curve.times)).times
+        start, stop = take.span
+        if stop <= start:
+            start, stop = min(curve.times[0] for curve in curves), max(curve.times[-1] for curve in curves)
+        fps = self.scene.fps if LEAST_FPS <= self.scene.fps <= MOST_FPS else USUAL_FPS
+        steps = np.diff(densest)
+        if len(steps) > 1 and LEAST_FPS <= 1.0 / steps.mean() <= MOST_FPS:
+            rate, at = frame_rate(densest), (densest - densest[0]) * fps
+            if np.ptp(steps) * rate < DRIFT and (rate > fps or np.abs(at - np.rint(at)).max() > DRIFT):
+                fps = rate
+        n_steps = (stop - start) * fps
+        size = n_steps * len(order) * FRAME_BYTES
+        self.limits.check_clip(n_steps, len(order), fps, size, self.n_bytes, self.file)
+        return start + np.arange(int(np.floor(n_steps + DRIFT)) + 1) / fps, fps
+
+    def _sampled(self, take: Take, order: Sequence[Id], times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotations (T, J, 4) and positions (T, J, 3) of joints relative to the joint above, the first in the world."""
+        scene, rows = self.scene, {key: row for row, key in enumerate(order)}
+        needed: set[Id] = set()
+        for key in order:
+            over: Id | None = key
+            while over is not None and over not in needed:
+                needed.add(over)
+                over = scene.parents.get(over)
+        quats, positions = np.empty((len(times), len(order), 4)), np.empty((len(times), len(order), 3))
+        found: dict[Id, Transforms] = {}
+        for key in (key for key in scene.order if key in needed):
+            over = scene.parents.get(key)
+            own = scene.transforms(key, take, times, None if over is None else found[over])
+            if over is not None and over not in rows:  # seen from the joint above that one
+                between = found[over]
+                at = between.positions + rotation.rotate(between.quats, own.positions)
+                own = replace(own, quats=rotation.multiply(between.quats, own.quats), positions=at)
+            found[key] = own
+            if key in rows:
+                quats[:, rows[key]], positions[:, rows[key]] = own.quats, own.positions
+        return quats, positions
+
+    def _rested(self, order: Sequence[Id], quats: FloatArray, positions: FloatArray, fps: float) -> Clip:
+        """The clip of joints whose rotations and positions are relative to the joint above, in the file's axes; both
+        arrays are changed.
+        """
+        parents, names = self._parents(order), tuple(unique([self.scene.models[key].name for key in order]))
+        positions *= self.scene.metres
+        positions[:] = positions @ self.scene.axes.T
+        roots = positions[:, 0].copy()
+        positions[:, 0] = 0.0
+        self._to_axes(quats)
+        bound = self._rest_rotations(order)
+        self._to_axes(bound)
+        parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
+        skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
+        for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
+            turned = rotation.multiply(rotation.multiply(parent_bound[k], quats[:, k]), rotation.inverse(bound[k]))
+            quats[:, k] = rotation.continuous(rotation.normalize(turned))
+            positions[:, k] = rotation.rotate(parent_bound[k], positions[:, k])
+        stretches = np.ptp(positions, axis=0).max() > _HELD * np.abs(skeleton.offsets).max()
+        return Clip(skeleton, quats, roots, fps, stem(self.file), positions if stretches else None)
+
+    def _to_axes(self, quats: FloatArray) -> None:
+        """Change rotations (..., 4) in the file's axes to X right, Y up, Z ahead."""
+        quats[..., :3] = np.linalg.det(self.scene.axes) * quats[..., :3] @ self.scene.axes.T
+
+    def _rest_rotations(self, order: Sequence[Id]) -> FloatArray:
+        """Rotations (J, 4) in the world of the rest pose."""
+        scene = self.scene
+        is_bound = any(key in scene.bound for key in order)
+        found: dict[Id, FloatArray] = {}
+        for key in scene.order:
+            over = scene.parents.get(key)
+            above = rotation.IDENTITY if over is None else found[over]
+            found[key] = scene.bound.get(key, rotation.multiply(above, scene.rest_rotation(key, zero=not is_bound)))
+        return np.array([found[key] for key in order])
+
+    def _error(self, what: str) -> FormatError:
+        return FormatError(what, file=self.file)
+
+
+def _note(what: str, others: Sequence[str]) -> tuple[str, ...]:
+    """A line that says what is read, and what is not; none where there is nothing else."""
+    if not others:
+        return ()
+    names = ", ".join(f"{name!r:.80}" for name in others[:_NAMED])
+    more = f", nor {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+    return (f"{what} is read, not {names}{more}",)

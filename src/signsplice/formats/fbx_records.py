@@ -1,0 +1,242 @@
+"""The records of an FBX file, binary or text: names, values and records within records, read when they are asked for.
+
+Binary records begin with the offset of their end, so that meshes and textures are passed over without being decoded.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from typing import Any
+
+import numpy as np
+
+from signsplice.errors import FormatError
+from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.motion.arrays import FloatArray
+
+MAGIC = b"Kaydara FBX Binary  \x00\x1a\x00"
+_WIDE_HEADS = 7500
+"""From this version on, the numbers in a record's head have 64 bits."""
+_SCALARS = {ord(kind): struct.Struct(f"<{form}") for kind, form in zip("YCBIFDL", "hbbifdq", strict=True)}
+_ARRAYS = {
+    ord(kind): np.dtype(form) for kind, form in zip("fdlibc", ("<f4", "<f8", "<i8", "<i4", "i1", "i1"), strict=True)
+}
+_TEXT, _RAW = ord("S"), ord("R")
+_HEADS = {False: struct.Struct("<IIIB"), True: struct.Struct("<QQQB")}
+"""Of records: where it ends, the number of its values, their bytes, the length of its name."""
+_RECORD_BYTES, _VALUE_BYTES = 400, 64
+"""Memory that a record and a value take at most, besides their bytes in the file."""
+_NAME = r"[A-Za-z_][\w|-]*:"
+_STATEMENT = re.compile(
+    rf"""\s*(?:;[^\n]*|(?P<close>\}})|(?P<name>{_NAME})"""
+    # Values go on over ends of lines, until a line begins with a name, a comment or a brace.
+    rf"""(?P<values>(?:"[^"]*"|[^"{{}};\n]+|\n(?![^\S\n]*(?:{_NAME}|[}};])))*)(?P<open>\{{)?)"""
+)
+_VALUE = re.compile(r'"(?P<text>[^"]*)"|(?P<word>[^\s,"]+)')
+
+
+class Record:
+    """A record of a file.
+
+    name: of the record.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._named: dict[str, Record] | None = None
+        self._values: list[Any] | None = None
+
+    @property
+    def values(self) -> list[Any]:
+        """Its values: numbers, text, and arrays (N,)."""
+        if self._values is None:
+            self._values = self._read_values()
+        return self._values
+
+    def _read_values(self) -> list[Any]:
+        raise NotImplementedError
+
+    @property
+    def children(self) -> list[Record]:
+        """The records within it, in order."""
+        raise NotImplementedError
+
+    @property
+    def named(self) -> dict[str, Record]:
+        """The first record within it of each name."""
+        if self._named is None:
+            self._named = {child.name: child for child in reversed(self.children)}
+        return self._named
+
+    def find(self, name: str) -> Record | None:
+        """The first record within it of a name."""
+        return self.named.get(name)
+
+    def all(self, name: str) -> list[Record]:
+        """The records within it of a name."""
+        return [child for child in self.children if child.name == name]
+
+    def numbers(self, name: str) -> FloatArray:
+        """The numbers (N,) of the first record within it of a name, none where there is none; text counts as 0."""
+        child = self.find(name)
+        values = [] if child is None else child.values
+        if values and isinstance(values[0], np.ndarray):
+            return np.asarray(values[0], np.float64)
+        return np.array([0.0 if isinstance(value, str) else value for value in values], np.float64)
+
+
+class _Budget:
+    """Counts what the records of a file take, and raises ``LimitError`` where that is far more than its bytes."""
+
+    def __init__(self, file: str, n_bytes: int, limits: ReadLimits) -> None:
+        self.file, self.n_bytes, self.limits = file, n_bytes, limits
+        self.taken, self.most = 0, limits.free_bytes + limits.growth * n_bytes
+
+    def take(self, n_bytes: int) -> None:
+        self.taken += n_bytes
+        if self.taken > self.most:
+            self.limits.check_memory("records", self.taken, self.n_bytes, self.file)
+
+
+def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> tuple[Record, int]:
+    """The record that holds all others, and the version times 1000. Raises ``FormatError`` where it is no FBX file."""
+    budget = _Budget(file, len(content), limits)
+    if content.startswith(MAGIC[:20]):
+        (version,) = struct.unpack_from("<I", content, len(MAGIC))
+        wide = version >= _WIDE_HEADS
+        return _BinaryRecord("", content, (len(MAGIC) + 4,) * 2 + (len(content),), 0, wide, budget), version
+    if re.match(rb"[\xef\xbb\xbf\s]*(;|FBXHeaderExtension)", content[:4096]) is None:
+        raise FormatError("is no FBX file: it begins neither as a binary nor as a text one", file=file)
+    top = _text_records(content.decode("utf-8-sig", "replace"), budget)
+    header = top.find("FBXHeaderExtension")
+    version = 0 if header is None else int(next(iter(header.numbers("FBXVersion")), 0))
+    return top, version
+
+
+class _BinaryRecord(Record):
+    """A record of a binary file; ``at``: where its values begin, where they end, and where the record ends."""
+
+    def __init__(
+        self, name: str, content: bytes, at: tuple[int, int, int], n_values: int, wide: bool, budget: _Budget
+    ) -> None:
+        super().__init__(name)
+        self._content, self._at, self._n_values, self._wide, self._budget = content, at, n_values, wide, budget
+        self._children: list[Record] | None = None
+
+    def _read_values(self) -> list[Any]:
+        content, (start, stop, _) = self._content, self._at
+        self._budget.take(self._n_values * _VALUE_BYTES)
+        found: list[Any] = []
+        for _ in range(self._n_values):
+            kind, start = content[start], start + 1
+            if (scalar := _SCALARS.get(kind)) is not None:
+                found.append(scalar.unpack_from(content, start)[0])
+                start += scalar.size
+            elif kind in (_TEXT, _RAW):
+                size = int.from_bytes(content[start : start + 4], "little")
+                start += 4 + size
+                found.append(content[start - size : start].decode("utf-8", "replace") if kind == _TEXT else "")
+            elif kind in _ARRAYS:
+                count, packed, size = struct.unpack_from("<III", content, start)
+                found.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))
+                start += 12 + size
+            else:
+                raise FormatError(f"{self.name}: a value of type {chr(kind)!r}", file=self._budget.file)
+            if start > stop:
+                raise FormatError(f"{self.name}: its values end early", file=self._budget.file)
+        return found
+
+    def _array(self, dtype: np.dtype[Any], count: int, packed: int, start: int, size: int) -> np.ndarray[Any, Any]:
+        n_bytes = count * dtype.itemsize
+        self._budget.take(n_bytes)
+        raw = self._content[start : start + (size if packed else n_bytes)]
+        if packed:
+            raw = zlib.decompressobj().decompress(raw, n_bytes + 1)
+        if len(raw) != n_bytes or (not packed and size != n_bytes):
+            raise FormatError(f"{self.name}: {len(raw)} bytes, expected {count} numbers", file=self._budget.file)
+        return np.frombuffer(raw, dtype)
+
+    @property
+    def children(self) -> list[Record]:
+        if self._children is None:
+            self._children = self._read_children()
+        return self._children
+
+    def _read_children(self) -> list[Record]:
+        content, (_, start, stop), head = self._content, self._at, _HEADS[self._wide]
+        found: list[Record] = []
+        while start + head.size <= stop:
+            end, n_values, n_bytes, n_letters = head.unpack_from(content, start)
+            if end == 0:
+                break
+            begin = start + head.size + n_letters
+            if not begin + n_bytes <= end <= stop or n_values > n_bytes:
+                raise FormatError(
+                    f"a record ends at byte {end}, expected at most {stop}: it is cut off or damaged",
+                    file=self._budget.file,
+                )
+            name = content[start + head.size : begin].decode("utf-8", "replace")
+            at = (begin, begin + n_bytes, end)
+            found.append(_BinaryRecord(name, content, at, n_values, self._wide, self._budget))
+            start = end
+        self._budget.take(_RECORD_BYTES * len(found))
+        return found
+
+
+class _TextRecord(Record):
+    """A record of a text file."""
+
+    def __init__(self, name: str, text: str, budget: _Budget) -> None:
+        super().__init__(name)
+        self._text, self._budget = text, budget
+        self._children: list[Record] = []
+
+    @property
+    def children(self) -> list[Record]:
+        return self._children
+
+    def _read_values(self) -> list[Any]:
+        self._budget.take((1 + self._text.count(",")) * _VALUE_BYTES)
+        return [_number(m["word"]) if m["text"] is None else m["text"] for m in _VALUE.finditer(self._text)]
+
+    def numbers(self, name: str) -> FloatArray:
+        """The numbers (N,) of the first record within it of a name; long lists without an object for each number."""
+        child = self.find(name)
+        inner = None if child is None else child.find("a")
+        if not isinstance(inner, _TextRecord):
+            return super().numbers(name)
+        cells = inner._text.split(",")
+        return np.array(cells if inner._text.strip() else [], np.float64)
+
+
+def _number(word: str) -> Any:
+    """A number, or the word itself."""
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
+
+
+def _text_records(text: str, budget: _Budget) -> _TextRecord:
+    """The record that holds all records of a text file."""
+    stack, at = [_TextRecord("", "", budget)], 0
+    while match := _STATEMENT.match(text, at):
+        at = match.end()
+        if match["close"]:
+            if len(stack) > 1:
+                stack.pop()
+        elif match["name"]:
+            budget.take(_RECORD_BYTES)
+            record = _TextRecord(match["name"][:-1], match["values"], budget)
+            stack[-1]._children.append(record)
+            if match["open"]:
+                stack.append(record)
+    rest = text[at:].strip()
+    if rest:
+        line = text.count("\n", 0, at) + 1
+        raise FormatError(f"no record begins with {rest[:20]!r}", file=budget.file, line=line)
+    return stack[0]

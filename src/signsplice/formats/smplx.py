@@ -1,0 +1,163 @@
+"""SMPL-X and SMPL-H poses (``.npz``): rotation vectors of 55 or 52 joints, as AMASS and the sets of signing have them.
+
+Bones have the lengths of this project's signer: the model's own shapes are licensed, and ``betas`` need them. The
+joints' axes are the world's in the T-pose, X to the signer's left, Y up, Z ahead; ``trans`` is the pelvis' position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.align import copy_rotations, reference
+
+_USUAL_FPS = 30.0
+# Joint, number of the joint above, and where it is in the T-pose, cm from the pelvis; limbs of the left side.
+_TRUNK = (
+    ("pelvis", -1, 0, 0, 0), ("left_hip", 0, 9, -4, 0), ("right_hip", 0, -9, -4, 0), ("spine1", 0, 0, 10, -1),
+    ("left_knee", 1, 9, -45, 0.5), ("right_knee", 2, -9, -45, 0.5), ("spine2", 3, 0, 22, -1.5),
+    ("left_ankle", 4, 9, -85, -1), ("right_ankle", 5, -9, -85, -1), ("spine3", 6, 0, 35, -1.5),
+    ("left_foot", 7, 10, -91, 11), ("right_foot", 8, -10, -91, 11), ("neck", 9, 0, 51, -1),
+    ("left_collar", 9, 5, 45, -0.5), ("right_collar", 9, -5, 45, -0.5), ("head", 12, 0, 60, 1),
+    ("left_shoulder", 13, 18, 47, -1), ("right_shoulder", 14, -18, 47, -1), ("left_elbow", 16, 47.5, 47, -1),
+    ("right_elbow", 17, -47.5, 47, -1), ("left_wrist", 18, 73, 47, -1), ("right_wrist", 19, -73, 47, -1),
+)  # fmt: skip
+_FACE = (("jaw", 15, 0, 62, 3), ("left_eye_smplhf", 15, 3.2, 69, 8), ("right_eye_smplhf", 15, -3.2, 69, 8))
+_FINGERS = {
+    "index": ((81.5, 47, 1.9), (86, 47, 1.9), (88.6, 47, 1.9)),
+    "middle": ((81.6, 47.2, -0.3), (86.5, 47.2, -0.3), (89.5, 47.2, -0.3)),
+    "pinky": ((80.3, 46.6, -4.4), (83.9, 46.6, -4.4), (86, 46.6, -4.4)),
+    "ring": ((81, 47, -2.4), (85.5, 47, -2.4), (88.4, 47, -2.4)),
+    "thumb": ((74.9, 45.8, 1.2), (78, 44.6, 3.9), (80.5, 43.6, 6.1)),
+}
+_PARTS = (
+    (3, ("root_orient", "global_orient", "smplx_root_pose")),
+    (63, ("pose_body", "body_pose", "smplx_body_pose")),
+    (3, ("pose_jaw", "jaw_pose", "smplx_jaw_pose")),
+    (3, ("leye_pose", "smplx_leye_pose")),
+    (3, ("reye_pose", "smplx_reye_pose")),
+    (45, ("left_hand_pose", "smplx_lhand_pose")),
+    (45, ("right_hand_pose", "smplx_rhand_pose")),
+)
+"""Parts of a pose in the order of the joints: how many numbers, and what files call them. One name may hold two parts:
+``_JOINED``.
+"""
+_JOINED = {"pose_eye": (3, 5), "pose_hand": (5, 7)}
+"""Name -> the parts that it holds."""
+_POSES, _TRANS = ("poses", "fullpose"), ("trans", "transl", "smplx_transl")
+_RATES = ("mocap_frame_rate", "mocap_framerate", "fps")
+_NOT_READ = ("betas", "expression", "smplx_shape", "smplx_expr", "dmpls")
+NAMES = (*_POSES, *(name for _, names in _PARTS for name in names), *_JOINED, *_TRANS, *_RATES, *_NOT_READ)
+"""Arrays that are looked at."""
+N_NUMBERS = {165: 55, 156: 52}
+"""Numbers of a whole pose -> joints: with a face, and without."""
+
+
+def is_smplx(names: Collection[str]) -> bool:
+    """Whether an archive with arrays of these names holds poses."""
+    return any(name in names for name in (*_POSES, *_PARTS[1][1]))
+
+
+def skeleton(n_joints: int) -> Skeleton:
+    """The signer's bones as SMPL-X (55 joints) or SMPL-H (52) has them, in metres."""
+    rows = [*_TRUNK, *(_FACE if n_joints == 55 else ())]
+    for side, sign, wrist in (("left", 1, 20), ("right", -1, 21)):
+        for finger, places in _FINGERS.items():
+            for k, (x, y, z) in enumerate(places):
+                rows.append((f"{side}_{finger}{k + 1}", len(rows) - 1 if k else wrist, sign * x, y, z))
+    parents = np.array([row[1] for row in rows])
+    at = 0.01 * np.array([row[2:] for row in rows], np.float64)  # (J, 3)
+    offsets = at - np.where((parents >= 0)[:, None], at[parents], 0.0)
+    return Skeleton(tuple(row[0] for row in rows), parents, offsets)
+
+
+def from_arrays(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
+    """The clip of an archive's arrays. Raises ``InputError`` where they are no poses."""
+    poses = _whole_poses(arrays)
+    bones = skeleton(N_NUMBERS[poses.shape[1]])
+    roots = next((arrays[key] for key in _TRANS if key in arrays), np.zeros((len(poses), 3)))
+    rates = [key for key in _RATES if key in arrays]
+    notes = [] if rates else [f"it names no frame rate: {_USUAL_FPS:g} fps is taken"]
+    notes += [f"{key} is not read: bones have this project's lengths" for key in ("betas",) if _is_used(arrays, key)]
+    return Clip(
+        bones,
+        rotation.exp(_checked("poses", poses, poses.shape).reshape(len(poses), -1, 3)),
+        _checked("trans", roots, (len(poses), 3)),
+        float(arrays[rates[0]]) if rates and arrays[rates[0]].ndim == 0 else _USUAL_FPS,
+        name,
+        left_out=tuple(key for key in _NOT_READ if key != "betas" and _is_used(arrays, key)),
+        notes=tuple(notes),
+    )
+
+
+def encode(clip: Clip) -> bytes:
+    """The bytes of an archive with the arrays of AMASS' SMPL-X files; hands as rotations from the flat hand. A clip of
+    another rig is carried over by its joints' roles. Raises ``RigMismatchError`` where that is no person.
+    """
+    bones = skeleton(55)
+    if clip.skeleton.names != bones.names:
+        rest = Clip(bones, np.tile(rotation.IDENTITY, (1, len(bones), 1)), np.zeros((1, 3)), clip.fps, "SMPL-X")
+        clip = copy_rotations(clip, reference(rest), by_role=True)[0]
+    poses = rotation.log(clip.local_rotations).reshape(len(clip), -1)  # (T, 165)
+    archive = BytesIO()
+    np.savez_compressed(
+        archive,
+        surface_model_type=np.array("smplx"),
+        gender=np.array("neutral"),
+        mocap_frame_rate=np.array(clip.fps),
+        trans=clip.root_positions,
+        poses=poses,
+        betas=np.zeros(16),
+        root_orient=poses[:, :3],
+        pose_body=poses[:, 3:66],
+        pose_jaw=poses[:, 66:69],
+        pose_eye=poses[:, 69:75],
+        pose_hand=poses[:, 75:],
+    )
+    return archive.getvalue()
+
+
+def _whole_poses(arrays: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    """Poses (T, 165 or 156) of an archive that holds them whole or in parts; parts that it lacks are at rest."""
+    for key in _POSES:
+        if key in arrays:
+            if arrays[key].ndim != 2 or arrays[key].shape[1] not in N_NUMBERS:
+                raise InputError(
+                    f"{key} has shape {arrays[key].shape}, expected (T, 165) of SMPL-X or (T, 156) of SMPL-H"
+                )
+            return arrays[key]
+    n_frames = len(next(arrays[name] for name in _PARTS[1][1] if name in arrays))
+    found: list[NDArray[Any]] = []
+    for number, (size, names) in enumerate(_PARTS):
+        key = next((name for name in names if name in arrays), "")
+        joined = next((name for name, (a, b) in _JOINED.items() if a <= number < b and name in arrays), "")
+        if key:
+            found.append(_checked(key, arrays[key].reshape(n_frames, -1), (n_frames, size)))
+        elif joined:
+            first, stop = _JOINED[joined]
+            whole = _checked(joined, arrays[joined].reshape(n_frames, -1), (n_frames, size * (stop - first)))
+            found.append(whole[:, size * (number - first) : size * (number - first + 1)])
+        else:
+            found.append(np.zeros((n_frames, size)))
+    return np.concatenate(found, axis=1)
+
+
+def _checked(name: str, values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
+    if values.shape != shape:
+        what = "; hands in PCA need the licensed model" if values.ndim == 2 and shape[1] == 45 else ""
+        raise InputError(f"{name} has shape {values.shape}, expected {shape}{what}")
+    if not np.isfinite(values).all():
+        raise InputError(f"{name}: a number is not finite")
+    return np.asarray(values, np.float64)
+
+
+def _is_used(arrays: Mapping[str, NDArray[Any]], name: str) -> bool:
+    return name in arrays and bool(np.any(arrays[name]))

@@ -1,0 +1,258 @@
+"""FBX files written by hand, as text of versions 7.4 and 6.1, and where their models are by products of matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from signsplice.motion.arrays import FloatArray
+
+TICKS = 46186158000
+ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX")
+MOVES = {"T": "Lcl Translation", "R": "Lcl Rotation", "S": "Lcl Scaling"}
+Keys = Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Node:
+    """A model; ``moves``: (T, R or S, axis) -> keys of time and value; ``more``: other properties by name."""
+
+    name: str
+    parent: str = ""
+    at: Sequence[float] = (0.0, 0.0, 0.0)
+    turned: Sequence[float] = (0.0, 0.0, 0.0)
+    scale: Sequence[float] = (1.0, 1.0, 1.0)
+    kind: str = "LimbNode"
+    order: int = 0
+    inherit: int = 1
+    more: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    moves: Mapping[tuple[str, int], Keys] = field(default_factory=dict)
+
+    def properties(self) -> dict[str, Sequence[float]]:
+        own = {MOVES["T"]: self.at, MOVES["R"]: self.turned, MOVES["S"]: self.scale}
+        return (
+            own
+            | dict(self.more)
+            | {"RotationOrder": (self.order,), "InheritType": (self.inherit,), "RotationActive": (1,)}
+        )
+
+    def value(self, move: str, times: FloatArray) -> FloatArray:
+        """(T, 3) with straight lines between keys."""
+        rest = {"T": self.at, "R": self.turned, "S": self.scale}[move]
+        columns = []
+        for axis in range(3):
+            keys = self.moves.get((move, axis), ((0.0, rest[axis]),))
+            columns.append(np.interp(times, [key[0] for key in keys], [key[1] for key in keys]))
+        return np.stack(columns, axis=1)
+
+
+def positions(nodes: Sequence[Node], times: FloatArray) -> dict[str, FloatArray]:
+    """Name -> positions (T, 3) in the file's axes and unit, by the matrices of the FBX SDK's documentation."""
+    rotations: dict[str, FloatArray] = {}  # of the world, without scale
+    linear: dict[str, FloatArray] = {}
+    origins: dict[str, FloatArray] = {}
+    for node in nodes:
+        vector = {name: np.array(values, float) for name, values in node.more.items()}
+        zero = np.zeros(3)
+        axes = ORDERS[node.order]
+        angles = node.value("R", times)[:, ["XYZ".index(axis) for axis in axes]]
+        r = Rotation.from_euler(axes.lower(), angles, degrees=True).as_matrix()  # lower case: about fixed axes
+        pre = Rotation.from_euler("xyz", vector.get("PreRotation", zero), degrees=True).as_matrix()
+        post = Rotation.from_euler("xyz", vector.get("PostRotation", zero), degrees=True).as_matrix()
+        r = pre @ r @ post.T
+        s = node.value("S", times)[:, :, None] * np.eye(3)
+        pivot, offset = vector.get("RotationPivot", zero), vector.get("RotationOffset", zero)
+        spivot, soffset = vector.get("ScalingPivot", zero), vector.get("ScalingOffset", zero)
+        inner = soffset + spivot - (s @ spivot)
+        at = node.value("T", times) + offset + pivot + np.einsum("tab,tb->ta", r, inner - pivot)
+        if not node.parent:
+            rotations[node.name], linear[node.name], origins[node.name] = r, r @ s, at
+            continue
+        over_r, over = rotations[node.parent], linear[node.parent]
+        parent = next(other for other in nodes if other.name == node.parent)
+        shear = over_r.swapaxes(1, 2) @ over
+        if node.inherit == 1:
+            linear[node.name] = over @ r @ s
+        elif node.inherit == 0:
+            linear[node.name] = over_r @ r @ shear @ s
+        else:
+            own = parent.value("S", times)[:, :, None] * np.eye(3)
+            linear[node.name] = over_r @ r @ np.linalg.inv(own) @ shear @ s
+        rotations[node.name] = over_r @ r
+        origins[node.name] = origins[node.parent] + np.einsum("tab,tb->ta", over, at)
+    return origins
+
+
+def text_7(
+    nodes: Sequence[Node],
+    settings: Mapping[str, float] | None = None,
+    takes: Mapping[str, Sequence[Node]] | None = None,
+    span: tuple[float, float] = (0.0, 1.0),
+    flags: int = 4,
+    attributes: str = "0,0,0,0",
+) -> bytes:
+    """A text file of version 7.4; ``takes``: name -> nodes whose moves it has, by default one of ``nodes``' own.
+
+    ``flags``, ``attributes``: of all keys, by default straight lines.
+    """
+    ids = {node.name: 1000 + n for n, node in enumerate(nodes)}
+    lines = [
+        "; FBX 7.4.0 project file",
+        "FBXHeaderExtension:  {",
+        "\tFBXHeaderVersion: 1003",
+        "\tFBXVersion: 7400",
+        "}",
+    ]
+    lines += ["GlobalSettings:  {", "\tVersion: 1000", "\tProperties70:  {"]
+    usual = {"UpAxis": 1, "UpAxisSign": 1, "FrontAxis": 2, "FrontAxisSign": 1, "CoordAxis": 0, "CoordAxisSign": 1}
+    for name, value in (usual | {"UnitScaleFactor": 1.0, "TimeMode": 6} | dict(settings or {})).items():
+        kind = {"UnitScaleFactor": '"double", "Number"', "TimeMode": '"enum", ""'}.get(name, '"int", "Integer"')
+        lines.append(f'\t\tP: "{name}", {kind}, "",{value}')
+    lines += ["\t}", "}", "Objects:  {"]
+    links = []
+    for node in nodes:
+        own = ids[node.name]
+        if node.kind == "LimbNode":
+            lines += [
+                f'\tNodeAttribute: {own + 500}, "NodeAttribute::", "LimbNode" {{',
+                '\t\tTypeFlags: "Skeleton"',
+                "\t}",
+            ]
+            links.append(f'C: "OO",{own + 500},{own}')
+        lines += [f'\tModel: {own}, "Model::{node.name}", "{node.kind}" {{', "\t\tVersion: 232", "\t\tProperties70:  {"]
+        for name, values in node.properties().items():
+            lines.append(f'\t\t\tP: "{name}", {_kind(name, values)}, "A",{",".join(map(repr, values))}')
+        lines += ["\t\t}", "\t\tShading: Y", "\t}"]
+        links.append(f'C: "OO",{own},{ids.get(node.parent, 0)}')
+    for number, (take, moving) in enumerate((takes or {"Take 001": nodes}).items()):
+        stack, layer = 10 + number, 30 + number
+        for node in moving:
+            for n, move in enumerate("TRS"):
+                axes = [axis for kind, axis in node.moves if kind == move]
+                if axes:
+                    at = 100_000 * (1 + number) + 10 * (10 * ids[node.name] + n)
+                    lines += _curve_node(at, node, move)
+                    links += [f'C: "OO",{at},{layer}', f'C: "OP",{at},{ids[node.name]}, "{MOVES[move]}"']
+                for axis in axes:
+                    lines += _curve(at + axis + 1, node.moves[move, axis], flags, attributes.split(","))
+                    links.append(f'C: "OP",{at + axis + 1},{at}, "d|{"XYZ"[axis]}"')
+        lines += [f'\tAnimationStack: {stack}, "AnimStack::{take}", "" {{', "\t\tProperties70:  {"]
+        for name, seconds in (("LocalStart", span[0]), ("LocalStop", span[1])):
+            lines.append(f'\t\t\tP: "{name}", "KTime", "Time", "",{round(seconds * TICKS)}')
+        lines += ["\t\t}", "\t}", f'\tAnimationLayer: {layer}, "AnimLayer::BaseLayer", "" {{', "\t}"]
+        links.append(f'C: "OO",{layer},{stack}')
+    return _with_definitions([*lines, "}", "Connections:  {", *(f"\t{link}" for link in links), "}"])
+
+
+def _kind(name: str, values: Sequence[float]) -> str:
+    """The type of a property, as the file names it."""
+    if name == "RotationActive":
+        return '"bool", ""'
+    if name in MOVES.values():
+        return f'"{name}", ""'
+    return '"enum", ""' if len(values) == 1 else '"Vector3D", "Vector"'
+
+
+def _curve_node(at: int, node: Node, move: str) -> list[str]:
+    rest = {"T": node.at, "R": node.turned, "S": node.scale}[move]
+    numbers = [f'\t\t\tP: "d|{axis}", "Number", "", "A",{rest[k]}' for k, axis in enumerate("XYZ")]
+    return [
+        f'\tAnimationCurveNode: {at}, "AnimCurveNode::{move}", "" {{',
+        "\t\tProperties70:  {",
+        *numbers,
+        "\t\t}",
+        "\t}",
+    ]
+
+
+def _curve(at: int, keys: Keys, flags: int, attributes: Sequence[str]) -> list[str]:
+    lines = [f'\tAnimationCurve: {at}, "AnimCurve::", "" {{', f"\t\tDefault: {keys[0][1]}", "\t\tKeyVer: 4008"]
+    for name, cells in (
+        ("KeyTime", [round(key[0] * TICKS) for key in keys]),
+        ("KeyValueFloat", [key[1] for key in keys]),
+        ("KeyAttrFlags", [flags]),
+        ("KeyAttrDataFloat", attributes),
+        ("KeyAttrRefCount", [len(keys)]),
+    ):
+        lines += [f"\t\t{name}: *{len(cells)} {{", f"\t\t\ta: {','.join(map(str, cells))}", "\t\t}"]
+    return [*lines, "\t}"]
+
+
+def text_6(nodes: Sequence[Node], span: tuple[float, float] = (0.0, 1.0)) -> bytes:
+    """A text file of version 6.1 with one take whose keys are joined by straight lines."""
+    lines = [
+        "; FBX 6.1.0 project file",
+        "FBXHeaderExtension:  {",
+        "\tFBXHeaderVersion: 1003",
+        "\tFBXVersion: 6100",
+        "}",
+    ]
+    lines += ["Objects:  {"]
+    for node in nodes:
+        lines += [
+            f'\tModel: "Model::{node.name}", "{"Limb" if node.kind == "LimbNode" else node.kind}" {{',
+            "\t\tVersion: 232",
+            "\t\tProperties60:  {",
+        ]
+        for name, values in node.properties().items():
+            lines.append(f'\t\t\tProperty: "{name}", {_kind(name, values)},{",".join(map(repr, values))}')
+        lines += [
+            "\t\t}",
+            "\t\tMultiLayer: 0",
+            "\t\tShading: Y",
+            '\t\tCulling: "CullingOff"',
+            '\t\tTypeFlags: "Skeleton"',
+            "\t}",
+        ]
+    lines += [
+        "\tGlobalSettings: {",
+        "\t\tVersion: 1000",
+        "\t\tProperties60:  {",
+        '\t\t\tProperty: "UnitScaleFactor", "double", "",1',
+        "\t\t}",
+        "\t}",
+        "}",
+        "Connections:  {",
+    ]
+    lines += [f'\tConnect: "OO", "Model::{node.name}", "Model::{node.parent or "Scene"}"' for node in nodes]
+    lines += ["}", "Takes:  {", '\tCurrent: "Take 001"', '\tTake: "Take 001" {', '\t\tFileName: "Take_001.tak"']
+    lines += [
+        f"\t\t{name}: {round(span[0] * TICKS)},{round(span[1] * TICKS)}" for name in ("LocalTime", "ReferenceTime")
+    ]
+    for node in nodes:
+        if not node.moves:
+            continue
+        lines += [f'\t\tModel: "Model::{node.name}" {{', "\t\t\tVersion: 1.1", '\t\t\tChannel: "Transform" {']
+        for n, move in enumerate("TRS"):
+            rest = {"T": node.at, "R": node.turned, "S": node.scale}[move]
+            lines += [f'\t\t\t\tChannel: "{move}" {{']
+            for axis, letter in enumerate("XYZ"):
+                keys = node.moves.get((move, axis), ())
+                lines += [
+                    f'\t\t\t\t\tChannel: "{letter}" {{',
+                    f"\t\t\t\t\t\tDefault: {rest[axis]}",
+                    "\t\t\t\t\t\tKeyVer: 4005",
+                    f"\t\t\t\t\t\tKeyCount: {len(keys)}",
+                ]
+                if keys:
+                    lines.append("\t\t\t\t\t\tKey: " + ",\n\t".join(f"{round(t * TICKS)},{v},L" for t, v in keys))
+                lines += ["\t\t\t\t\t}"]
+            lines += [f"\t\t\t\t\tLayerType: {n + 1}", "\t\t\t\t}"]
+        lines += ["\t\t\t}", "\t\t}"]
+    lines += ["\t}", "}"]
+    return _with_definitions(lines)
+
+
+def _with_definitions(lines: Sequence[str]) -> bytes:
+    """The file of lines with the counts of its objects, without which the FBX SDK reads none."""
+    top = lines.index("Objects:  {")
+    stop = lines.index("}", top)
+    names = [
+        line.split(":")[0].strip() for line in lines[top + 1 : stop] if line.startswith("\t") and line[1] not in "\t}"
+    ]
+    counts = [f'\tObjectType: "{name}" {{\n\t\tCount: {names.count(name)}\n\t}}' for name in dict.fromkeys(names)]
+    definitions = ["Definitions:  {", "\tVersion: 100", f"\tCount: {len(names)}", *counts, "}"]
+    return ("\n".join([*lines[:top], *definitions, *lines[top:]]) + "\n").encode()
