@@ -66,6 +66,11 @@ NAMES = {
     "cam-stitch": "CAM-STITCH LSTM",
     "nat": "NAT",
     "conv-interp": "Convolutional interpolation",
+    "lpt-printed-bias": "LpTransformer with a bias",
+    "lpt-printed-equal": "LpTransformer, equal treatment",
+    "conv-s2s-plain": "ConvS2S as printed",
+    "lstm-plain": "LSTM as printed",
+    "transformer-plain": "Transformer as printed",
     "mean-transition": "mean transition",
 }
 RIVALS = ("conv-s2s", "lstm", "transformer")

@@ -57,17 +57,35 @@ SYSTEMS: dict[str, tuple[str, ...]] = {
     "conv-interp": ("spsn", "interpolation"),
     "skeletal-attention": ("spsn", "skeletal"),
     "cam-stitch": ("spsn", "cam-stitch"),
+    "lpt-printed-equal": ("spsn-printed-weighted", "tfgn"),
+    "conv-s2s-plain": ("conv-s2s-plain",),
+    "lstm-plain": ("lstm-plain",),
+    "transformer-plain": ("transformer-plain",),
 }
 """System -> its parts: the one for positions, if it is separate, then the one for frames. ``lpt-printed`` follows the
 print; ``lpt`` has this project's additions to SPSN, and each of ``lpt-eq7``, ``lpt-frames``, ``lpt-no-summary`` and
-``lpt-plain-loss`` lacks one of them.
+``lpt-plain-loss`` lacks one of them. ``lpt-printed-equal`` is ``lpt-printed`` with the token loss and the bias that all
+others have; the ``-plain`` ones are the rivals without either (``published.TREATED``).
 """
-UNBIASED = ("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac")
+UNBIASED = (
+    *("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac"),
+    *("conv-s2s-plain", "lstm-plain", "transformer-plain"),
+)
 """Systems that emit tokens as printed, without the bias chosen on validation pairs, which is an addition too."""
 
 CULLED = ("tfgn", "progressive", "mixture", "nat", "interpolation", "skeletal", "cam-stitch")
 """Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
-_PLAIN_LOSS = ("spsn-printed", "spsn-printed-wa", "spsn-plain-loss")
+_PLAIN_LOSS = (
+    *("spsn-printed", "spsn-printed-wa", "spsn-plain-loss"),
+    *("conv-s2s-plain", "lstm-plain", "transformer-plain"),
+)
+_SAME_SIZES = {
+    "spsn-printed-weighted": "spsn-printed",
+    "conv-s2s-plain": "conv-s2s",
+    "lstm-plain": "lstm",
+    "transformer-plain": "transformer",
+}
+"""Parts that differ from another in the loss alone."""
 
 Config = (
     SpsnConfig
@@ -142,7 +160,7 @@ def _config(name: str, scale: str, fr: int) -> Config:
         "conv-s2s": _convolutions(scale),
         "lstm": LstmConfig(width),
     }
-    return configs[name]
+    return configs[_SAME_SIZES.get(name, name)]
 
 
 def _skeletal(scale: str) -> SkeletalConfig:
@@ -242,12 +260,12 @@ def parts(
             name,
             _config(name, scale, side),
             side if name in CULLED else None,
-            round(fraction * _SCHEDULES[name].steps[column]) if steps is None else steps,
-            (16, _SCHEDULES[name].batch, 64)[column],
-            (1e-2, _SCHEDULES[name].rate, 3e-4)[column],
+            round(fraction * schedule.steps[column]) if steps is None else steps,
+            (16, schedule.batch, 64)[column],
+            (1e-2, schedule.rate, 3e-4)[column],
             name in _PLAIN_LOSS,
         )
-        for name in names
+        for name, schedule in ((name, _SCHEDULES[_SAME_SIZES.get(name, name)]) for name in names)
     )
 
 
@@ -261,7 +279,7 @@ def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed:
     if isinstance(network, MixtureTransformer):
         return MixtureTask(network, normaliser, seed)
     assert isinstance(network, Generator)
-    return FrameTask(network, normaliser, seed)
+    return FrameTask(network, normaliser, seed, part.plain_loss)
 
 
 def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -> nn.Module:

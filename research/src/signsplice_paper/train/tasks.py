@@ -165,12 +165,14 @@ class TokenTask(Task):
 
 
 class FrameTask(Task):
-    """A generator, which predicts the transition frames, and the positions if it has a head for them."""
+    """A generator, which predicts the transition frames, and the positions if it has a head for them; ``plain``: these
+    learn by plain cross-entropy.
+    """
 
-    def __init__(self, network: Generator, normaliser: Normaliser, seed: int) -> None:
+    def __init__(self, network: Generator, normaliser: Normaliser, seed: int, plain: bool = False) -> None:
         super().__init__()
         self.network: Generator = network
-        self.normaliser, self.seed = normaliser, seed
+        self.normaliser, self.seed, self.plain = normaliser, seed, plain
 
     def forward(self, batch: Batch) -> Tensor:
         """The loss () of frames, of last frames, and of tokens."""
@@ -186,7 +188,7 @@ class FrameTask(Task):
         else:
             loss = loss + last_loss(last, batch.real)
         if encoded.tokens is not None:
-            loss = loss + token_loss(encoded.tokens, batch.pre, batch.post, batch.mask)
+            loss = loss + token_loss(encoded.tokens, batch.pre, batch.post, batch.mask, self.plain)
         return loss
 
     def judge(self, batch: Batch) -> dict[str, float]:
