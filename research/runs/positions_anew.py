@@ -1,9 +1,10 @@
-"""Trains the network for positions of a system alone, and puts it into a bundle whose frames come from a trained one.
+r"""Trains the network for positions of a system alone, and puts it into a bundle whose frames come from a trained one.
 
 LpTransformer's two networks are trained apart, so a system that differs from a trained one in the positions' loss alone
 needs half of a training. Called again after an interruption, it continues.
 
-    python research/runs/positions_anew.py --system lpt-printed-equal --frames research/bundles/lpt-printed-cpu-adamw-random
+    python research/runs/positions_anew.py --system lpt-printed-equal \
+        --frames research/bundles/lpt-printed-cpu-adamw-random
 """
 
 from __future__ import annotations

@@ -40,12 +40,18 @@ _SPLICING = ("BLEU-1", "BLEU-4", "PTA", "PAA", "Accuracy", "MSE", "ms a pair")
 _PAGES = {
     "table1": _Page(tables.table_1, (*_COMPARED, _MEAN), _SPLICING),
     "table2": _Page(lambda results, scale, split: tables.table_2(results, scale) if split == SPLITS[0] else []),
+    "treatments": _Page(tables.table_treatments),
     "table3": _Page(tables.table_3, tuple(map(published.name, _ABLATIONS)), _SPLICING[1:]),
     "fr": _Page(tables.table_fr, heads=("BLEU-4", "PAA", "Accuracy", "MSE", "ms a pair", "length exact")),
     "classical": _Page(
         tables.table_classical,
-        (*_COMPARED, "pose-velocity+hermite", "true-positions+hermite", *(name for name, _ in tables.OWN_IN_TABLE_1)),
-        ("Accuracy", "BLEU-4", "error, arm/1000", "velocity error, m/s", "ms, median"),
+        (
+            *_COMPARED,
+            "pose-velocity+hermite",
+            "true-positions+hermite",
+            *(name for name, _ in (*tables.CLASSICAL_IN_TABLE_1[:4], *tables.OWN_IN_TABLE_1)),
+        ),
+        ("Accuracy", "BLEU-4", "error, arm/1000", "velocity error, m/s", *tables.viewed_titles(), "ms, median"),
         n_tables=2,
     ),
     frame_errors.PAGE: _Page(

@@ -4,8 +4,9 @@ The parts of a system are trained separately: a splice position is a choice, so 
 through Culling to SPSN, and joint training would equal separate training. LpTransformer and its ablations share parts,
 so that comparing them compares designs, not random initial weights.
 
-smoke: everything in minutes, to test the pipeline. cpu: smaller networks, some hours on two cores. paper: the sizes of
-the paper (512 units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
+smoke: everything in minutes, to test the pipeline. small: half the width of cpu and a fifth of its steps, for table 1
+on ten to thirty words of one's own. cpu: smaller networks, some hours on two cores. paper: the sizes of the paper (512
+units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
 """
 
 from __future__ import annotations
@@ -128,6 +129,7 @@ class SystemPart:
 def _transformer(scale: str) -> TransformerConfig:
     sizes = {
         "smoke": TransformerConfig(32, 2, 1, 1, 64, 0.0),
+        "small": TransformerConfig(64, 4, 2, 2, 256, 0.0),
         "cpu": TransformerConfig(128, 8, 3, 3, 512, 0.0),
         "paper": TransformerConfig(),
     }
@@ -135,10 +137,10 @@ def _transformer(scale: str) -> TransformerConfig:
 
 
 def _config(name: str, scale: str, fr: int) -> Config:
-    width = {"smoke": 32, "cpu": 128, "paper": 512}[scale]
+    width = {"smoke": 32, "small": 64, "cpu": 128, "paper": 512}[scale]
     dropout = 0.0 if scale == "smoke" else 0.1
     t = _transformer(scale)
-    whole = replace(t, inner=t.inner // 2) if scale == "cpu" else t
+    whole = replace(t, inner=t.inner // 2) if scale in ("small", "cpu") else t
     configs: dict[str, Config] = {
         "spsn": SpsnConfig(width, dropout=dropout),
         "spsn-wa": SpsnConfig(width, "none", dropout),
@@ -166,6 +168,7 @@ def _config(name: str, scale: str, fr: int) -> Config:
 def _skeletal(scale: str) -> SkeletalConfig:
     sizes = {
         "smoke": SkeletalConfig(8, 2, 1, 1, 16, dropout=0.0),
+        "small": SkeletalConfig(16, 2, 1, 1, 64, dropout=0.0),
         "cpu": SkeletalConfig(32, 2, 2, 2, 128, dropout=0.0),
         "paper": SkeletalConfig(),
     }
@@ -173,7 +176,12 @@ def _skeletal(scale: str) -> SkeletalConfig:
 
 
 def _convolutions(scale: str) -> ConvS2SConfig:
-    sizes = {"smoke": ConvS2SConfig(16, 3, 3, 0.0), "cpu": ConvS2SConfig(64, 20, 20, 0.0), "paper": ConvS2SConfig()}
+    sizes = {
+        "smoke": ConvS2SConfig(16, 3, 3, 0.0),
+        "small": ConvS2SConfig(32, 10, 10, 0.0),
+        "cpu": ConvS2SConfig(64, 20, 20, 0.0),
+        "paper": ConvS2SConfig(),
+    }
     return sizes[scale]
 
 
@@ -218,7 +226,9 @@ parts, and the parts of mixture density, skeletal attention and CAM-STITCH for a
 several times over.
 """
 
-STEP_FRACTIONS = {("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
+SMALL = 0.2
+"""Scale small's steps over those of scale cpu, from which it has batches and rates."""
+STEP_FRACTIONS = {("small", "adamw"): SMALL, ("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
 """Multiples of the steps. SGD is trained until validation stops improving, which takes many times AdamW's steps; for it
 these are a limit. The split of unseen words leaves three fifths of the pairs to learn from, over which half as many
 passes are made.
@@ -253,7 +263,7 @@ def parts(
         if value is not None and value < least:
             raise InputError(f"{option} {value}, expected at least {least}")
     side = FR if fr is None else fr
-    column = SCALES.index(scale)
+    column = ("smoke", "cpu", "paper").index("cpu" if scale == "small" else scale)
     fraction = STEP_FRACTIONS.get((scale, optimiser), 1.0) * STEP_FRACTIONS.get((scale, split), 1.0)
     return tuple(
         SystemPart(
