@@ -112,7 +112,7 @@ class Ridge:
             kept = [self._kept(k, *pairs.index[k, 2:4].tolist()) for k in numbers]
             true = [np.asarray(pairs.truth(k)[2], np.float64) for k in numbers]
             seen = np.array([x.ravel() for x in kept])
-            frames = [stretched(t, RESAMPLED) - self._line(x, RESAMPLED) for x, t in zip(kept, true, strict=True)]
+            made = [stretched(t, RESAMPLED) - self._line(x, RESAMPLED) for x, t in zip(kept, true, strict=True)]
             far = np.array([self._distances(x) for x in kept])
             parts.append(
                 (seen, np.array(frames).reshape(len(frames), -1), far, np.array([[float(len(t))] for t in true]))

@@ -230,15 +230,12 @@ class Judge:
                 prepare(p.numbers)
             with self.progress(f"{like.system}, {p.split}") as advance:
                 judged = protocol.judge(answer, self.pairs, p, advance)
-            seen = {
-                "viewed": results.finite(judged.viewed),
-                "viewed_id": f"{results.viewed_id()} {self.judged_in.get('commit', '')}",
-            }
             if old is None:
                 scores = judged.scores | pair_samples.by_margin(judged.off, self.margins)
                 scores |= {} if more is None else more(p.split)
                 old = replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs)
-            rows.append(replace(old, **seen))
+            viewed_id = f"{results.viewed_id()} {self.judged_in.get('commit', '')}"
+            rows.append(replace(old, viewed=results.finite(judged.viewed), viewed_id=viewed_id))
             if p.split == "random" and label:
                 kept = kept_frames.with_answers(kept, label, answer, self.pairs)
         return rows, kept

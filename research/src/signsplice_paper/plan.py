@@ -127,9 +127,8 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
        together with seeds; at scale ``smoke`` seed 1. While the best rival is not known (None), and all rivals are
        wanted, the list ends before them.
     4. LpTransformer for every fr with seed 0, and with seeds 1 and 2 where the choice names them, values of fr and
-       systems; the systems of the related work on both splits, and SGD: of the systems in ``BY_SGD``, or of those that
-       the choice names together with SGD. Then the four systems in the treatment that they lack, with seeds 1 and 2
-       where the choice names them and systems.
+       systems; the systems of the related work on both splits; the four systems in the treatment that they lack; and
+       SGD: of the systems in ``BY_SGD``, or of those that the choice names together with SGD.
     """
     wanted, smoke = choice or Choice(), scale == "smoke"
     if scale == "small":
@@ -156,10 +155,8 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
     last += [
         Run(system, scale, "adamw", split) for split in SPLITS[: 1 if smoke else None] for system in published.RELATED
     ]
+    last += [] if smoke else [Run(system, scale, "adamw", "random") for system in TREATED]
     last += sgd if scale != "paper" else []
-    if not smoke:
-        again = [seed for seed in SEEDS if wanted.systems and seed in wanted.seeds]
-        last += [Run(system, scale, "adamw", "random", seed=seed) for seed in (0, *again) for system in TREATED]
     return chosen + [run for run in last if wanted.allows(run)]
 
 

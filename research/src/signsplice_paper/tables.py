@@ -194,8 +194,10 @@ def table_treatments(results: Results, scale: str, split: str = "random") -> lis
         blocks.append(("", named))
     if not any(one.rows for _, made in blocks for one in made):
         return []
-    columns: Columns = [(n, d, title) for n, d, title in PAPER_COLUMNS if n not in ("within_1", "within_2", "ms_mean")]
-    columns += [column for column in FURTHER_COLUMNS if column[0] in VIEWED]
+    columns: Columns = [
+        *(column for column in PAPER_COLUMNS if column[0] not in ("within_1", "within_2", "ms_mean")),
+        *(column for column in FURTHER_COLUMNS if column[0] in VIEWED),
+    ]
     printed = [(*row[:-1], *("-" for _ in VIEWED)) for row in _printed(published.TABLE_1)]
     printed = [(*row[:8], *row[10:]) for row in printed]
     caption = f"Like with like: four systems by treatment, scale {scale}, {split}"
