@@ -106,7 +106,7 @@ class Ridge:
 
     def __init__(self, pairs: Pairs, split: str, fr: int = BEST_FR) -> None:
         self.pairs, self.fr = pairs, fr
-        parts = []
+        parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
         for part in ("train", "valid"):
             numbers = pairs.split(split, part)
             kept = [self._kept(k, *pairs.index[k, 2:4].tolist()) for k in numbers]
@@ -114,12 +114,11 @@ class Ridge:
             seen = np.array([x.ravel() for x in kept])
             made = [stretched(t, RESAMPLED) - self._line(x, RESAMPLED) for x, t in zip(kept, true, strict=True)]
             far = np.array([self._distances(x) for x in kept])
-            parts.append(
-                (seen, np.array(frames).reshape(len(frames), -1), far, np.array([[float(len(t))] for t in true]))
-            )
-        (seen, frames, far, counts), valid = parts
-        self.frames = fitted((seen, frames), (valid[0], valid[1]))
-        self.count = fitted((far, counts), (valid[2], valid[3]))
+            counts = np.array([[float(len(t))] for t in true])
+            parts.append((seen, np.array(made).reshape(len(made), RESAMPLED * pairs.spaces[0].n_numbers), far, counts))
+        taught, valid = parts
+        self.frames = fitted(taught[:2], valid[:2])
+        self.count = fitted(taught[2:], valid[2:])
 
     @property
     def n_parameters(self) -> int:

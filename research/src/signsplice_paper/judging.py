@@ -196,9 +196,11 @@ class Judge:
         wanted = [p for p in protocols if self._old(like, p) is None or self.again]
         if not wanted:
             return []
-        system = _LazySystem(self, folder, "one-by-one")
-        system.system.token_bias = bias.token_bias(system.system, self.pairs, split)
-        like = replace(like, token_bias=system.system.token_bias)
+        plain = self.opener(folder, "one-by-one")
+        chosen = bias.token_bias(plain, self.pairs, split)
+        biased = replace(self, opener=lambda *_: plain.with_bias(chosen))
+        system = _LazySystem(biased, folder, "one-by-one")
+        like = replace(like, token_bias=chosen)
         return self._rows(like, "", system, wanted, [], more=partial(self._other_pairs, system))[0]
 
     def _rows(

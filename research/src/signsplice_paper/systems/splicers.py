@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,12 @@ class PaperSystem(ABC):
     def n_parameters(self) -> int:
         """Number of parameters of all networks."""
         return self.config.n_parameters or 0
+
+    def with_bias(self, bias: float) -> PaperSystem:
+        """The same system with another bias of its tokens."""
+        made = copy(self)
+        made.token_bias = bias
+        return made
 
     @abstractmethod
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
