@@ -66,7 +66,7 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
         folder.mkdir()
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
     names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
-    names.append("frame-errors")
+    names += ["frame-errors", "treatments"]
     files = [*(f"{n}{s}" for n in names for s in (".png", ".svg"))]
     assert sorted(path.name for path in written) == sorted(files)
     pages.write(measured(), tmp_path, "cpu", ("frame-errors",))
