@@ -66,7 +66,7 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
         folder.mkdir()
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
     names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
-    names += ["frame-errors", "treatments"]
+    names += ["treatments", "frame-errors"]
     files = [*(f"{n}{s}" for n in names for s in (".png", ".svg"))]
     assert sorted(path.name for path in written) == sorted(files)
     pages.write(measured(), tmp_path, "cpu", ("frame-errors",))
@@ -77,7 +77,7 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     few = [r for r in measured().rows if r.system in style.COMPARED and r.fr in (None, 8)]
     drawn = Results().merged(few, [c for c in measured().curves if c.system in style.COMPARED and c.fr in (None, 8)])
     again = figures.write(drawn, kept_pairs()[:1], two, "cpu")[0]
-    assert {path.stem for path in again} == {"figure4c", "figure4d", "figure6", "frame-errors"}
+    assert {path.stem for path in again} == {"figure4c", "figure4d", "figure6", "frame-errors", "treatments"}
     assert [p.name for p in again if p.stem != "figure4d" and p.read_bytes() != (one / p.name).read_bytes()] == []
     assert figures.write(Results(), [], one, "cpu")[0] == []
 
