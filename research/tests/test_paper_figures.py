@@ -274,11 +274,11 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
     code, output = run(*call)
     assert code == 0, output
-    assert "32 rows judged, 32 in all" in output, (
-        "mean, 4 baselines, 3 methods on three splits; lpt-printed, in one pass and with a bias too, and lstm on two"
+    assert "35 rows judged, 35 in all" in output, (
+        "mean, truth, 4 baselines, 3 methods on three splits; lpt-printed, in one pass and with a bias too, and lstm on two"
     )
     assert {"table1.md", "table1.csv", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))
-    assert "0 rows judged, 32 in all" in run(*call)[1]
+    assert "0 rows judged, 35 in all" in run(*call)[1]

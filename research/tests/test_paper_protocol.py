@@ -198,7 +198,7 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
         *(
             (name, split)
             for split in protocol.SPLITS
-            for name in ("signsplice", *(RIDGES if pairs.split(split, "train") else ()))
+            for name in ("truth", "signsplice", *(RIDGES if pairs.split(split, "train") else ()))
             if (name, split) != ("lpt-positions+ridge", "unseen-words")
         ),
         *((method.name, split) for split in protocol.SPLITS),

@@ -161,6 +161,18 @@ class RidgeAnswers:
         return Prediction(pre, post, self.ridge.fill(number, pre, post))
 
 
+class TrueAnswers:
+    """The truth itself, as a measure of what the scores of ``viewed`` are without any error."""
+
+    def __init__(self, pairs: Pairs) -> None:
+        self.pairs = pairs
+
+    def __call__(self, number: int) -> Prediction:
+        """The true splice of a pair."""
+        (pre, post, frames), rotations = self.pairs.truth(number), self.pairs.truth(number, "rotations")[2]
+        return Prediction(pre, post, frames.astype(np.float64), rotations=rotations.astype(np.float64))
+
+
 class DefaultAnswers:
     """What ``signsplice splice`` makes of the words without any option, for a viewer's comfort."""
 

@@ -140,12 +140,14 @@ class Judge:
         return Judgement(tuple(rows), (), tuple(kept))
 
     def judge_baselines(self, protocols: Sequence[Protocol], configs: Sequence[PaperConfig]) -> Judgement:
-        """Judge this project's default, and ridge regression at the commonest and mean cuts, at the true ones, and at
+        """Judge the truth, this project's default, and ridge regression at the commonest and mean cuts, at the true ones, and at
         those of LPT+, where ``configs`` have it.
         """
         improved = [config for config in configs if config.system == published.IMPROVED and not config.seed]
         rows: list[ResultRow] = []
         for p in protocols:
+            truth = ResultRow("truth", "", CLASSICAL, given="positions and length")
+            rows += self._rows(truth, "", baselines.TrueAnswers(self.pairs), [p], [])[0]
             default = ResultRow("signsplice", "", SHIPPED)
             rows += self._rows(default, "", baselines.DefaultAnswers(self.pairs), [p], [])[0]
             if not self.pairs.split(p.split, "train"):

@@ -49,7 +49,7 @@ _PAGES = {
             *_COMPARED,
             "pose-velocity+hermite",
             "true-positions+hermite",
-            *(name for name, _ in (*tables.CLASSICAL_IN_TABLE_1[:4], *tables.OWN_IN_TABLE_1)),
+            *(name for name, _ in (*tables.CLASSICAL_IN_TABLE_1[:5], *tables.OWN_IN_TABLE_1)),
         ),
         ("Accuracy", "BLEU-4", "error, arm/1000", "velocity error, m/s", *tables.viewed_titles(), "ms, median"),
         n_tables=2,
