@@ -275,7 +275,7 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     code, output = run(*call)
     assert code == 0, output
     assert "35 rows judged, 35 in all" in output, (
-        "mean, truth, 4 baselines, 3 methods on three splits; lpt-printed, in one pass and with a bias too, and lstm on two"
+        "mean, truth, 4 baselines, 3 methods on three splits; lpt-printed, in one pass, with a bias, and lstm on two"
     )
     assert {"table1.md", "table1.csv", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()

@@ -140,8 +140,8 @@ class Judge:
         return Judgement(tuple(rows), (), tuple(kept))
 
     def judge_baselines(self, protocols: Sequence[Protocol], configs: Sequence[PaperConfig]) -> Judgement:
-        """Judge the truth, this project's default, and ridge regression at the commonest and mean cuts, at the true ones, and at
-        those of LPT+, where ``configs`` have it.
+        """Judge the truth, this project's default, and ridge regression at the commonest and mean cuts, at the true
+        ones, and at those of LPT+, where ``configs`` have it.
         """
         improved = [config for config in configs if config.system == published.IMPROVED and not config.seed]
         rows: list[ResultRow] = []
