@@ -51,6 +51,9 @@ def main() -> None:
     runs = dict(source.stored["runs"])
     if training.system not in UNBIASED:
         runs["token_bias"] = token_bias(made, PairsData(pairs, training.split, "valid"))
+    command = ["python", "research/runs/positions_anew.py", "--system", training.system, "--frames", str(given.frames)]
+    command += ["--pairs", "pairs", "--seed", str(given.seed)]
+    command += [] if given.steps is None else ["--steps", str(given.steps)]
     facts = {k: v for k, v in part.facts().items() if k != "config"} | {"steps": step, "stopped": why}
     stored = {k: v for k, v in source.stored.items() if k not in ("version", "files", "halved", "data")} | {
         "system": training.system,
@@ -60,7 +63,7 @@ def main() -> None:
         "parts": {part.name: facts, **kept},
         "runs": runs,
         "frames_from": bundle_sha256(given.frames),
-        "command": ["python", "research/runs/positions_anew.py", "--system", training.system],
+        "command": command,
         "signsplice": provenance.software(),
     }
     files = {name: read_file(given.frames, source, name) for name in source.files if name != "spsn.onnx"}
