@@ -127,7 +127,7 @@ def test_the_four_systems_stand_in_three_treatments_and_missing_ones_are_named()
     biased = row("lpt-printed-bias", treatment=published.BIAS_ALONE, scores={"bleu-1": 0.777})
     found = of_rows(row(published.PRINTED), biased, row("lstm", fr=None))
     (table,) = tables.table_treatments(found, "cpu")
-    text = layout.markdown(layout.selected(table, None, None))
+    text = layout.markdown(layout.selected(table, None, None, missing=True))
     shown = {tuple(c[:2]): c for c in cells(text)}
     assert shown["LpTransformer", "bias alone: AdamW, 100 steps"][2] == "0.777"
     assert ("LSTM", "equal treatment: AdamW, 100 steps") in shown
