@@ -93,7 +93,7 @@ def latex(table: Table) -> str:
 
 
 def selected(table: Table, names: Sequence[str] | None, heads: Sequence[str] | None, missing: bool = False) -> Table:
-    """The lines of a table that have a score, or with ``missing`` all, and whose first cell is one of ``names``, and the
+    """The lines of a table that have a score (with ``missing`` all) and whose first cell is one of ``names``, and the
     columns under ``heads``, beside the first two; None: all. Of scores over several seeds the mean alone.
     """
     columns = [n for n, head in enumerate(table.head) if n < 2 or heads is None or head in heads]
