@@ -65,13 +65,21 @@ class Viewer:
         apart = float(np.linalg.norm(ends[1] - ends[0], axis=-1).mean())
         if not len(frames):
             return PairView(nan, nan, nan, apart)
-        lengths, bones = [], self._seen(p)[1]
-        for shown in (frames, np.asarray(self.pairs.word(p), np.float64)[:1]):
-            joints = _joints_of(shown)
-            lengths.append(np.stack([np.linalg.norm(joints[:, b] - joints[:, a], axis=-1) for a, b in bones], axis=-1))
-        change = float(np.abs(lengths[0] / lengths[1] - 1.0).mean()) if bones else nan
+        word = np.asarray(self.pairs.word(p), np.float64)
+        change = self._bone_change(frames, word[:1], self._seen(p)[1])
         error = velocity_error(frames, np.asarray(true, np.float64), layout)
         return PairView(self._jumps(p, q, prediction), change, error, apart)
+
+    def _bone_change(self, frames: FloatArray, true: FloatArray, bones: Sequence[tuple[int, int]]) -> float:
+        """The mean relative error of the bones' lengths in frames (n, K), beside those of one true frame (1, K)."""
+        if not bones:
+            return float("nan")
+        ends = np.array(bones)
+        made, wanted = (
+            np.linalg.norm(joints[:, ends[:, 1]] - joints[:, ends[:, 0]], axis=-1)
+            for joints in (_joints_of(frames), _joints_of(true))
+        )
+        return float(np.abs(made / wanted - 1.0).mean())
 
     def _jumps(self, p: int, q: int, prediction: Prediction) -> float:
         if prediction.pre is None or prediction.post is None:
