@@ -66,7 +66,7 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
         folder.mkdir()
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
     names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
-    names.append("frame-errors")
+    names += ["treatments", "frame-errors"]
     files = [*(f"{n}{s}" for n in names for s in (".png", ".svg"))]
     assert sorted(path.name for path in written) == sorted(files)
     pages.write(measured(), tmp_path, "cpu", ("frame-errors",))
@@ -77,7 +77,7 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     few = [r for r in measured().rows if r.system in style.COMPARED and r.fr in (None, 8)]
     drawn = Results().merged(few, [c for c in measured().curves if c.system in style.COMPARED and c.fr in (None, 8)])
     again = figures.write(drawn, kept_pairs()[:1], two, "cpu")[0]
-    assert {path.stem for path in again} == {"figure4c", "figure4d", "figure6", "frame-errors"}
+    assert {path.stem for path in again} == {"figure4c", "figure4d", "figure6", "frame-errors", "treatments"}
     assert [p.name for p in again if p.stem != "figure4d" and p.read_bytes() != (one / p.name).read_bytes()] == []
     assert figures.write(Results(), [], one, "cpu")[0] == []
 
@@ -274,11 +274,11 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
     code, output = run(*call)
     assert code == 0, output
-    assert "18 rows judged, 18 in all" in output, (
-        "the mean and 3 methods on three splits; lpt-printed, in one pass too, and lstm on two"
+    assert "35 rows judged, 35 in all" in output, (
+        "mean, truth, 4 baselines, 3 methods on three splits; lpt-printed, in one pass, with a bias, and lstm on two"
     )
     assert {"table1.md", "table1.csv", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
     assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))
-    assert "0 rows judged, 18 in all" in run(*call)[1]
+    assert "0 rows judged, 35 in all" in run(*call)[1]

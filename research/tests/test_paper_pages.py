@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from signsplice_paper import claims_page, pages, results
+from signsplice.errors import InputError
+from signsplice_paper import page_template, pages, results
+from toys import of_rows, row
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -21,11 +23,33 @@ def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_
         if (DOCS / where / results.FILE).is_file():
             (tmp_path / where).mkdir(exist_ok=True)
             shutil.copy(DOCS / where / results.FILE, tmp_path / where / results.FILE)
+    for template in DOCS.glob("*.template.md"):
+        shutil.copy(template, tmp_path)
     found = results.load(folder / results.FILE)
-    written = pages.write(found, tmp_path / name, "cpu") + claims_page.write(found, tmp_path / name, "cpu")
+    written = pages.write(found, tmp_path / name, "cpu") + page_template.write(found, tmp_path / name, "cpu")
     assert written
     assert {path.name for path in folder.glob("*.csv")} == {path.name for path in written if path.suffix == ".csv"}
     for path in written:
         committed = folder / path.name
         assert committed.is_file(), f"{committed}: not there; `signsplice-paper tables --out {folder}`"
         assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice-paper tables --out {folder}`"
+
+
+def test_a_template_takes_means_spreads_ratios_splits_and_methods_from_the_rows() -> None:
+    partner = of_rows(
+        row("lpt", scores={"paa": 0.7}),
+        row("lpt", seed=1, scores={"paa": 0.8}),
+        row("lstm", fr=None, scores={"paa": 0.25}),
+        row("lstm", fr=None, split="unseen-signer", scores={"paa": 0.5}),
+        row("lpt", fr=6, scores={"paa": 0.1}),
+        row("a+b", scale=results.CLASSICAL, optimiser="", fr=None, seed=None, given="positions and length"),
+    )
+    text = (
+        "{{partner lpt paa 2}} {{partner lpt paa 2 spread}} {{partner lpt/lstm paa 1}} {{partner lpt#6 paa 1}} "
+        "{{partner lstm@unseen-signer paa 1}} {{partner a+b:positions_and_length bleu-1 1}} {{partner lpt mse short}}"
+    )
+    filled = page_template.filled(text, {"partner": partner}, "cpu")
+    assert filled == "0.75 0.75 [0.70, 0.80] 3.0 0.1 0.5 0.8 0.0016"
+    for wrong in ("{{partner nat paa 3}}", "{{word lpt paa 3}}", "{{partner lpt paa}}", "{{partner lpt nothing 3}}"):
+        with pytest.raises(InputError, match=r"partner|TRUTH"):
+            page_template.filled(wrong, {"partner": partner}, "cpu")

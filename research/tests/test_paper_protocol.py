@@ -14,7 +14,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.synth.corpus import Pairs
-from signsplice_paper import bundles, clip_methods, judging, kept_frames, metrics, protocol
+from signsplice_paper import bundles, clip_methods, judging, kept_frames, metrics, protocol, published
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import Results
@@ -151,6 +151,31 @@ def test_classical_rows_have_the_golden_scores() -> None:
             assert found[now] == pytest.approx(row[name], rel=1e-6, abs=1e-9), (row["system"], row["told"], name)
 
 
+RIDGES = ("commonest-cut+ridge", "mean-cut+ridge", "true-positions+ridge", "lpt-positions+ridge")
+
+
+def test_a_bundle_without_a_bias_is_judged_with_one_too_and_what_is_known_keeps_its_scores(tmp_path: Path) -> None:
+    pairs = corpus()
+    plain = {"spsn-printed": {"plain_loss": True}}
+    write_bundle(tmp_path / "lpt-printed", pairs, system="lpt-printed", parts=plain)
+    (config,) = bundles.read_all(tmp_path)
+    how = replace(judge(pairs, lambda *_: Fake(pairs, silent=True)), splits=("random",))
+    _, made = how.judgements([], [config], [])
+    found = {row.system: row for row in made.rows}
+    printed, biased = found["lpt-printed"], found["lpt-printed-bias"]
+    assert (printed.treatment, biased.treatment) == (published.AS_PRINTED, published.BIAS_ALONE)
+    assert (printed.score("pta"), biased.score("pta"), biased.score("paa")) == (0.0, 1.0, 1.0)
+    assert biased.token_bias == pytest.approx(1.001)
+    older = replace(printed, viewed={}, scores={**printed.scores, "accuracy": 0.123}, bundle="f" * 12)
+    known = Results().merged([older, biased])
+    halved = {str(printed.bundle): "f" * 12}
+    _, again = replace(how, known=known, published_from=halved).judgements([], [config], [])
+    renewed = {row.system: row for row in again.rows}
+    assert renewed["lpt-printed"].scores == older.scores, "its scores are kept"
+    assert renewed["lpt-printed"].viewed == printed.viewed
+    assert "lpt-printed-bias" not in renewed
+
+
 def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> None:
     pairs = corpus()
     folder = write_bundle(tmp_path / "lpt", pairs)
@@ -170,6 +195,12 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [
         *(("mean-transition", split) for split in protocol.SPLITS if pairs.split(split, "train")),
+        *(
+            (name, split)
+            for split in protocol.SPLITS
+            for name in ("truth", "signsplice", *(RIDGES if pairs.split(split, "train") else ()))
+            if (name, split) != ("lpt-positions+ridge", "unseen-words")
+        ),
         *((method.name, split) for split in protocol.SPLITS),
         ("lpt", "random"),
         ("lpt", "unseen-signer"),
@@ -190,8 +221,9 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
         assert np.allclose(pair.made[kept_frames.label("lpt", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
     known = Results().merged(rows)
     repeated = list(judge(pairs, opener, known).judgements([method], [config], made[-1].kept))
-    assert [judgement.rows for judgement in repeated] == [(), (), ()], "known rows are not judged again"
-    assert opened == [(folder, "one-by-one"), (folder, "parallel")]
+    assert [judgement.rows for judgement in repeated] == [(), (), (), ()], "known rows are not judged again"
+    positions_of_both_splits = [(folder, "one-by-one")] * 2
+    assert opened == [*positions_of_both_splits, (folder, "one-by-one"), (folder, "parallel")]
     forced = list(replace(judge(pairs, opener, known), again=True).judgements([], [config], made[-1].kept))
     assert len(forced[1].rows) == 4
 

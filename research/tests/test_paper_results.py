@@ -113,7 +113,8 @@ def test_kept_frames_survive_a_round_trip_and_merge(tmp_path: Path) -> None:
 
 
 def test_the_plan_trains_every_system_of_the_tables() -> None:
-    for scale in plan.SCALES:
+    assert [run.name for run in plan.runs("small")] == [f"{system}-small-adamw-random" for system in plan.TABLE_1]
+    for scale in ("smoke", "cpu", "paper"):
         planned = plan.runs(scale, rival="lstm")
         assert len({run.name for run in planned}) == len(planned)
         by_adamw = [run for run in planned if run.optimiser == "adamw"]
@@ -121,6 +122,8 @@ def test_the_plan_trains_every_system_of_the_tables() -> None:
         assert {*published.TABLE_1} <= {run.system for run in by_adamw if run.split == "unseen-words"}
         assert {"lpt-printed"} <= {run.system for run in planned if run.optimiser == "sgd"}
     planned = plan.runs("cpu", rival="lstm")
+    lacking = {made for by in published.TREATED.values() for made in by.values()} - {*published.WITH_BIAS.values()}
+    assert lacking <= {run.system for run in planned}, "both treatments of the paper's four systems"
     assert {r.fr for r in planned if r.system == "lpt-printed"} == {None, *plan.SWEEP} - {published.BEST_FR}
     assert {(r.system, r.seed) for r in planned if r.seed} == {
         (system, seed) for system in ("lpt-printed", "lpt", "lstm") for seed in (1, 2)

@@ -99,20 +99,42 @@ def test_systems_that_share_networks_are_compared_with_the_seeds_that_all_have()
     assert all(one.rows for one in tables.blocks_3(strange, "cpu", "random")[0][1] if one.name in ("LPT-WA",))
 
 
-def test_a_system_below_the_mean_transition_is_named_but_has_no_scores() -> None:
+def test_a_system_below_the_mean_transition_is_marked_and_keeps_its_scores() -> None:
     mean = row("mean-transition", scale=MEAN, optimiser="", fr=None, seed=None, scores={"accuracy": 0.95})
     low = row(published.PRINTED, optimiser="sgd", scores={"accuracy": 0.9499, "bleu-1": 0.4321})
     found = of_rows(*paper_rows(), mean, low, row("lpt", scores={"accuracy": 0.95}))
     text = layout.markdown(tables.table_1(found, "cpu")[0])
     (sgd,) = [c for c in cells(text) if c[0] == "LpTransformer" and c[1].startswith("SGD")]
-    assert sgd[1] == "SGD, 100 steps; not trained: below the mean transition"
-    assert set(sgd[2:]) == {"-"}
-    assert "0.432" not in text
-    assert lines.line(found, "lpt", "cpu", "random").is_known, "as good as the mean is not below it"
-    for other, known in ((0.95, True), (0.9498, False)):
-        seeds = found.merged([replace(low, seed=1, scores={**low.scores, "accuracy": other})])
-        assert lines.line(seeds, published.PRINTED, "cpu", "random", "sgd").is_known == known, "one seed is enough"
+    assert sgd[1] == "SGD, 100 steps; below the mean transition"
+    assert "0.432" in sgd
+    assert not lines.line(found, "lpt", "cpu", "random").origin.endswith(lines.BELOW), "as good as the mean"
+    better = found.merged([replace(low, seed=1, scores={**low.scores, "accuracy": 0.95})])
+    assert lines.BELOW not in lines.line(better, published.PRINTED, "cpu", "random", "sgd").origin, "one seed is enough"
     assert any(c[0] == "mean transition" for c in cells(text))
+
+
+def test_only_a_system_that_found_no_token_with_any_seed_is_not_trained() -> None:
+    silent = row("lstm", fr=None, scores={"pta": 0.0, "bleu-1": 0.4321})
+    text = layout.markdown(tables.table_1(of_rows(*paper_rows()[:1], silent), "cpu")[0])
+    (shown,) = [c for c in cells(text) if c[0] == "LSTM" and c[1].startswith("AdamW")]
+    assert shown[1] == "AdamW, 100 steps; not trained: no token found"
+    assert set(shown[2:]) == {"-"}
+    one_found = of_rows(silent, row("lstm", fr=None, seed=1, scores={"pta": 0.001}))
+    assert lines.line(one_found, "lstm", "cpu", "random").is_known
+
+
+def test_the_four_systems_stand_in_three_treatments_and_missing_ones_are_named() -> None:
+    biased = row("lpt-printed-bias", treatment=published.BIAS_ALONE, scores={"bleu-1": 0.777})
+    found = of_rows(row(published.PRINTED), biased, row("lstm", fr=None))
+    (table,) = tables.table_treatments(found, "cpu")
+    text = layout.markdown(layout.selected(table, None, None, missing=True))
+    shown = {tuple(c[:2]): c for c in cells(text)}
+    assert shown["LpTransformer", "bias alone: AdamW, 100 steps"][2] == "0.777"
+    assert ("LSTM", "equal treatment: AdamW, 100 steps") in shown
+    for name in ("LSTM", "Transformer", "ConvS2S"):
+        assert set(shown[name, "as printed: AdamW, not trained yet"][2:]) == {"-"}
+    assert shown["LSTM", "the paper"][2] == published.TABLE_1["lstm"][0]
+    assert tables.table_treatments(of_rows(), "cpu") == []
 
 
 def test_what_is_missing_is_named() -> None:
@@ -268,7 +290,7 @@ def test_special_characters_are_escaped() -> None:
 
 def test_pages_are_written_with_the_same_bytes(tmp_path: Path) -> None:
     found = of_rows(*paper_rows(), *classical_rows())
-    with_csv = ("table1", "table3", "classical")
+    with_csv = ("table1", "treatments", "table3", "classical")
     names = {*(f"{page}.csv" for page in with_csv), *(f"{page}.md" for page in (*with_csv, "table2", "fr"))}
     assert {path.name for path in pages.write(found, tmp_path, "cpu")} == names
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

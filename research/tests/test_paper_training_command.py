@@ -38,7 +38,8 @@ def test_the_best_rival_is_trained_again_once_it_is_known(tmp_path: Path, monkey
     assert training.train_missing(call) == []
     assert len(rounds) == 2
     assert not any("seed1" in name for name in rounds[0])
-    assert [name for name in rounds[1] if name.startswith(RIVALS)] == [
+    rivals = tuple(f"{system}-cpu" for system in RIVALS)
+    assert [name for name in rounds[1] if name.startswith(rivals)] == [
         f"{RIVALS[0]}-cpu-adamw-random-seed{seed}" for seed in (1, 2)
     ]
     rounds.clear()

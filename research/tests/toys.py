@@ -6,7 +6,7 @@ import atexit
 import json
 import shutil
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -78,6 +78,17 @@ class Fake:
             np.concatenate([out, np.repeat(out[-1:], self.longer, axis=0)]) if self.longer >= 0 else out[: self.longer]
         )
         return Prediction(None if self.silent else pre - self.late, None if self.silent else post, out)
+
+    def tokens(self, before: FloatArray, after: FloatArray) -> FloatArray:
+        """The truth's tokens lack 1 to be emitted."""
+        pre, post, _ = self._truth(before, after)
+        logits = np.zeros((len(before) + len(after), 3))
+        logits[:, 0] = 2.0
+        logits[pre, 1] = logits[len(before) + post, 2] = 1.0
+        return logits
+
+    def with_bias(self, bias: float) -> Fake:
+        return replace(self, silent=bias < 1.0)
 
     def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
         found = self.predict(before, after)

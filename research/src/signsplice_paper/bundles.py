@@ -8,6 +8,7 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
 from signsplice.splicing.networks.bundle import BUNDLE_FILE, bundle_sha256
+from signsplice_paper import published
 from signsplice_paper.configs import PaperConfig, config_of
 from signsplice_paper.results import ResultRow
 
@@ -41,8 +42,16 @@ def result_row(config: PaperConfig) -> ResultRow:
         fr=config.fr,
         n_parameters=config.n_parameters,
         token_bias=bias,
+        treatment=_treatment(config),
         bundle=short_hash(config),
     )
+
+
+def _treatment(config: PaperConfig) -> str:
+    """What its tokens were given."""
+    if not any(part.get("plain_loss") for part in config.stored.get("parts", {}).values()):
+        return published.EQUAL
+    return published.AS_PRINTED if config.system in published.WITH_BIAS else published.BIAS_ALONE
 
 
 def short_hash(config: PaperConfig) -> str:

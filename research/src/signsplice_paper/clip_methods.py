@@ -133,7 +133,7 @@ class ClipAnswers:
         """The prediction for a pair."""
         p, q, pre, post, _, count = self.pairs.index[number].tolist()
         cut, made = self.method.splice(self._clip(p), self._clip(q), Cut(pre, post), count)
-        return Prediction(cut.pre, cut.post, self.pairs.space(p).numbers(made))
+        return prediction_of(self.pairs, p, cut, made)
 
     def prepare(self, numbers: Sequence[int]) -> None:
         """Read the words of these pairs, so that reading is not timed."""
@@ -144,6 +144,11 @@ class ClipAnswers:
         if word not in self._clips:
             self._clips[word] = self.pairs.word_clip(word)
         return self._clips[word]
+
+
+def prediction_of(pairs: Pairs, word: int, cut: Cut, made: Clip) -> Prediction:
+    """The prediction that a transition after a word is, given as a clip."""
+    return Prediction(cut.pre, cut.post, pairs.space(word).numbers(made), rotations=made.local_rotations)
 
 
 def classical_methods() -> list[ClipMethod]:

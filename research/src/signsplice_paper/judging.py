@@ -13,6 +13,8 @@ from signsplice.errors import InputError
 from signsplice.splicing.methods.learned import SYSTEM
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import (
+    baselines,
+    bias,
     bundles,
     clip_methods,
     curve,
@@ -32,7 +34,7 @@ from signsplice_paper.mean_transition import NAME as MEAN_TRANSITION
 from signsplice_paper.mean_transition import MeanAnswers
 from signsplice_paper.plan import Choice, Run
 from signsplice_paper.protocol import Answer, Protocol
-from signsplice_paper.results import CLASSICAL, CORPUS_TRAINED, MEAN, SHIPPED, ResultRow, Results
+from signsplice_paper.results import CLASSICAL, CORPUS_TRAINED, FITTED, MEAN, SHIPPED, ResultRow, Results
 from signsplice_paper.systems import open_bundle
 
 ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
@@ -71,6 +73,7 @@ class Judge:
     - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
     - margins: how near the true cuts are to other frames, by pair, as far as known
+    - published_from: short hash of a published bundle -> that of the bundle with 32-bit weights
     - judged_in: commit, versions and machine, read once: a later commit is not that of the code in memory
     """
 
@@ -82,6 +85,7 @@ class Judge:
     again: bool = False
     splits: tuple[str, ...] = ()
     margins: Mapping[int, float] = field(default_factory=dict)
+    published_from: Mapping[str, str] = field(default_factory=dict)
     judged_in: Mapping[str, Any] = field(default_factory=environment)
 
     def protocols(self) -> list[Protocol]:
@@ -92,15 +96,18 @@ class Judge:
         return [protocol.choose(self.pairs, split, limit=self.limit) for split in splits]
 
     def judgements(
-        self, methods: Iterable[ClipMethod], configs: Iterable[PaperConfig], kept: Sequence[KeptFrames]
+        self, methods: Iterable[ClipMethod], configs: Sequence[PaperConfig], kept: Sequence[KeptFrames]
     ) -> Iterator[Judgement]:
-        """Judge the mean transition, methods on clips, then bundles; one judgement each. ``kept``: frames of earlier
-        calls.
+        """Judge the mean transition, methods on clips and baselines, if there are methods, then bundles; one judgement
+        each. ``kept``: frames of earlier calls.
         """
         protocols = self.protocols()
         frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
         protocols = [p for p in protocols if not self.splits or p.split in self.splits]
         yield self.judge_mean(protocols)
+        methods = list(methods)
+        if methods:
+            yield self.judge_baselines(protocols, configs)
         for method in methods:
             judgement = self.judge_method(method, protocols, frames)
             frames = list(judgement.kept)
@@ -132,8 +139,37 @@ class Judge:
         rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare, more)
         return Judgement(tuple(rows), (), tuple(kept))
 
+    def judge_baselines(self, protocols: Sequence[Protocol], configs: Sequence[PaperConfig]) -> Judgement:
+        """Judge the truth, this project's default, and ridge regression at the commonest and mean cuts, at the true
+        ones, and at those of LPT+, where ``configs`` have it.
+        """
+        improved = [config for config in configs if config.system == published.IMPROVED and not config.seed]
+        rows: list[ResultRow] = []
+        for p in protocols:
+            truth = ResultRow("truth", "", CLASSICAL, given="positions and length")
+            rows += self._rows(truth, "", baselines.TrueAnswers(self.pairs), [p], [])[0]
+            default = ResultRow("signsplice", "", SHIPPED)
+            rows += self._rows(default, "", baselines.DefaultAnswers(self.pairs), [p], [])[0]
+            if not self.pairs.split(p.split, "train"):
+                continue
+            ridge = baselines.Ridge(self.pairs, p.split)
+            cuts: dict[str, baselines.Positions] = {
+                "commonest-cut": baselines.WordCuts(self.pairs, p.split, commonest=True),
+                "mean-cut": baselines.WordCuts(self.pairs, p.split, commonest=False),
+                "true-positions": lambda number: tuple(self.pairs.index[number, 2:4].tolist()),
+            }
+            for config in improved:
+                if config.fr == published.BEST_FR and protocol.may_judge(config.stored, self.pairs, p):
+                    cuts["lpt-positions"] = _LazySystem(self, config.path.parent, "one-by-one").positions
+            for name, positions in cuts.items():
+                given = "positions" if name == "true-positions" else "nothing"
+                row = ResultRow(f"{name}+ridge", "", FITTED, given=given, n_parameters=ridge.n_parameters)
+                rows += self._rows(row, "", baselines.RidgeAnswers(ridge, positions), [p], [])[0]
+        return Judgement(tuple(rows), (), ())
+
     def judge_bundle(self, config: PaperConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
-        """Judge a bundle, and where its network can, a second time with all frames made in one pass.
+        """Judge a bundle; a second time with all frames made in one pass, where its network can, and with a bias of
+        its tokens, where it has none.
 
         Raises ``InputError`` if no protocol allows it.
         """
@@ -151,8 +187,23 @@ class Judge:
             one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
             system = _LazySystem(self, folder, "parallel")
             rows += self._rows(one_pass, "", system, allowed, kept, more=partial(self._other_pairs, system))[0]
+        if row.system in published.WITH_BIAS:
+            biased = replace(row, system=published.WITH_BIAS[row.system], treatment=published.BIAS_ALONE)
+            rows += self._with_bias(biased, folder, str(config.split), allowed)
         known = curve.load(folder, row.bundle or "")
         return Judgement(tuple(rows), () if known is None else (known,), tuple(kept))
+
+    def _with_bias(self, like: ResultRow, folder: Path, split: str, protocols: Sequence[Protocol]) -> list[ResultRow]:
+        """New rows of a system with the bias that its validation pairs need."""
+        wanted = [p for p in protocols if self._old(like, p) is None or self.again]
+        if not wanted:
+            return []
+        plain = self.opener(folder, "one-by-one")
+        chosen = bias.token_bias(plain, self.pairs, split)
+        biased = replace(self, opener=lambda *_: plain.with_bias(chosen))
+        system = _LazySystem(biased, folder, "one-by-one")
+        like = replace(like, token_bias=chosen)
+        return self._rows(like, "", system, wanted, [], more=partial(self._other_pairs, system))[0]
 
     def _rows(
         self,
@@ -165,7 +216,8 @@ class Judge:
         more: MoreScores | None = None,
     ) -> tuple[list[ResultRow], list[KeptFrames]]:
         """New rows on some protocols, and the kept frames with those for the random split under ``label``, if any.
-        ``more``: scores on other pairs of a split.
+        ``more``: scores on other pairs of a split. A known row without what a viewer sees keeps its scores and gets
+        that.
         """
         rows = []
         shared = {
@@ -175,15 +227,19 @@ class Judge:
         }
         for p in protocols:
             row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **shared)
-            if not self.again and self._is_known(row) and all(not label or label in pair.made for pair in kept):
+            old = None if self.again else self._old(like, p)
+            if old is not None and old.viewed and all(not label or label in pair.made for pair in kept):
                 continue
             if prepare is not None:
                 prepare(p.numbers)
             with self.progress(f"{like.system}, {p.split}") as advance:
                 judged = protocol.judge(answer, self.pairs, p, advance)
-            scores = judged.scores | pair_samples.by_margin(judged.off, self.margins)
-            scores |= {} if more is None else more(p.split)
-            rows.append(replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs))
+            if old is None:
+                scores = judged.scores | pair_samples.by_margin(judged.off, self.margins)
+                scores |= {} if more is None else more(p.split)
+                old = replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs)
+            viewed_id = f"{results.viewed_id()} {self.judged_in.get('commit', '')}"
+            rows.append(replace(old, viewed=results.finite(judged.viewed), viewed_id=viewed_id))
             if p.split == "random" and label:
                 kept = kept_frames.with_answers(kept, label, answer, self.pairs)
         return rows, kept
@@ -199,14 +255,15 @@ class Judge:
             "accuracy_valid": protocol.accuracy(answer, self.pairs, valid),
         }
 
-    def _is_known(self, row: ResultRow) -> bool:
-        """Whether a row of the same key was judged on the same bundle, by the same protocol and metrics."""
+    def _old(self, like: ResultRow, p: Protocol) -> ResultRow | None:
+        """The known row that was judged on the same bundle, or on that which it was published from, by the same
+        protocol and metrics.
+        """
+        row = replace(like, split=p.split, part=p.part)
         old = next((known for known in self.known.rows if known.key == row.key), None)
-        return old is not None and (old.bundle, old.protocol, old.metrics_id) == (
-            row.bundle,
-            row.protocol,
-            row.metrics_id,
-        )
+        if old is None or (old.protocol, old.metrics_id) != (p.signature, results.signature_id()):
+            return None
+        return old if old.bundle in (row.bundle, self.published_from.get(row.bundle or "", "")) else None
 
 
 class _LazySystem:
@@ -269,13 +326,17 @@ def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, 
     if not chosen:
         warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
     methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
+    halved = {bundles.short_hash(c): c.stored["halved"]["bundle"][:12] for c in chosen if "halved" in c.stored}
     numbers = sorted({number for p in judge.protocols() for number in p.numbers})
-    judge = replace(judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn))
+    judge = replace(
+        judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn), published_from=halved
+    )
     known, n_rows = judge.known, 0
     for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
         n_rows += len(judgement.rows)
         if judgement.rows or judgement.curves:
             known = known.merged(judgement.rows, judgement.curves)
             results.save(known, out / results.FILE)
-            kept_frames.save(judgement.kept, out / kept_frames.FILE)
+            if judgement.kept:
+                kept_frames.save(judgement.kept, out / kept_frames.FILE)
     return n_rows, known

@@ -28,24 +28,32 @@ class _Page:
     - names: first cells of the lines that the short page shows, None for all
     - heads: its columns, None for all
     - n_tables: how many of the first split's tables it shows, one below the other
+    - missing: whether it shows lines without a score
     """
 
     tables: Callable[[Results, str, str], list[Table]]
     names: tuple[str, ...] | None = None
     heads: tuple[str, ...] | None = None
     n_tables: int = 1
+    missing: bool = False
 
 
 _SPLICING = ("BLEU-1", "BLEU-4", "PTA", "PAA", "Accuracy", "MSE", "ms a pair")
 _PAGES = {
     "table1": _Page(tables.table_1, (*_COMPARED, _MEAN), _SPLICING),
     "table2": _Page(lambda results, scale, split: tables.table_2(results, scale) if split == SPLITS[0] else []),
+    "treatments": _Page(tables.table_treatments, missing=True),
     "table3": _Page(tables.table_3, tuple(map(published.name, _ABLATIONS)), _SPLICING[1:]),
     "fr": _Page(tables.table_fr, heads=("BLEU-4", "PAA", "Accuracy", "MSE", "ms a pair", "length exact")),
     "classical": _Page(
         tables.table_classical,
-        (*_COMPARED, "pose-velocity+hermite", "true-positions+hermite", *(name for name, _ in tables.OWN_IN_TABLE_1)),
-        ("Accuracy", "BLEU-4", "error, arm/1000", "velocity error, m/s", "ms, median"),
+        (
+            *_COMPARED,
+            "pose-velocity+hermite",
+            "true-positions+hermite",
+            *(name for name, _ in (*tables.CLASSICAL_IN_TABLE_1[:5], *tables.OWN_IN_TABLE_1)),
+        ),
+        ("Accuracy", "BLEU-4", "error, arm/1000", "velocity error, m/s", *tables.viewed_titles(), "ms, median"),
         n_tables=2,
     ),
     frame_errors.PAGE: _Page(
@@ -96,7 +104,8 @@ def _short(page: str, every: Sequence[Table], scale: str) -> str:
     if not every:
         return _nothing(scale)
     shown = [table for table in every if table.split == every[0].split][: _PAGES[page].n_tables]
-    shown = [layout.selected(table, _PAGES[page].names, _PAGES[page].heads) for table in shown]
+    of = _PAGES[page]
+    shown = [layout.selected(table, of.names, of.heads, of.missing) for table in shown]
     if _PAGES[page].n_tables > 1:  # systems that stand in several tables: with the seeds of the first
         first = {row[0]: row for row in reversed(shown[0].rows)}
         shown[0] = replace(shown[0], rows=tuple(row for row in shown[0].rows if first[row[0]] is row))

@@ -15,7 +15,7 @@ from typing import Any
 from signsplice.splicing.networks.bundle import BUNDLE_FILE
 from signsplice_paper import published
 
-SCALES = ("smoke", "cpu", "paper")
+SCALES = ("smoke", "small", "cpu", "paper")
 SPLITS = ("random", "unseen-words")
 """Splits that are trained on."""
 SHARED_TRAINING = {"unseen-signer": "random"}
@@ -36,6 +36,8 @@ PAPER = (
 """Tables 1 and 3: the paper's systems as printed, the improved one, the ablations of both, and the improved one with
 one addition taken away.
 """
+TREATED = ("lpt-printed-equal", "lstm-plain", "transformer-plain", "conv-s2s-plain")
+"""The four systems in the treatment that they lack in ``PAPER`` (``published.TREATED``)."""
 SEEDED = (published.PRINTED, published.IMPROVED)
 """Systems that are trained with further seeds, beside the best rival, and for every fr: there they share their parts
 that see fr frames.
@@ -43,6 +45,7 @@ that see fr frames.
 SEEDS = (1, 2)
 BY_SGD = {
     "smoke": ("lpt-printed",),
+    "small": (),
     "cpu": ("lpt-printed",),
     "paper": ("lpt-printed", "lpt", *RIVALS, "lpt-wc"),
 }
@@ -54,7 +57,7 @@ class Run:
     """One training.
 
     - system: name of the system
-    - scale: smoke, cpu or paper
+    - scale: one of ``SCALES``
     - optimiser: adamw or sgd
     - split: the split whose training part it learns from
     - fr: frames that Culling keeps on each side, None for the default
@@ -115,7 +118,8 @@ def _trained_on(split: str) -> str:
 
 
 def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> list[Run]:
-    """Every training that the tables and figures of a scale need, the most important first.
+    """Every training that the tables and figures of a scale need, the most important first; at scale ``small`` those of
+    table 1 on the random split alone.
 
     1. On the random split by AdamW: the systems of tables 1 and 3. At scale ``paper`` those of ``BY_SGD`` after them.
     2. The same systems on unseen words; at scale ``smoke`` only those of table 1.
@@ -123,10 +127,12 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
        together with seeds; at scale ``smoke`` seed 1. While the best rival is not known (None), and all rivals are
        wanted, the list ends before them.
     4. LpTransformer for every fr with seed 0, and with seeds 1 and 2 where the choice names them, values of fr and
-       systems; the systems of the related work on both splits, and SGD: of the systems in ``BY_SGD``, or of those that
-       the choice names together with SGD.
+       systems; the systems of the related work on both splits; the four systems in the treatment that they lack; and
+       SGD: of the systems in ``BY_SGD``, or of those that the choice names together with SGD.
     """
     wanted, smoke = choice or Choice(), scale == "smoke"
+    if scale == "small":
+        return [run for run in (Run(system, scale, "adamw", "random") for system in TABLE_1) if wanted.allows(run)]
     by_sgd = wanted.systems if "sgd" in wanted.optimisers and wanted.systems else BY_SGD[scale]
     sgd = [Run(system, scale, "sgd", "random") for system in by_sgd]
     first = [Run(system, scale, "adamw", "random") for system in PAPER]
@@ -149,6 +155,7 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
     last += [
         Run(system, scale, "adamw", split) for split in SPLITS[: 1 if smoke else None] for system in published.RELATED
     ]
+    last += [] if smoke else [Run(system, scale, "adamw", "random") for system in TREATED]
     last += sgd if scale != "paper" else []
     return chosen + [run for run in last if wanted.allows(run)]
 

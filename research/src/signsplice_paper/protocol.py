@@ -17,7 +17,7 @@ from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
-from signsplice_paper import extra_metrics, metrics
+from signsplice_paper import extra_metrics, metrics, viewed
 from signsplice_paper.prediction import Prediction, System
 
 Answer = Callable[[int], Prediction]
@@ -64,11 +64,13 @@ class Judged:
       transition takes to be seen
     - n_pairs: number of pairs judged
     - off: errors of the positions by pair, None where a token is missing
+    - viewed: scores of ``viewed``
     """
 
     scores: dict[str, float]
     n_pairs: int
     off: dict[int, tuple[int, int] | None]
+    viewed: dict[str, float]
 
 
 def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = None) -> Protocol:
@@ -147,6 +149,7 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
     Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
     """
     layouts: dict[int, extra_metrics.NumberLayout] = {}
+    viewer, views = viewed.Viewer(pairs), []
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
     scores, seconds = [], []
@@ -163,12 +166,13 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
         pre, post, frames = pairs.truth(number)
         truth = (pre, post, frames.astype(np.float64))
         scores.append(metrics.score(prediction, truth, (before, after), layouts[signer]))
+        views.append(viewer.view(number, prediction, layouts[signer]))
         if progress is not None:
             progress(done, len(protocol.numbers))
     summary = metrics.summary(scores)
     times = _milliseconds(seconds) | {"frames_ms": 1e3 * summary["n_frames"] / protocol.fps}
     off = dict(zip(protocol.numbers, (score.off for score in scores), strict=True))
-    return Judged(summary | times, len(scores), off)
+    return Judged(summary | times, len(scores), off, viewed.summary(views))
 
 
 def accuracy(answer: Answer, pairs: Pairs, numbers: Sequence[int]) -> float:

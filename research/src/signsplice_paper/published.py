@@ -66,6 +66,11 @@ NAMES = {
     "cam-stitch": "CAM-STITCH LSTM",
     "nat": "NAT",
     "conv-interp": "Convolutional interpolation",
+    "lpt-printed-equal": "LpTransformer, equal treatment",
+    "lpt-printed-equal-half": "LpTransformer, equal treatment, half of SPSN's steps",
+    "conv-s2s-plain": "ConvS2S as printed",
+    "lstm-plain": "LSTM as printed",
+    "transformer-plain": "Transformer as printed",
     "mean-transition": "mean transition",
 }
 RIVALS = ("conv-s2s", "lstm", "transformer")
@@ -84,6 +89,21 @@ VISIBLE = 0.002
 TIMES_FASTER = 5.0
 """Prediction time of Transformer over that of LpTransformer."""
 BEST_FR = 8
+
+AS_PRINTED, BIAS_ALONE, EQUAL = "as printed", "bias alone", "equal treatment"
+"""What a system's tokens are given: plain loss and no bias; plain loss and the bias; weighted loss and the bias."""
+TREATED = {
+    "conv-s2s": {AS_PRINTED: "conv-s2s-plain", BIAS_ALONE: "conv-s2s-plain-bias", EQUAL: "conv-s2s"},
+    "lstm": {AS_PRINTED: "lstm-plain", BIAS_ALONE: "lstm-plain-bias", EQUAL: "lstm"},
+    "transformer": {AS_PRINTED: "transformer-plain", BIAS_ALONE: "transformer-plain-bias", EQUAL: "transformer"},
+    PRINTED: {AS_PRINTED: PRINTED, BIAS_ALONE: "lpt-printed-bias", EQUAL: "lpt-printed-equal"},
+}
+"""The paper's four systems, by treatment."""
+WITH_BIAS = {
+    system: f"{system}-bias" for system in (PRINTED, *ABLATIONS, "conv-s2s-plain", "lstm-plain", "transformer-plain")
+}
+"""Systems without a bias, which are judged a second time with one."""
+NAMES |= {biased: f"{NAMES[system]}, with a bias" for system, biased in WITH_BIAS.items()}
 
 
 def name(system: str) -> str:

@@ -16,17 +16,18 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
-from signsplice_paper import curve, metrics
+from signsplice_paper import curve, metrics, viewed
 from signsplice_paper.curve import Curve
 
 VERSION = 2
 FILE = "results.json"
 _OTHER_VERSION = "version 1 is of signsplice 0.3, whose BLEU is another; choose another --out, and judge again"
-CLASSICAL, SHIPPED, CORPUS_TRAINED, MEAN = "classical", "own", "taught", "mean"
+CLASSICAL, SHIPPED, CORPUS_TRAINED, MEAN, FITTED = "classical", "own", "taught", "mean", "fitted"
 """Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, its
-networks trained on the split's training part, as the paper's systems are, and the mean transition of that part.
+networks trained on the split's training part, as the paper's systems are, the mean transition of that part, and what is
+fitted to it in closed form.
 """
-CLIP_SCALES = (CLASSICAL, SHIPPED, CORPUS_TRAINED)
+CLIP_SCALES = (CLASSICAL, FITTED, SHIPPED, CORPUS_TRAINED)
 GIVEN = ("nothing", "length", "positions", "positions and length")
 """What a method on clips may be given of the truth."""
 
@@ -53,7 +54,11 @@ class ResultRow:
     - protocol: signature of the protocol
     - metrics_id: ``signature_id`` of the metrics
     - n_pairs: number of pairs judged
+    - treatment: of its tokens, one of ``published.AS_PRINTED``, ``BIAS_ALONE``, ``EQUAL``; empty for methods without
     - scores: by name, None where there was nothing to count
+    - viewed: what a viewer sees (``viewed``), by name; empty where it was not measured
+    - viewed_id: ``viewed_id`` of these, with the commit that measured them: they may be younger than the scores, and of
+      the published form of the bundle
     - commit: git revision of the code
     - versions: of Python and packages
     - machine: processor and number of cores
@@ -77,7 +82,10 @@ class ResultRow:
     protocol: str = ""
     metrics_id: str = ""
     n_pairs: int = 0
+    treatment: str = ""
     scores: Mapping[str, float | None] = field(default_factory=dict)
+    viewed: Mapping[str, float | None] = field(default_factory=dict)
+    viewed_id: str = ""
     commit: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     machine: str = ""
@@ -90,7 +98,7 @@ class ResultRow:
 
     def score(self, name: str) -> float:
         """A score by name, NaN if it is missing."""
-        value = self.scores.get(name)
+        value = self.scores.get(name, self.viewed.get(name))
         return float("nan") if value is None else value
 
 
@@ -111,8 +119,8 @@ class Results:
         """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
         by_key = {row.key: row for row in (*self.rows, *rows)}
         by_curve = {c.key: c for c in (*self.curves, *curves)}
-        named = {row.metrics_id for row in by_key.values()}
-        known = {**self.signatures, signature_id(): metrics.SIGNATURES}
+        named = {key for row in by_key.values() for key in (row.metrics_id, row.viewed_id.partition(" ")[0])}
+        known = {**self.signatures, signature_id(): metrics.SIGNATURES, viewed_id(): viewed.SIGNATURES}
         return Results(
             tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
             tuple(sorted(by_curve.values(), key=lambda c: _order(c.key))),
@@ -126,7 +134,16 @@ class Results:
 
 def signature_id() -> str:
     """A short hash of the current signatures of all metrics."""
-    text = json.dumps(metrics.SIGNATURES, sort_keys=True)
+    return _short_hash(metrics.SIGNATURES)
+
+
+def viewed_id() -> str:
+    """A short hash of the current signatures of what a viewer sees."""
+    return _short_hash(viewed.SIGNATURES)
+
+
+def _short_hash(signatures: Mapping[str, str]) -> str:
+    text = json.dumps(signatures, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

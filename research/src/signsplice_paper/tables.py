@@ -65,20 +65,40 @@ FURTHER_COLUMNS: Columns = (
     ("later_frames_error", 1, "later frames, cm"),
     ("velocity_error", 3, "velocity error, m/s"),
     ("motion_ratio", 2, "motion ratio"),
+    ("velocity_error_unlike", 3, "velocity error, unlike words, m/s"),
+    ("joint_jumps", 3, "pairs with a joint over 60 degrees in a frame"),
+    ("bone_change", 3, "change of finger bones"),
     ("velocity_jump", 2, "velocity jump, m/s"),
     ("jerk_ratio", 2, "jerk ratio"),
     ("ms_median", 2, "ms, median"),
 )
 
+VIEWED = ("velocity_error_unlike", "joint_jumps", "bone_change")
+"""Scores of ``viewed``: what the paper's metrics do not see."""
+
 CLASSICAL_IN_TABLE_1 = (
+    ("truth", "positions and length"),
+    ("commonest-cut+ridge", "nothing"),
+    ("mean-cut+ridge", "nothing"),
+    ("lpt-positions+ridge", "nothing"),
+    ("true-positions+ridge", "positions"),
     ("hand-distance+slerp", "nothing"),
     ("pose-velocity+hermite", "nothing"),
     ("pose-velocity+hermite", "length"),
     ("true-positions+slerp", "positions and length"),
     ("true-positions+hermite", "positions and length"),
 )
-OWN_IN_TABLE_1 = (("true-positions+learned", "positions and length"), ("learned-fluent+learned", "nothing"))
+OWN_IN_TABLE_1 = (
+    ("true-positions+learned", "positions and length"),
+    ("learned-fluent+learned", "nothing"),
+    ("signsplice", "nothing"),
+)
 """This project's networks as they are; nothing is claimed of them."""
+
+
+def viewed_titles() -> tuple[str, ...]:
+    """The titles of the columns of ``VIEWED``."""
+    return tuple(title for name, _, title in FURTHER_COLUMNS if name in VIEWED)
 
 
 def blocks_1(results: Results, scale: str, split: str) -> list[Block]:
@@ -164,6 +184,25 @@ def table_fr(results: Results, scale: str, split: str = "random") -> list[Table]
     by_fr = [TableLine(f"{one.rows[0].fr}", one.origin, one.rows, one.trained) for one in found]
     caption = f"fr of {published.name(system)}, scale {scale}, {split}; the paper chose {published.BEST_FR}"
     return [_table(results, caption, f"fr-{scale}-{split}", columns, [("", by_fr)], first="fr")]
+
+
+def table_treatments(results: Results, scale: str, split: str = "random") -> list[Table]:
+    """The paper's four systems: as printed in the paper, and as judged here by what their tokens were given."""
+    blocks: list[Block] = []
+    for system, by_treatment in published.TREATED.items():
+        made = [(treatment, line(results, of, scale, split)) for treatment, of in by_treatment.items()]
+        named = [replace(one, name=published.name(system), origin=f"{t}: {one.origin}") for t, one in made]
+        blocks.append(("", named))
+    if not any(one.rows for _, made in blocks for one in made):
+        return []
+    columns: Columns = [
+        *(column for column in PAPER_COLUMNS if column[0] not in ("within_1", "within_2", "ms_mean")),
+        *(column for column in FURTHER_COLUMNS if column[0] in VIEWED),
+    ]
+    printed = [(*row[:-1], *("-" for _ in VIEWED)) for row in _printed(published.TABLE_1)]
+    printed = [(*row[:8], *row[10:]) for row in printed]
+    caption = f"Like with like: four systems by treatment, scale {scale}, {split}"
+    return [_table(results, caption, f"treatments-{scale}-{split}", columns, blocks, printed)]
 
 
 def table_classical(results: Results, scale: str, split: str = "random") -> list[Table]:

@@ -53,9 +53,9 @@ def test_networks_are_judged_on_pairs_they_never_saw(pairs: Pairs, bundles: Path
     methods = corpus_trained_methods(read_all(bundles), warnings.append)
     assert (methods[0].name, methods[0].given) == ("learned-fluent+learned", "nothing")
     assert warnings == []
-    _, judged = Judge(pairs, Results(), lambda _: nullcontext()).judgements(
+    *_, judged = Judge(pairs, Results(), lambda _: nullcontext()).judgements(
         methods[:1], [], []
-    )  # mean transition first
+    )  # mean transition and baselines first
     assert [(row.split, row.scale) for row in judged.rows] == [
         ("random", CORPUS_TRAINED),
         ("unseen-signer", CORPUS_TRAINED),

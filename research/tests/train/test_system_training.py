@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,29 @@ def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, 
         assert torch.equal(value, parts[key]), key
     assert list(losses(tmp_path / "b")) == [1, 2, 3, 4, 5, 6]
     assert losses(tmp_path / "b") == losses(tmp_path / "a")
+
+
+@pytest.mark.parametrize("system", ["conv-s2s", "lstm", "transformer"])
+def test_a_rival_as_printed_differs_from_the_rival_in_the_loss_of_its_tokens_alone(system: str) -> None:
+    (plain,), (weighted,) = scales.parts(f"{system}-plain", "smoke"), scales.parts(system, "smoke")
+    assert replace(plain, name=system, plain_loss=False) == weighted
+    pairs = data("train", None)
+    found = {}
+    for part in (plain, weighted):
+        torch.manual_seed(0)
+        task = scales.task(part, pairs.normaliser(), corpus().spaces[0].parents, 0).eval()
+        batch = pairs.batch([0, 1, 2])
+        found[part.plain_loss] = task(batch).item()
+    assert found[True] < found[False], "no weight of tokens, no pointer term"
+    assert f"{system}-plain" in scales.UNBIASED
+
+
+def test_lptransformer_in_equal_treatment_has_its_sizes_the_weighted_loss_and_a_bias() -> None:
+    printed, equal = scales.parts("lpt-printed", "cpu"), scales.parts("lpt-printed-equal", "cpu")
+    assert printed[1] == equal[1], "the same TFGN"
+    assert replace(equal[0], name=printed[0].name, plain_loss=True) == printed[0]
+    assert not equal[0].plain_loss
+    assert "lpt-printed-equal" not in scales.UNBIASED
 
 
 @pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])

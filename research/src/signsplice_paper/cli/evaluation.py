@@ -1,4 +1,4 @@
-"""The commands `all`, `judge`, `evaluate`, `speed` and `merge`: rows of results.json, and the pages made of them."""
+"""The commands `all`, `judge`, `evaluate`, `predict`, `speed` and `merge`: rows of results.json, and pages of them."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from signsplice_paper.cli.options import (
     OUT,
     PAIRS,
     SCALE,
+    SPLITS,
     TRAINING,
     PaperCall,
     option,
@@ -88,6 +89,24 @@ def speed(**options: Any) -> None:
 
 
 @click.command()
+@click.argument("bundle", metavar="BUNDLE", type=click.Path(path_type=Path))
+@takes(PAIRS, option("--split", type=SPLITS, default="random", help="Whose test part is predicted."))
+@click.option("-o", "--output", required=True, metavar="DIR", type=click.Path(path_type=Path), help="Folder to make.")
+def predict(bundle: Path, pairs: Path, split: str, output: Path) -> None:
+    """Write a trained system's predictions for the test part, as the benchmark's scorer reads them."""
+    from signsplice.synth.corpus import Pairs
+    from signsplice_paper import predictions, protocol
+    from signsplice_paper.systems import open_bundle
+
+    corpus, system = Pairs(pairs), open_bundle(bundle)
+    chosen = protocol.choose(corpus, split)
+    protocol.check_allowed(system.config.stored, corpus, chosen, bundle.name)
+    with progress(f"{system.name}, {split}") as advance:
+        predictions.write(protocol.answers(corpus, system), chosen, output, advance)
+    print(f"{output}: {len(chosen.numbers)} predictions of {system.name}")
+
+
+@click.command()
 @takes(_SOURCES, SCALE, OUT)
 def merge(sources: tuple[str, ...], **options: Any) -> None:
     """Add results that were judged elsewhere, and write tables, claims and figures."""
@@ -115,4 +134,4 @@ def _judge(call: PaperCall) -> None:
     print(f"{file}: {n_rows} rows judged, {len(known.rows)} in all")
 
 
-COMMANDS = (everything, judge, evaluate, speed, merge)
+COMMANDS = (everything, judge, evaluate, predict, speed, merge)

@@ -22,7 +22,7 @@ option = partial(click.option, show_default=True)
 _only = partial(option, multiple=True)
 _folder = partial(option, metavar="DIR", type=click.Path(path_type=Path))
 
-SCALES = click.Choice(("smoke", "cpu", "paper"))
+SCALES = click.Choice(("smoke", "small", "cpu", "paper"))
 SPLITS = click.Choice(("random", "unseen-words", "unseen-signer"))
 OPTIMISERS = click.Choice(("adamw", "sgd"))
 
@@ -62,7 +62,7 @@ def takes(*options: Callable[[Command], Command]) -> Callable[[Command], Command
 class PaperCall:
     """The values of a command's options. Raises ``InputError`` for an unknown system or a number below its least.
 
-    - scale: smoke, cpu or paper
+    - scale: smoke, small, cpu or paper
     - pairs, bundles, out: folders of the corpus, of the trained systems and of the results
     - systems, optimisers, splits, seeds, frs: what to train or judge, empty for all
     - minutes: after which no training goes on, None for no end

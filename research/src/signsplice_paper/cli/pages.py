@@ -28,7 +28,7 @@ def tables(latex: bool, **options: Any) -> None:
 @click.command()
 @takes(SCALE, OUT)
 def claims(**options: Any) -> None:
-    """Write the page of claims alone."""
+    """Write the pages made of templates alone: the claims."""
     call = PaperCall(**options)
     _write_pages(_results(call), call, (), claimed=True)
 
@@ -72,14 +72,14 @@ def _results(call: PaperCall) -> Results:
 
 
 def _write_pages(results: Results, call: PaperCall, names: Sequence[str], claimed: bool, latex: bool = False) -> None:
-    from signsplice_paper import claims_page, pages
+    from signsplice_paper import page_template, pages
 
     folder = call.out
     written = pages.write(results, folder, call.scale, names, latex)
     if claimed:
-        written += claims_page.write(results, folder, call.scale)
+        written += page_template.write(results, folder, call.scale)
     if not written:
-        raise InputError(f"{folder}: no row of scale {call.scale} for {' or '.join(names) or 'claims'}")
+        raise InputError(f"{folder}: no row of scale {call.scale} for {' or '.join(names) or 'claims: *.template.md'}")
     for path in written:
         print(path)
 

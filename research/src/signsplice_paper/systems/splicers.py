@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,13 +51,19 @@ class PaperSystem(ABC):
         """Number of parameters of all networks."""
         return self.config.n_parameters or 0
 
+    def with_bias(self, bias: float) -> PaperSystem:
+        """The same system with another bias of its tokens."""
+        made = copy(self)
+        made.token_bias = bias
+        return made
+
     @abstractmethod
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
         """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
 
     def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
         """The positions pre and post alone, None for a token that is not emitted."""
-        return self._both_positions(self._tokens(before, after), len(before))[0]
+        return self._both_positions(self.tokens(before, after), len(before))[0]
 
     @abstractmethod
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
@@ -66,7 +73,7 @@ class PaperSystem(ABC):
         """
 
     @abstractmethod
-    def _tokens(self, before: FloatArray, after: FloatArray) -> Array:
+    def tokens(self, before: FloatArray, after: FloatArray) -> Array:
         """The logits (N + M, 3) of the tokens."""
 
     def _both_positions(
@@ -112,12 +119,13 @@ class TwoNetworkSystem(PaperSystem):
 
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
         """The splice. Without Culling, frames are made even if a position is missing."""
-        (pre, post), unbiased = self._both_positions(self._tokens(before, after), len(before))
+        (pre, post), unbiased = self._both_positions(self.tokens(before, after), len(before))
         if self.fr is not None and (pre is None or post is None):
             return Prediction(pre, post, np.zeros((0, self.n_numbers)), unbiased)
         return Prediction(pre, post, self._frames(before, after, pre, post), unbiased)
 
-    def _tokens(self, before: FloatArray, after: FloatArray) -> Array:
+    def tokens(self, before: FloatArray, after: FloatArray) -> Array:
+        """The logits (N + M, 3) of the tokens."""
         inputs = {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
         return np.asarray(self.graphs.run("spsn", inputs)["tokens"][0])
 
@@ -169,7 +177,8 @@ class OneNetworkSystem(PaperSystem):
         """The frames of a prediction with a fixed outcome; the positions do not affect them."""
         return self._decode(self._encode(before, after), n_frames)
 
-    def _tokens(self, before: FloatArray, after: FloatArray) -> Array:
+    def tokens(self, before: FloatArray, after: FloatArray) -> Array:
+        """The logits (N + M, 3) of the tokens."""
         return np.asarray(self._encode(before, after)["tokens"][0])
 
     def _encode(self, before: FloatArray, after: FloatArray) -> Mapping[str, Array]:

@@ -4,8 +4,9 @@ The parts of a system are trained separately: a splice position is a choice, so 
 through Culling to SPSN, and joint training would equal separate training. LpTransformer and its ablations share parts,
 so that comparing them compares designs, not random initial weights.
 
-smoke: everything in minutes, to test the pipeline. cpu: smaller networks, some hours on two cores. paper: the sizes of
-the paper (512 units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
+smoke: everything in minutes, to test the pipeline. small: half the width of cpu and a fifth of its steps, for table 1
+on ten to thirty words of one's own. cpu: smaller networks, some hours on two cores. paper: the sizes of the paper (512
+units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
 """
 
 from __future__ import annotations
@@ -57,17 +58,35 @@ SYSTEMS: dict[str, tuple[str, ...]] = {
     "conv-interp": ("spsn", "interpolation"),
     "skeletal-attention": ("spsn", "skeletal"),
     "cam-stitch": ("spsn", "cam-stitch"),
+    "lpt-printed-equal": ("spsn-printed-weighted", "tfgn"),
+    "conv-s2s-plain": ("conv-s2s-plain",),
+    "lstm-plain": ("lstm-plain",),
+    "transformer-plain": ("transformer-plain",),
 }
 """System -> its parts: the one for positions, if it is separate, then the one for frames. ``lpt-printed`` follows the
 print; ``lpt`` has this project's additions to SPSN, and each of ``lpt-eq7``, ``lpt-frames``, ``lpt-no-summary`` and
-``lpt-plain-loss`` lacks one of them.
+``lpt-plain-loss`` lacks one of them. ``lpt-printed-equal`` is ``lpt-printed`` with the token loss and the bias that all
+others have; the ``-plain`` ones are the rivals without either (``published.TREATED``).
 """
-UNBIASED = ("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac")
+UNBIASED = (
+    *("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac"),
+    *("conv-s2s-plain", "lstm-plain", "transformer-plain"),
+)
 """Systems that emit tokens as printed, without the bias chosen on validation pairs, which is an addition too."""
 
 CULLED = ("tfgn", "progressive", "mixture", "nat", "interpolation", "skeletal", "cam-stitch")
 """Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
-_PLAIN_LOSS = ("spsn-printed", "spsn-printed-wa", "spsn-plain-loss")
+_PLAIN_LOSS = (
+    *("spsn-printed", "spsn-printed-wa", "spsn-plain-loss"),
+    *("conv-s2s-plain", "lstm-plain", "transformer-plain"),
+)
+_SAME_SIZES = {
+    "spsn-printed-weighted": "spsn-printed",
+    "conv-s2s-plain": "conv-s2s",
+    "lstm-plain": "lstm",
+    "transformer-plain": "transformer",
+}
+"""Parts that differ from another in the loss alone."""
 
 Config = (
     SpsnConfig
@@ -110,6 +129,7 @@ class SystemPart:
 def _transformer(scale: str) -> TransformerConfig:
     sizes = {
         "smoke": TransformerConfig(32, 2, 1, 1, 64, 0.0),
+        "small": TransformerConfig(64, 4, 2, 2, 256, 0.0),
         "cpu": TransformerConfig(128, 8, 3, 3, 512, 0.0),
         "paper": TransformerConfig(),
     }
@@ -117,10 +137,10 @@ def _transformer(scale: str) -> TransformerConfig:
 
 
 def _config(name: str, scale: str, fr: int) -> Config:
-    width = {"smoke": 32, "cpu": 128, "paper": 512}[scale]
+    width = {"smoke": 32, "small": 64, "cpu": 128, "paper": 512}[scale]
     dropout = 0.0 if scale == "smoke" else 0.1
     t = _transformer(scale)
-    whole = replace(t, inner=t.inner // 2) if scale == "cpu" else t
+    whole = replace(t, inner=t.inner // 2) if scale in ("small", "cpu") else t
     configs: dict[str, Config] = {
         "spsn": SpsnConfig(width, dropout=dropout),
         "spsn-wa": SpsnConfig(width, "none", dropout),
@@ -142,12 +162,13 @@ def _config(name: str, scale: str, fr: int) -> Config:
         "conv-s2s": _convolutions(scale),
         "lstm": LstmConfig(width),
     }
-    return configs[name]
+    return configs[_SAME_SIZES.get(name, name)]
 
 
 def _skeletal(scale: str) -> SkeletalConfig:
     sizes = {
         "smoke": SkeletalConfig(8, 2, 1, 1, 16, dropout=0.0),
+        "small": SkeletalConfig(16, 2, 1, 1, 64, dropout=0.0),
         "cpu": SkeletalConfig(32, 2, 2, 2, 128, dropout=0.0),
         "paper": SkeletalConfig(),
     }
@@ -155,7 +176,12 @@ def _skeletal(scale: str) -> SkeletalConfig:
 
 
 def _convolutions(scale: str) -> ConvS2SConfig:
-    sizes = {"smoke": ConvS2SConfig(16, 3, 3, 0.0), "cpu": ConvS2SConfig(64, 20, 20, 0.0), "paper": ConvS2SConfig()}
+    sizes = {
+        "smoke": ConvS2SConfig(16, 3, 3, 0.0),
+        "small": ConvS2SConfig(32, 10, 10, 0.0),
+        "cpu": ConvS2SConfig(64, 20, 20, 0.0),
+        "paper": ConvS2SConfig(),
+    }
     return sizes[scale]
 
 
@@ -200,7 +226,9 @@ parts, and the parts of mixture density, skeletal attention and CAM-STITCH for a
 several times over.
 """
 
-STEP_FRACTIONS = {("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
+SMALL = 0.2
+"""Scale small's steps over those of scale cpu, from which it has batches and rates."""
+STEP_FRACTIONS = {("small", "adamw"): SMALL, ("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
 """Multiples of the steps. SGD is trained until validation stops improving, which takes many times AdamW's steps; for it
 these are a limit. The split of unseen words leaves three fifths of the pairs to learn from, over which half as many
 passes are made.
@@ -235,19 +263,19 @@ def parts(
         if value is not None and value < least:
             raise InputError(f"{option} {value}, expected at least {least}")
     side = FR if fr is None else fr
-    column = SCALES.index(scale)
+    column = ("smoke", "cpu", "paper").index("cpu" if scale == "small" else scale)
     fraction = STEP_FRACTIONS.get((scale, optimiser), 1.0) * STEP_FRACTIONS.get((scale, split), 1.0)
     return tuple(
         SystemPart(
             name,
             _config(name, scale, side),
             side if name in CULLED else None,
-            round(fraction * _SCHEDULES[name].steps[column]) if steps is None else steps,
-            (16, _SCHEDULES[name].batch, 64)[column],
-            (1e-2, _SCHEDULES[name].rate, 3e-4)[column],
+            round(fraction * schedule.steps[column]) if steps is None else steps,
+            (16, schedule.batch, 64)[column],
+            (1e-2, schedule.rate, 3e-4)[column],
             name in _PLAIN_LOSS,
         )
-        for name in names
+        for name, schedule in ((name, _SCHEDULES[_SAME_SIZES.get(name, name)]) for name in names)
     )
 
 
@@ -261,7 +289,7 @@ def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed:
     if isinstance(network, MixtureTransformer):
         return MixtureTask(network, normaliser, seed)
     assert isinstance(network, Generator)
-    return FrameTask(network, normaliser, seed)
+    return FrameTask(network, normaliser, seed, part.plain_loss)
 
 
 def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -> nn.Module:

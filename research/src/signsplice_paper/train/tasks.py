@@ -20,6 +20,7 @@ from torch.nn import functional as F  # noqa: N812
 
 from signsplice.synth.rng import stream
 from signsplice.train.task import Task
+from signsplice_paper import bias
 from signsplice_paper.metrics import accuracy
 from signsplice_paper.train.losses import counter_loss, frame_loss, last_loss, mixture_loss, token_loss
 from signsplice_paper.train.networks.filling import Filler
@@ -37,8 +38,6 @@ UNTAUGHT_PAIRS = 0.5
 """Probability that no true frame of a pair is fed."""
 MOST_FRAMES = 32
 """Longest transition that is generated."""
-EMITTED = 0.999
-"""Fraction of validation pairs for which both tokens must be emitted."""
 
 
 def positions(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
@@ -50,7 +49,7 @@ def positions(logits: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
 
 @torch.no_grad()
 def token_bias(task: Task, valid: PairsData) -> float:
-    """The bias for the logits of both tokens with which a system emits them on ``EMITTED`` of the validation pairs.
+    """The bias for the logits of both tokens with which a system emits them on nearly all validation pairs (``bias``).
 
     The weight of a token against "none" in the loss is our choice (``TOKEN_WEIGHT``), and it affects how often a
     network emits no token. The bias removes that effect for every system but those as printed. It changes no
@@ -70,7 +69,7 @@ def token_bias(task: Task, valid: PairsData) -> float:
             logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
         margins = (logits[..., [NONE]] - logits[..., [PRE, POST]]).masked_fill(~batch.mask[..., None], torch.inf)
         missing.append(margins.amin(1).amax(1).cpu())  # (B,)
-    return max(0.0, float(np.quantile(torch.cat(missing).double().numpy(), EMITTED, method="higher")) + 1e-3)
+    return bias.of_margins(torch.cat(missing).double().numpy())
 
 
 def _judge_positions(logits: Tensor, batch: Batch) -> dict[str, float]:
@@ -165,12 +164,14 @@ class TokenTask(Task):
 
 
 class FrameTask(Task):
-    """A generator, which predicts the transition frames, and the positions if it has a head for them."""
+    """A generator, which predicts the transition frames, and the positions if it has a head for them; ``plain``: these
+    learn by plain cross-entropy.
+    """
 
-    def __init__(self, network: Generator, normaliser: Normaliser, seed: int) -> None:
+    def __init__(self, network: Generator, normaliser: Normaliser, seed: int, plain: bool = False) -> None:
         super().__init__()
         self.network: Generator = network
-        self.normaliser, self.seed = normaliser, seed
+        self.normaliser, self.seed, self.plain = normaliser, seed, plain
 
     def forward(self, batch: Batch) -> Tensor:
         """The loss () of frames, of last frames, and of tokens."""
@@ -186,7 +187,7 @@ class FrameTask(Task):
         else:
             loss = loss + last_loss(last, batch.real)
         if encoded.tokens is not None:
-            loss = loss + token_loss(encoded.tokens, batch.pre, batch.post, batch.mask)
+            loss = loss + token_loss(encoded.tokens, batch.pre, batch.post, batch.mask, self.plain)
         return loss
 
     def judge(self, batch: Batch) -> dict[str, float]:
