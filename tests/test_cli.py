@@ -324,7 +324,8 @@ def test_methods_are_listed_with_their_defaults(signsplice: Call) -> None:
 
 
 def test_a_roles_file_makes_an_unknown_rig_usable(folder: Path, words: dict[str, Clip], signsplice: Call) -> None:
-    text = (folder / "SIGN.bvh").read_text()
+    save(words["SIGN"][:50], folder / "short.bvh")
+    text = (folder / "short.bvh").read_text()
     new_names = {name: f"b{n:02d}" for n, name in enumerate(words["SIGN"].skeleton.names)}
     for name in sorted(new_names, key=len, reverse=True):
         text = text.replace(name, new_names[name])
@@ -346,7 +347,7 @@ def test_a_roles_file_makes_an_unknown_rig_usable(folder: Path, words: dict[str,
         assert (run.returncode, run.stderr) == (0, ""), call
     named, unnamed = folder / "named.png", folder / "unnamed.png"
     signsplice("render", "unknown.bvh", unnamed.name)
-    signsplice("render", "SIGN.bvh", named.name)
+    signsplice("render", "short.bvh", named.name)
     assert (folder / "out.png").read_bytes() == named.read_bytes() != unnamed.read_bytes(), "a figure, not sticks"
     (folder / "roles.json").write_text('{"leftHand": "nowhere"}')
     run = signsplice("splice", "unknown.bvh", "unknown.bvh", "-o", "out.bvh", "--roles", "roles.json")
