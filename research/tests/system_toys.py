@@ -47,6 +47,8 @@ CONFIGS: dict[str, tuple[Config, int | None]] = {
     "skeletal": (SkeletalConfig(16, 2, 1, 1, 32, dropout=0.0), FR),
     "cam-stitch": (CamStitchConfig(FR, 32), FR),
 }
+CONFIGS |= {f"{name}-plain": CONFIGS[name] for name in ("conv-s2s", "lstm", "transformer")}
+CONFIGS["spsn-printed-weighted"] = CONFIGS["spsn-printed"]
 GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm", "mixture", "skeletal", "cam-stitch")
 
 
