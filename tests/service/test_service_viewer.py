@@ -257,7 +257,7 @@ def test_late_frames_show_a_light_figure_with_a_still_shadow(screens: dict[str, 
         assert sum(light) < 0.25 * sum(full)
         assert min(after / before for before, after in zip(full, light, strict=True)) > 0.1
         # The hands, which carry meaning, keep more than the clothes.
-        hands = [after / before for before, after in zip(full, light, strict=True) if 13_150 < before < 13_220]
+        hands = [after / before for before, after in zip(full, light, strict=True) if 12_650 < before < 12_760]
         assert len(hands) == 2
         assert min(hands) > 0.22
     again = screens["lateAgain"]
