@@ -200,7 +200,12 @@ def content(folder: Path) -> dict[str, Content]:
 
 
 def in_bytes(path: Path) -> bytes:
-    """A file's bytes; of a checkpoint its step and weights: equal objects that are pickled may differ in bytes."""
+    """A file's bytes; of a checkpoint its step and weights, of a snapshot its weights: equal objects that are pickled
+    may differ in bytes.
+    """
+    if path.parent.name == "snapshots":
+        weights = torch.load(path, weights_only=True)
+        return b"".join(weights[name].numpy().tobytes() for name in sorted(weights))
     if path.name != checkpoint.NAME:
         return path.read_bytes()
     try:
@@ -298,10 +303,11 @@ def main() -> None:
         (folder / "inputs").mkdir()
         with silenced():
             writers = commands(folder / "inputs")
-        total = 0
+        total = n_faults = 0
         for writer in writers:
             tally, seconds = attack(writer, folder / writer.name.replace(" ", "-"), rng, until)
             total += tally.kills
+            n_faults += tally.lost + tally.broken + tally.failed + tally.left + tally.survivors
             print(
                 f"| {tally.kills} kills within the {seconds:.2f} s of {writer.name} | lost {tally.lost}, broken "
                 f"{tally.broken}, next runs that failed {tally.failed}, left over after them {tally.left} "
@@ -310,6 +316,7 @@ def main() -> None:
             )
         print(f"| all kills | {total} |", flush=True)
         os.chdir("/")
+    sys.exit(n_faults > 0)
 
 
 if __name__ == "__main__":
