@@ -241,7 +241,7 @@ def test_commands_that_are_suggested_quote_paths(words: dict[str, Clip], tmp_pat
         build(tmp_path / "c", written(tmp_path / "my words", words | {"YOU": longer}))
 
 
-def test_sizes_below_a_megabyte_are_told_in_kilobytes() -> None:
+def test_sizes_below_a_megabyte_are_given_in_kilobytes() -> None:
     assert [size(n) for n in (12_345, 999_999, 1_000_000, 25_400_000)] == ["12 kB", "1000 kB", "1 MB", "25 MB"]
 
 

@@ -188,7 +188,7 @@ def test_a_bundle_of_another_corpus_is_missing(tmp_path: Path) -> None:
     assert plan.missing(planned, tmp_path) == planned[2:]
 
 
-def test_a_commit_says_whether_the_package_differs_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_commit_is_marked_where_the_package_differs_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def git(*call: str) -> str:
         author = ["-c", "user.name=a", "-c", "user.email=a@b"]
         return subprocess.run(

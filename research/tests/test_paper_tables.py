@@ -147,7 +147,7 @@ def test_what_is_missing_is_named() -> None:
     assert missing == "Without any row yet: split unseen-words, split unseen-signer, scale paper."
 
 
-def test_table_2_says_which_parts_each_ablation_has() -> None:
+def test_table_2_lists_the_parts_of_each_ablation() -> None:
     (table,) = tables.table_2(of_rows(row("lpt", n_parameters=1234567)), "cpu")
     found = {r[0]: r[1:] for r in table.rows}
     assert found["LPT-WA"][:2] == ("no", "yes")
@@ -157,7 +157,7 @@ def test_table_2_says_which_parts_each_ablation_has() -> None:
     assert found["LPT+"] == ("yes", "yes", "all four", "1,234,567")
 
 
-def test_rows_say_how_many_pairs_were_seen_where_a_curve_tells() -> None:
+def test_rows_have_the_number_of_pairs_seen_where_a_curve_has_it() -> None:
     points = [(64.0, 1.0, 0.9, 0.01), (368_000.0, 25.0, 0.98, 0.01)]
     made = [Curve(published.PRINTED, "random", "cpu", "adamw", 8, 0, points, COLUMNS)]
     tables_made = tables.table_1(of_rows(*paper_rows()).merged(curves=made), "cpu")
@@ -186,7 +186,7 @@ def classical_rows(split: str = "random") -> list[ResultRow]:
     ]
 
 
-def test_sgd_that_ended_by_a_limit_is_told_from_sgd_that_stopped_improving() -> None:
+def test_sgd_that_reached_a_limit_is_marked_apart_from_sgd_that_stopped_improving() -> None:
     by_time, by_plateau = (
         lines.line(of_rows(row("lpt", optimiser="sgd", stopped=why)), "lpt", "cpu", "random", "sgd")
         for why in ("time", "plateau")

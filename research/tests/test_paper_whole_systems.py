@@ -129,7 +129,7 @@ def test_a_word_left_before_it_is_entered_is_no_splice() -> None:
     assert touching.spans[2].source == (30, 31), "one frame is enough"
 
 
-def test_misses_are_filled_by_the_defaults_and_told() -> None:
+def test_misses_are_filled_by_the_defaults_and_reported() -> None:
     system = by_words({len(BEFORE): (40, 30), len(AFTER): (29, 20)})
     result = spliced(WORDS, system, fill_misses=True)
     (first, second), plain = result.seams, ss.splice([AFTER, THIRD])

@@ -49,7 +49,7 @@ def test_large_weights_lose_half_their_bytes_and_small_ones_nothing() -> None:
     np.testing.assert_array_equal(run(halved(graph(beyond)), x), run(graph(beyond), x))
 
 
-def test_a_bundle_says_what_it_was_made_from(tmp_path: Path) -> None:
+def test_a_bundle_records_what_it_was_made_from(tmp_path: Path) -> None:
     write_bundle(tmp_path / "whole", {"system": "lpt", "fr": 8}, {"spsn.onnx": graph()}, {"spsn.jsonl": b"{}"})
     made = halve_bundle(tmp_path / "whole", tmp_path / "half", {"pairs": 3})
     assert made.precision == FLOAT16

@@ -48,6 +48,6 @@ def test_data_of_an_older_training_are_unknown(tmp_path: Path) -> None:
     assert not (tmp_path / training.DATA_FILE).exists()
 
 
-def test_a_system_says_why_its_last_part_ended() -> None:
+def test_a_system_records_why_its_last_part_ended() -> None:
     ends = ["plateau", "steps"], ["time", "steps"], ["plateau"]
     assert [training.reason_of_parts(of) for of in ends] == ["steps", "time", "plateau"]

@@ -81,7 +81,7 @@ def _place(name: str) -> Image:
         state, side = _still()
         side = make_scene(pose.clip(state[None], _SIGNER, 30.0), "side")
         aside = _seen(side, "Spine2", locations.locate(name, WeakArm(_SIGNER, state[27:54])).point)
-        return np.hstack([_dot(_beside(one, at), at, _CELL // 2) for one, at in ((scene, dot), (side, aside))])
+        return np.hstack([_dot(_narrowed(one, at), at, _CELL // 2) for one, at in ((scene, dot), (side, aside))])
     if name in ON_HEAD or name == "throat":
         scene = _around(scene, _seen(scene, "Spine2", np.array([0.0, 31.0, 0.0])), 0.11)
     elif name in ON_BASE - ON_ARM:
@@ -99,7 +99,7 @@ def _around(scene: Scene, centre: FloatArray, reach: float) -> Scene:
     return replace(scene, window=(x - reach, x + reach, y - reach, y + reach))
 
 
-def _beside(scene: Scene, at: FloatArray) -> Scene:
+def _narrowed(scene: Scene, at: FloatArray) -> Scene:
     """The scene with a window half as wide as high, which shows the signer and a point."""
     _, _, bottom, top = scene.window
     middle, reach = 0.55 * float(at[0, 0]), 0.25 * (top - bottom)

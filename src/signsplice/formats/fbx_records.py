@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ _STATEMENT = re.compile(
 _VALUE = re.compile(r'"(?P<text>[^"]*)"|(?P<word>[^\s,"]+)')
 
 
-class Record:
+class Record(ABC):
     """A record of a file.
 
     name: of the record.
@@ -55,13 +56,13 @@ class Record:
             self._values = self._read_values()
         return self._values
 
-    def _read_values(self) -> list[Any]:
-        raise NotImplementedError
+    @abstractmethod
+    def _read_values(self) -> list[Any]: ...
 
     @property
+    @abstractmethod
     def children(self) -> list[Record]:
         """The records within it, in order."""
-        raise NotImplementedError
 
     @property
     def named(self) -> dict[str, Record]:

@@ -47,8 +47,8 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.fl
         if raised[rows].any() and phases[rows, _STROKE].max() > _SURE
     ]
     heights, last = wrists[..., 1].max(axis=1), len(surest) - 1
-    rows = _without_ways(rows, heights, surest, _PREPARATION)
-    rows = _without_ways([last - row[::-1] for row in rows[::-1]], heights[::-1], surest[::-1], _RETRACTION)
+    rows = _without_rest_moves(rows, heights, surest, _PREPARATION)
+    rows = _without_rest_moves([last - row[::-1] for row in rows[::-1]], heights[::-1], surest[::-1], _RETRACTION)
     rows = [last - row[::-1] for row in rows[::-1]]
     if rows:
         return int(rows[0][0]), int(rows[-1][-1])
@@ -56,19 +56,19 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.fl
     return (int(held[len(held) // 2]),) * 2 if len(held) else None
 
 
-def _without_ways(
-    strokes: list[NDArray[np.intp]], heights: NDArray[np.floating], phases: NDArray[np.intp], way: int
+def _without_rest_moves(
+    strokes: list[NDArray[np.intp]], heights: NDArray[np.floating], phases: NDArray[np.intp], rest_phase: int
 ) -> list[NDArray[np.intp]]:
     """The frames of each of a word's strokes without the first ones in which hands only leave rest, by the height (T,)
     of the higher one and the phase (T,) that each frame is surest in: it is as low as it rests, and goes from there to
-    the next stroke, or it is a moment amid the ``way``.
+    the next stroke, or it is a moment within the phase ``rest_phase``.
     """
     while len(strokes) > 1:
         first, stop, then = int(strokes[0][0]), int(strokes[0][-1]) + 1, phases[strokes[0][-1] + 1 : strokes[1][0]]
         then = then[then != _HOLD]
         is_low = stop - first <= _PARTING and heights[strokes[0]].max() <= heights[0] + _PARTING_HEIGHT
         goes = len(then) > 0 and np.isin(then, (_PREPARATION, _RETRACTION)).mean() > 0.5
-        is_moment = stop - first < _MOMENT and first > 0 and phases[first - 1] == phases[stop] == way
+        is_moment = stop - first < _MOMENT and first > 0 and phases[first - 1] == phases[stop] == rest_phase
         if not (is_low and goes) and not is_moment:
             break
         strokes = strokes[1:]
