@@ -54,7 +54,7 @@ class AssembledAnswers:
         skeleton = pairs.skeletons[pairs.signer(p)]
         joints = list(pairs.space(p).indices(skeleton, pairs.gloss(p)))
         ends = [pairs.word(word, "rotations")[at].astype(np.float64) for word, at in ((p, cut.pre), (q, cut.post))]
-        local = rotations_from_positions(skeleton, pairs.space(p).positions(made), *ends, joints)
+        local = rotations_from_positions(skeleton, pairs.space(p).positions(made), ends[0], ends[1], joints)
         shown = np.concatenate([ends[0][None], local, ends[1][None]])
         jumps = (np.rad2deg(rotation.angle_between(shown[:-1], shown[1:])) > MOST_DEG).any(axis=0)
         local[:, jumps] = clip.local_rotations[:, jumps]

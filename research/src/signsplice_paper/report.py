@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from signsplice_paper.lines import MISSING, SHORT, line, written
 from signsplice_paper.results import Results
 
 _TEMPLATE = "report.typ"
-_SCORES = {"bleu-1": 3, "bleu-4": 3, "pta": 3, "paa": 3, "accuracy": 3, "mse": SHORT}
+_SCORES: dict[str, int | str] = {"bleu-1": 3, "bleu-4": 3, "pta": 3, "paa": 3, "accuracy": 3, "mse": SHORT}
 
 
 def write(found: Results, folder: Path, scale: str, out: Path) -> None:
@@ -40,8 +41,10 @@ def write(found: Results, folder: Path, scale: str, out: Path) -> None:
     for name, value in (("{{version}}", version("signsplice")), ("{{treatments}}", _treatments(partner, scale))):
         text = text.replace(name, value)
     files["main.typ"] = page_template.filled(text, known, scale).encode()
-    with replacing(out) as temporary:
-        temporary.write_bytes(typst.compile(files, format="pdf", ignore_system_fonts=True))
+    with tempfile.TemporaryDirectory(prefix="signsplice-report-") as made, replacing(out) as temporary:
+        for name, data in files.items():
+            Path(made, name).write_bytes(data)
+        temporary.write_bytes(typst.compile(Path(made, "main.typ"), format="pdf", ignore_system_fonts=True))
 
 
 def _treatments(partner: Results, scale: str) -> str:
