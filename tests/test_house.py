@@ -285,7 +285,7 @@ def test_a_splice_imports_no_torch_and_no_plotting() -> None:
         "from signsplice.lexicon import shipped\n"
         "words = shipped()\n"
         "ss.splice([words.clip('I'), words.clip('SIGN')])\n"
-        "heavy = {'torch', 'matplotlib', 'PIL', 'onnx', 'click', 'rich', 'pandas'}\n"
+        "heavy = {'torch', 'matplotlib', 'PIL', 'onnx', 'click', 'rich', 'pandas', 'scipy.signal', 'scipy.stats'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
     assert heavy.strip() == "[]"
