@@ -45,6 +45,8 @@ lock: | $(VENV)/bin/python     ## requirements/*.lock anew from pyproject.toml; 
 	$(COMPILE) pyproject.toml --extra dev --no-emit-package torch --output-file requirements/dev.lock
 	echo hatchling | $(COMPILE) pyproject.toml - --extra video --constraint requirements/dev.lock \
 		--output-file requirements/demo.lock
+	echo hatchling | $(COMPILE) pyproject.toml - --extra serve --constraint requirements/dev.lock \
+		--output-file requirements/serve.lock
 
 unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests stay together
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
