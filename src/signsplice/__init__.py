@@ -67,7 +67,7 @@ def __dir__() -> list[str]:
 
 
 def _notebook_html(clip: "Clip") -> str:
-    from signsplice.service.notebook import html
+    from signsplice.render.notebook import html
 
     return html(clip)
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -27,7 +28,9 @@ _NEW_RECIPES = ".new-recipes.parquet"
 """The recipes until the job is written: a file of that name is nobody else's."""
 FRAMES = "frames"
 STORES = (FRAMES, "recipes")
-FORMATS = ("npz", "bvh", "glb")
+NPZ32 = "npz32"
+FORMATS = ("npz", NPZ32, "bvh", "glb")
+"""Of clips; ``NPZ32``: npz with frames rounded to 32 bits."""
 VERSION = 1
 _LIBRARIES = ("numpy", "scipy", "onnxruntime")
 _LONGEST = 1000
@@ -240,6 +243,22 @@ def processor() -> str:
 def tar_of(out: Path, shard: int) -> Path:
     """Where a shard's samples lie."""
     return out / f"shard-{shard:06d}.tar"
+
+
+def progress_of(out: Path, shard: int) -> Path:
+    """Where the number of rows of a shard that is being made lies, of which the index knows nothing yet. It is swept as
+    what is unfinished.
+    """
+    return out / INDEX / f".signsplice-{shard:016x}.rows"
+
+
+def rows_in_progress(out: Path, shards: Iterable[int]) -> int:
+    """How many rows are made of shards that are not whole."""
+    n_rows = 0
+    for shard in shards:
+        with suppress(OSError, ValueError):  # none yet, removed since, or being written
+            n_rows += int(progress_of(out, shard).read_text())
+    return n_rows
 
 
 def index_of(out: Path, shard: int) -> Path:

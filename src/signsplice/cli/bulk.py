@@ -37,6 +37,7 @@ _DIALS = {
 }
 _AS_THERE = "As of `sentence`."
 _STORE = "Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row."
+_FORMAT = "Of the clips; npz32: rounded by up to 0.002 degrees and 0.06 mm, a third of the size."
 _POSES = "Positions of joints and annotations beside each clip, for sign-language-data-loading."
 
 
@@ -60,7 +61,7 @@ run_options = added(
     click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
     click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
     preset("--store", "frames", "frames|recipes", _STORE),
-    preset("--format", "npz", "npz|bvh|glb", "Of the clips."),
+    preset("--format", "npz", "npz|npz32|bvh|glb", _FORMAT),
     preset("--poses/--no-poses", True, None, _POSES),
     preset("--shard-size", 1000, "N", "Rows of a shard."),
     preset("--keep-words", 2048, "N", "Words that a process keeps in memory, with what the networks read of them."),
@@ -154,7 +155,7 @@ def recipes(
             least, most = map(int, n_words)
             made = drawing.drawn(glosses, count, (least, most), seed, signers or ("",), ranges, fixed)
         n_rows = write(output, made)
-    print(f"{output}: {n_rows:,} recipes")
+    print(f"{output}: {n_rows:,} recipe{'s' * (n_rows != 1)}")
 
 
 @bulk.command()
@@ -267,8 +268,9 @@ def _run(
     if summary.n_failed > sum(summary.reasons.values()):
         warn(["further reasons are in the index, column error"])
     failed = f", {summary.n_failed:,} failed" if summary.n_failed else ""
+    n_made, n_shards = summary.n_recipes - summary.n_failed, summary.n_shards
     print(
-        f"{out}: {summary.n_recipes - summary.n_failed:,} sentences{failed}, {summary.n_shards:,} shards, "
+        f"{out}: {n_made:,} sentence{'s' * (n_made != 1)}{failed}, {n_shards:,} shard{'s' * (n_shards != 1)}, "
         f"{summary.seconds / 3600:.2f} h of motion, {size(summary.n_bytes)}"
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +12,8 @@ import click
 
 from signsplice.cli.clips import check_output, load, load_avatar, reads_poses
 from signsplice.cli.options import LEXICON, preset
-from signsplice.cli.terminal import require
-from signsplice.errors import InputError
+from signsplice.cli.terminal import require, warn
+from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from signsplice.service.settings import Settings
@@ -93,27 +94,35 @@ def view(
         raise InputError(f"{len(files)} files, expected one, or two to compare")
     if len(reports) > len(files):
         raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
-    _require_extra()
     from signsplice.formats import atomic
-    from signsplice.service import page, scene
-    from signsplice.service.wire import FORMAT_NAMES
     from signsplice.splicing import report as splice_reports
 
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
         check_output(output, [*files, *reports, roles])
-    scenes = []
-    for number, file in enumerate(files):
-        clip = load(file, roles)
-        report = splice_reports.read(reports[number], len(clip)) if number < len(reports) else None
-        scenes.append(scene.from_clip(clip, report, FORMAT_NAMES))
+    clips = [load(file, roles) for file in files]
+    read = [splice_reports.read(path, len(clip)) for path, clip in zip(reports, clips, strict=False)]
+    try:
+        _require_extra()
+        from signsplice.service import page, scene
+        from signsplice.service.wire import FORMAT_NAMES
+
+        page.html([], live=output is None)  # a missing viewer is an error before anything is made
+    except MissingExtraError as error:
+        if output is None:
+            raise
+        from signsplice.render import notebook
+
+        warn([f"{error}; until then the page is a drawing that moves"])
+        text = '<!doctype html><meta charset="utf-8">' + "".join(map(notebook.html, clips))
+    else:
+        scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip_longest(clips, read)]
+        text = page.html(scenes, live=output is None)
     if output is not None:
-        text = page.html(scenes, live=False)
         atomic.write(output, text)
         print(f"{output}: opens from disk in any browser, {len(text.encode()) / 1e6:.1f} MB")
         return
-    page.html(scenes, live=True)  # a missing viewer is an error before the service starts
 
     def on_open(address: str) -> None:
         print(f"{', '.join(files)}: at {address} (Ctrl-C stops it)", flush=True)
