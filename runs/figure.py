@@ -429,6 +429,10 @@ face at rest has, which else looks stern; how much of a blink's way closes these
 """
 
 
+_SEEN = 0.005
+"""A unit moves the vertices that it moves by more, dm: half a millimetre is not seen."""
+
+
 def stored(pieces: Pieces) -> dict[str, Any]:
     """The arrays of the file: whole numbers."""
     unit = STEP * STATURE_DM
@@ -439,7 +443,7 @@ def stored(pieces: Pieces) -> dict[str, Any]:
         which = [np.zeros(0, np.intp)]
         for start, moves in zip(starts, pieces.moves, strict=False):
             if name in moves:
-                own = np.flatnonzero(np.abs(moves[name]).max(axis=1) > 0.002)
+                own = np.flatnonzero(np.abs(moves[name]).max(axis=1) > _SEEN)
                 which.append(own + start)
                 rows.append(moves[name][own])
         counts.append(sum(map(len, which)))

@@ -1,0 +1,80 @@
+"""The pictures of docs/face.md and docs/formats.md: faces of the figure, drawn by the package itself.
+
+    python runs/face_sheets.py docs/images
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.lexicon import shipped
+from signsplice.lexicon.sentence import parse
+from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.face import ARKIT_CHANNELS, Face
+from signsplice.motion.face_shapes import VISEMES
+from signsplice.render.picture import Image, Scene, draw, make_scene
+from signsplice.render.sheet import write_cells
+from signsplice.rig.info import rig_info
+
+SIZE, COLUMNS, COLOURS = 120, 9, 128
+REACH, ABOVE = 0.088, 0.047
+"""Half of what is shown of a head, and its middle above the head's joint, statures."""
+_BOTH = ("Left", "Right")
+FACES: Mapping[str, Mapping[str, float]] = {
+    "at rest": {},
+    "closed eyes": {f"eyeBlink{side}": 1.0 for side in _BOTH},
+    "brows up": {"browInnerUp": 0.7, "browOuterUpLeft": 0.8, "browOuterUpRight": 0.8},
+    "brows down": {f"browDown{side}": 0.8 for side in _BOTH},
+    "open mouth": {"jawOpen": 0.6},
+    "smile": {f"mouthSmile{side}": 0.8 for side in _BOTH},
+    "pucker": {"mouthPucker": 0.9},
+    "look aside": {"eyeLookOutLeft": 0.8, "eyeLookInRight": 0.8},
+}
+
+
+def heads(clip: Clip, view: str = "front", reach: float = REACH) -> Scene:
+    """A clip's head, where it is in the first frame."""
+    scene = make_scene(clip, view)
+    at = scene.positions[0, rig_info(clip.skeleton).roles.joints["head"]] - scene.origin
+    x, y, _ = (at @ scene.axes.T / scene.height).tolist()
+    return replace(scene, window=(x - reach, x + reach, y + ABOVE - reach, y + ABOVE + reach))
+
+
+def with_shapes(shapes: Sequence[Mapping[str, float]]) -> Clip:
+    """A still signer with a face in each frame."""
+    clip = shipped().clip("NAME")
+    clip = clip[np.zeros(len(shapes), int)] if False else _held(clip, len(shapes))
+    weights = np.array([[shape.get(name, 0.0) for name in ARKIT_CHANNELS] for shape in shapes])
+    return unchecked_copy(clip, face=Face(ARKIT_CHANNELS, weights))
+
+
+def _held(clip: Clip, n_frames: int) -> Clip:
+    first = clip[:1]
+    return replace(
+        first,
+        local_rotations=first.local_rotations.repeat(n_frames, axis=0),
+        root_positions=first.root_positions.repeat(n_frames, axis=0),
+    )
+
+
+def write_shapes(shapes: Mapping[str, Mapping[str, float]], path: Path, columns: int = COLUMNS, size: int = SIZE) -> None:
+    """A page of faces, each with its name."""
+    scene = heads(with_shapes(list(shapes.values())))
+    cells = [(draw(scene, frame, size, size), name) for frame, name in enumerate(shapes)]
+    write_cells(cells, path, columns, COLOURS)
+
+
+def main(folder: Path) -> None:
+    """Write every page."""
+    write_shapes({name: {name: 1.0} for name in ARKIT_CHANNELS}, folder / "face-shapes.png")
+    write_shapes(VISEMES, folder / "face-visemes.png", 8)
+    write_shapes(FACES, folder / "figure-face.png", 4, 180)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
