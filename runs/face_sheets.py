@@ -47,8 +47,7 @@ def heads(clip: Clip, view: str = "front", reach: float = REACH) -> Scene:
 
 def with_shapes(shapes: Sequence[Mapping[str, float]]) -> Clip:
     """A still signer with a face in each frame."""
-    clip = shipped().clip("NAME")
-    clip = clip[np.zeros(len(shapes), int)] if False else _held(clip, len(shapes))
+    clip = _held(shipped().clip("NAME"), len(shapes))
     weights = np.array([[shape.get(name, 0.0) for name in ARKIT_CHANNELS] for shape in shapes])
     return unchecked_copy(clip, face=Face(ARKIT_CHANNELS, weights))
 

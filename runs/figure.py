@@ -349,7 +349,7 @@ def build(folder: Path) -> dict[str, Any]:
     moves = {}
     for name, (index, delta) in head.units.items():
         moves[name] = np.zeros_like(flat)
-        moves[name][index] = delta * stretch[index] * (_BLINK if "Blink" in name else 1.0)
+        moves[name][index] = delta * stretch[index] * _strength(name)
     flat += sum(_SMILE * moves[f"mouthSmile{side}"] for side in ("Left", "Right"))
     groups = {name: triangles_of(faces) for name, faces in head.groups.items() if not name.startswith("joint")}
     skin = groups["body"]
@@ -423,10 +423,14 @@ def build(folder: Path) -> dict[str, Any]:
     return stored(pieces)
 
 
-_EYE, _EYE_BACK, _SMILE, _BLINK = 0.147, 0.016, 0.12, 0.6
-"""Radius of an eye, and how far it lies back, dm; the smile that a
-face at rest has, which else looks stern; how much of a blink's way closes these eyes.
-"""
+_EYE, _EYE_BACK, _SMILE = 0.147, 0.016, 0.12
+"""Radius of an eye, and how far it lies back, dm; the smile that a face at rest has, which else looks stern."""
+_STRENGTHS = {"eyeBlink": 0.6, "brow": 1.5, "cheekPuff": 2.0}
+"""How a unit's path is scaled: so far these eyes close, and brows and cheeks are seen in a picture of a whole signer."""
+
+
+def _strength(unit: str) -> float:
+    return next((factor for name, factor in _STRENGTHS.items() if unit.startswith(name)), 1.0)
 
 
 _SEEN = 0.005
