@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import signsplice as ss
-from face_tracks import random_face, with_random_face
 from gltf_documents import ARM, document, load_document, rotating
 from signsplice.errors import FormatError, LimitError
+from signsplice.evaluation.faces import random_face, with_random_face
 from signsplice.formats import glb, live_link, vrma
 from signsplice.formats.gltf_face import lost_in, target_names, vrm_expressions
 from signsplice.formats.gltf_writer import DocumentWriter
