@@ -1,6 +1,6 @@
 """The pictures of docs/face.md and docs/formats.md: faces of the figure, drawn by the package itself.
 
-    python runs/face_sheets.py docs/images
+python runs/face_sheets.py docs/images
 """
 
 from __future__ import annotations
@@ -13,16 +13,20 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.lexicon import shipped
-from signsplice.lexicon.sentence import parse
+from signsplice.lexicon.sentence import brows, parse, pauses, starts
 from signsplice.motion.clip import Clip, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import VISEMES
+from signsplice.render.page import PAPER
 from signsplice.render.picture import Image, Scene, draw, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.rig.info import rig_info
+from signsplice.splicing.engine import SpliceOptions, splice
+from signsplice.splicing.face_rules import RULES
+from signsplice.splicing.passes.face_seams import LIDS
 
 SIZE, COLUMNS, COLOURS = 120, 9, 128
-REACH, ABOVE = 0.088, 0.047
+REACH, ABOVE = 0.072, 0.044
 """Half of what is shown of a head, and its middle above the head's joint, statures."""
 _BOTH = ("Left", "Right")
 FACES: Mapping[str, Mapping[str, float]] = {
@@ -61,18 +65,48 @@ def _held(clip: Clip, n_frames: int) -> Clip:
     )
 
 
-def write_shapes(shapes: Mapping[str, Mapping[str, float]], path: Path, columns: int = COLUMNS, size: int = SIZE) -> None:
+def write_shapes(
+    shapes: Mapping[str, Mapping[str, float]], path: Path, columns: int = COLUMNS, size: int = SIZE
+) -> None:
     """A page of faces, each with its name."""
     scene = heads(with_shapes(list(shapes.values())))
     cells = [(draw(scene, frame, size, size), name) for frame, name in enumerate(shapes)]
     write_cells(cells, path, columns, COLOURS)
 
 
+def sentence(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
+    """A sentence with its face by rule, and frames to show of it: each sign, each transition and every blink."""
+    with shipped() as words:
+        units = parse(line, words)
+        clips = [words.clip(gloss) for unit in units for gloss in unit.glosses]
+    result = splice(clips, SpliceOptions(face_rules=RULES), starts(units), pauses(units), brows(units))
+    lids = result.clip.face.of(LIDS)[:, 0] if result.clip.face is not None else np.zeros(len(result.clip))
+    shown = {sum(span.output) // 2: span.name or "transition" for span in result.spans}
+    shown |= {k: "blink" for k in range(1, len(lids) - 1) if lids[k] == 1.0 > lids[k - 1]}
+    return result.clip, sorted(shown.items())
+
+
+def write_sentences(lines: Sequence[str], path: Path, columns: int = 8, size: int = 170) -> None:
+    """A row of frames for each sentence, its signer from the front, and the face below."""
+    cells: list[tuple[Image, str]] = []
+    for line in lines:
+        clip, shown = sentence(line)
+        whole = make_scene(clip)
+        for frame, name in shown[:columns]:
+            head = heads(clip[frame : frame + 1])
+            picture = np.concatenate([draw(whole, frame, size, size), draw(head, 0, size, size)])
+            cells.append((picture, f"{name}, {frame / clip.fps:.1f} s"))
+        cells += [(np.full_like(cells[0][0], PAPER), "")] * (columns - len(shown))
+    write_cells(cells, path, columns, COLOURS)
+
+
 def main(folder: Path) -> None:
     """Write every page."""
-    write_shapes({name: {name: 1.0} for name in ARKIT_CHANNELS}, folder / "face-shapes.png")
+    together = {"mouthClose": {"mouthClose": 0.6, "jawOpen": 0.6}}  # it closes the lips of an open jaw
+    write_shapes({name: {name: 1.0} for name in ARKIT_CHANNELS} | together, folder / "face-shapes.png")
     write_shapes(VISEMES, folder / "face-visemes.png", 8)
     write_shapes(FACES, folder / "figure-face.png", 4, 180)
+    write_sentences(("YOU LIKE COFFEE?", "YOU WHERE LIVE?"), folder / "face-questions.png")
 
 
 if __name__ == "__main__":

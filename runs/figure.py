@@ -426,7 +426,7 @@ def build(folder: Path) -> dict[str, Any]:
 _EYE, _EYE_BACK, _SMILE = 0.147, 0.016, 0.12
 """Radius of an eye, and how far it lies back, dm; the smile that a face at rest has, which else looks stern."""
 _STRENGTHS = {"eyeBlink": 0.6, "brow": 1.5, "cheekPuff": 2.0}
-"""How a unit's path is scaled: so far these eyes close, and brows and cheeks are seen in a picture of a whole signer."""
+"""How a unit is scaled: so far these eyes close, and brows and cheeks are seen in a picture of a whole signer."""
 
 
 def _strength(unit: str) -> float:

@@ -78,7 +78,8 @@ def faults(shown: Face | None, gap: tuple[int, int], before: Clip, after: Clip) 
     weights, start = shown.of(ARKIT_CHANNELS), max(0, first - round(_AROUND_S * before.fps))
     seam = np.delete(weights[first - 1 : stop + 1], LID_COLUMNS, axis=1)
     even = np.abs(seam[-1] - seam[0]) / (len(seam) - 1)
-    most = np.maximum(largest_step(before.face, after.face), even) + 1e-9
+    limit = max(largest_step(before.face, after.face), largest_step(shown[:first], shown[stop:]))  # also at a tempo
+    most = np.maximum(limit, even) + 1e-9
     lids = weights[start : stop + round(_AROUND_S * before.fps), LID_COLUMNS[0]]
     halves = [start + k for k in half_blinks(lids) if first - 1 <= start + k <= stop]
     return bool((np.abs(np.diff(seam, axis=0)).max(axis=0) > most).any()), bool(halves)
