@@ -1,6 +1,6 @@
-"""The pictures of docs/face.md and docs/formats.md: faces of the figure, drawn by the package itself.
+"""The pictures of docs/face.md and docs/formats.md, and the film of the README, drawn by the package itself.
 
-python runs/face_sheets.py docs/images
+    python runs/face_sheets.py docs/images
 """
 
 from __future__ import annotations
@@ -11,19 +11,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from PIL import Image, ImageSequence
 
 from signsplice.lexicon import shipped
 from signsplice.lexicon.sentence import brows, parse, pauses, starts
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.clip import Clip, resample, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import VISEMES
+from signsplice.render import film
 from signsplice.render.page import PAPER
-from signsplice.render.picture import Image, Scene, draw, make_scene
+from signsplice.render.picture import Image as Pixels
+from signsplice.render.picture import Scene, draw, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.passes.face_seams import LIDS
+from signsplice.splicing.result import SpliceResult
 
 SIZE, COLUMNS, COLOURS = 120, 9, 128
 REACH, ABOVE = 0.072, 0.044
@@ -74,12 +78,17 @@ def write_shapes(
     write_cells(cells, path, columns, COLOURS)
 
 
-def sentence(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
-    """A sentence with its face by rule, and frames to show of it: each sign, each transition and every blink."""
+def spliced(line: str) -> SpliceResult:
+    """A sentence with its face by rule."""
     with shipped() as words:
         units = parse(line, words)
         clips = [words.clip(gloss) for unit in units for gloss in unit.glosses]
-    result = splice(clips, SpliceOptions(face_rules=RULES), starts(units), pauses(units), brows(units))
+    return splice(clips, SpliceOptions(face_rules=RULES), starts(units), pauses(units), brows(units))
+
+
+def sentence(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
+    """A sentence, and frames to show of it: each sign, each transition and every blink."""
+    result = spliced(line)
     lids = result.clip.face.of(LIDS)[:, 0] if result.clip.face is not None else np.zeros(len(result.clip))
     shown = {sum(span.output) // 2: span.name or "transition" for span in result.spans}
     shown |= {k: "blink" for k in range(1, len(lids) - 1) if lids[k] == 1.0 > lids[k - 1]}
@@ -88,7 +97,7 @@ def sentence(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
 
 def write_sentences(lines: Sequence[str], path: Path, columns: int = 8, size: int = 170) -> None:
     """A row of frames for each sentence, its signer from the front, and the face below."""
-    cells: list[tuple[Image, str]] = []
+    cells: list[tuple[Pixels, str]] = []
     for line in lines:
         clip, shown = sentence(line)
         whole = make_scene(clip)
@@ -100,6 +109,19 @@ def write_sentences(lines: Sequence[str], path: Path, columns: int = 8, size: in
     write_cells(cells, path, columns, COLOURS)
 
 
+def write_film(line: str, path: Path, fps: float = 10.0, n_colours: int = 32) -> None:
+    """A small film of a sentence for the README."""
+    result = spliced(line)
+    rate = fps / result.clip.fps
+    marks = [film.Mark(s.kind, s.name or "", *(round(at * rate) for at in s.output)) for s in result.spans]
+    film.write(resample(result.clip, fps), path, marks, size=(240, 320))
+    pages = Image.open(path)
+    frames = [page.convert("RGB") for page in ImageSequence.Iterator(pages)]
+    palette = frames[len(frames) // 3].quantize(n_colours, Image.Quantize.MEDIANCUT)
+    small = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in frames]
+    small[0].save(path, save_all=True, append_images=small[1:], duration=round(1000 / fps), loop=0, optimize=True)
+
+
 def main(folder: Path) -> None:
     """Write every page."""
     together = {"mouthClose": {"mouthClose": 0.6, "jawOpen": 0.6}}  # it closes the lips of an open jaw
@@ -107,6 +129,7 @@ def main(folder: Path) -> None:
     write_shapes(VISEMES, folder / "face-visemes.png", 8)
     write_shapes(FACES, folder / "figure-face.png", 4, 180)
     write_sentences(("YOU LIKE COFFEE?", "YOU WHERE LIVE?"), folder / "face-questions.png")
+    write_film("HELLO I DEAF I SIGN THANK-YOU", folder / "sentence.gif")
 
 
 if __name__ == "__main__":
