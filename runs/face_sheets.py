@@ -1,6 +1,8 @@
 """The pictures of docs/face.md and docs/formats.md, and the film of the README, drawn by the package itself.
 
     python runs/face_sheets.py docs/images
+
+Call it again when ``runs/figure.py`` has changed the head.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import face_avatars
 import signsplice as ss
 from gltf_documents import ARM, document, load_document, rotating
 from signsplice.errors import FormatError, LimitError
@@ -285,3 +286,15 @@ def test_a_figure_with_targets_shows_the_face_and_what_it_cannot_show_is_known(
 def lost_in_file(clip: Clip, folder: Path) -> tuple[str, ...]:
     ss.save(clip, folder / "clip.glb")
     return lost_in(folder / "clip.glb", clip)
+
+
+@pytest.mark.parametrize("kind", face_avatars.KINDS[:3])
+def test_the_same_face_comes_back_from_every_kind_of_avatar(kind: str, words: dict[str, Clip], tmp_path: Path) -> None:
+    clip = with_random_face(words["HELLO"][:12], 3)
+    ss.save(clip, tmp_path / "HELLO.bvh")  # and HELLO.csv
+    avatar = ss.read_avatar(face_avatars.write(tmp_path, kind))
+    signed = ss.retarget(ss.load(tmp_path / "HELLO.bvh"), avatar).clip
+    for suffix in (".glb", ".vrma"):
+        ss.save(signed, tmp_path / f"out{suffix}")
+        face = face_of(ss.load(tmp_path / f"out{suffix}"))
+        assert np.abs(face.of(ARKIT_CHANNELS) - face_of(clip).of(ARKIT_CHANNELS)).max() < 1e-6
