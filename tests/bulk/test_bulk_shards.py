@@ -35,6 +35,8 @@ from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward
 from signsplice.rig.info import rig_info
 from signsplice.splicing import report as reports
+from signsplice.splicing.engine import splice
+from signsplice.splicing.face_rules import RULES
 
 QUICK = {"cutter": "pose-velocity", "transition": "hermite", "transition_time": "tempo"}
 ROWS = [
@@ -357,6 +359,18 @@ def test_recipes_pause_and_have_forms_as_sentence_has(words: dict[str, Clip]) ->
     assert np.array_equal(held.result.clip.local_rotations, wanted.clip.local_rotations)
     assert held.result.spans == wanted.spans
     assert plain.result.spans == ss.splice(some).spans
+
+
+def test_recipes_have_faces_by_rule_as_sentence_has() -> None:
+    rows = [SentenceRecipe(("YOU", "WHERE", "BOOK?"), face_rules=face_rules) for face_rules in (True, False)]
+    with ss.open_lexicon() as lex:
+        ruled, plain = SentenceMaker(lex).make(rows)
+        some = [lex.clip(gloss) for gloss in ("YOU", "WHERE", "BOOK")]
+    assert isinstance(ruled, MadeSentence)
+    assert isinstance(plain, MadeSentence)
+    wanted = splice(some, ss.SpliceOptions(face_rules=RULES), (), {2: "?"}, dict.fromkeys(range(3), "furrowed")).clip
+    assert ruled.motion_sha256 == motion_sha256(wanted)
+    assert plain.result.clip.face is None
 
 
 def test_a_signer_signs_on_its_own_body(words: dict[str, Clip], tmp_path: Path) -> None:

@@ -175,3 +175,10 @@ def test_evaluate_refuses_calls_that_it_cannot_measure() -> None:
         run = CliRunner().invoke(app, ["evaluate", *call])
         assert run.exit_code == 2
         assert error in run.output
+
+
+def test_faces_are_measured_and_a_straight_line_cuts_blinks_in_half() -> None:
+    pairs = seams.word_pairs(40, SIGNS)
+    ours, straight = seams.compare(pairs, {"ours": SpliceOptions(cutter="pose-velocity", transition="slerp")})
+    assert (ours.face_jumps, ours.half_blinks) == (0.0, 0.0)
+    assert straight.half_blinks > 0.0

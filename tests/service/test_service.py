@@ -18,12 +18,12 @@ from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 import generate
-from face_tracks import with_random_face
 from other_rigs import on_other_rig
 from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
+from signsplice.evaluation.faces import with_random_face
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation

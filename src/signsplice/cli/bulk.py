@@ -51,6 +51,7 @@ dial_options = added(
     click.option("--avoid-collisions/--no-avoid-collisions", default=None, help=_AS_THERE),
     _off("spell", "Rows with words that the lexicon lacks fail; none is spelled."),
     _off("pauses", "Hold no sign at a comma or a full stop."),
+    click.option("--face-rules/--no-face-rules", default=None, help=f"{_AS_THERE}  [default: no]"),
 )
 
 
@@ -188,7 +189,7 @@ def pairs(count: int | None, seed: int, **options: Any) -> None:
     from signsplice.bulk import drawing
 
     names = ("transition_time", "sign_speed", "tempo", "fps", "cutter", "transition", "free_hand")
-    dials = {name: options.pop(name) for name in (*names, "avoid_collisions", "spell", "pauses")}
+    dials = {name: options.pop(name) for name in (*names, "avoid_collisions", "spell", "pauses", "face_rules")}
     ranges, fixed = _ranges(dials)
     if ranges:
         raise InputError(f"--{next(iter(ranges)).replace('_', '-')}: a range, expected one value for all pairs")

@@ -57,7 +57,7 @@ def document(clip: Clip) -> GLTF2:
     if clip.skeleton.roles:
         writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
     writer.skin(joints, _inverse_bind(clip, metres), joints[0])
-    writer.mesh(body_mesh(clip.skeleton), metres, has_face=clip.face is not None)
+    writer.mesh(body_mesh(clip.skeleton), metres, () if clip.face is None else clip.face.moving)
     times = writer.times(clip)
     for joint, node in enumerate(joints):
         if np.abs(quats[:, joint] - quats[:1, joint]).max() > _STILL or joint == 0:

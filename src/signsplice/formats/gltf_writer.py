@@ -5,7 +5,7 @@ Lengths are metres, up is +Y; the signer stands at the origin, soles at height 0
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -125,16 +125,16 @@ class DocumentWriter:
         matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
         self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
-    def mesh(self, parts: Sequence[MeshPart], metres: float, has_face: bool = False) -> None:
+    def mesh(self, parts: Sequence[MeshPart], metres: float, morphs: Collection[str] = ()) -> None:
         """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit. The parts
-        with morphs are a mesh of their own where they are wanted (``has_face``).
+        with morphs are a mesh of their own where some of these are wanted, which alone are its targets.
         """
-        moved = [part for part in parts if part.morphs and has_face]
+        moved = [part for part in parts if not part.morphs.keys().isdisjoint(morphs)]
         for name, own in (("mannequin", [part for part in parts if part not in moved]), ("face", moved)):
             if not own:
                 continue
             colours = dict.fromkeys(part.colour for part in own)
-            names = tuple(dict.fromkeys(target for part in moved for target in part.morphs)) if own is moved else ()
+            names = tuple(name for name in morphs if own is moved and any(name in part.morphs for part in moved))
             primitives = [self._primitive([p for p in own if p.colour == colour], metres, names) for colour in colours]
             self.gltf.meshes.append(Mesh(name=name, primitives=primitives))
             if names:
@@ -216,7 +216,7 @@ class DocumentWriter:
     def finish(self, name: str, fps: float) -> GLTF2:
         """The document, complete; its animation has a name and a frame rate."""
         self.gltf.animations[0].name = name or "signing"
-        self.gltf.animations[0].extras = {FPS_EXTRA: fps}
+        self.gltf.animations[0].extras = {**(self.gltf.animations[0].extras or {}), FPS_EXTRA: fps}
         self.content += b"\0" * (-len(self.content) % 4)
         self.gltf.buffers = [Buffer(byteLength=len(self.content))]
         self.gltf.set_binary_blob(bytes(self.content))

@@ -96,6 +96,11 @@ def channel_of(name: str) -> str | None:
     return _CHANNELS.get(_plain(name))
 
 
+def preset_of(name: str) -> str | None:
+    """The preset of VRM 1.0 that a name means, also one of VRM 0.x; None for any other."""
+    return _OTHER_NAMES.get(_plain(name)) or (name if name in PRESETS else None)
+
+
 def shape_of(name: str) -> Mapping[str, float] | None:
     """What a target by a name shows, coefficient -> weight, empty for a face at rest; None for an unknown name."""
     channel = channel_of(name)
