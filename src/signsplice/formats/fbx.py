@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
-from signsplice.formats.fbx_scene import MOVES, FbxScene, Id, Take, Transforms
+from signsplice.formats.fbx_face import face_of
+from signsplice.formats.fbx_objects import Id
+from signsplice.formats.fbx_scene import FbxScene, Transforms
+from signsplice.formats.fbx_takes import MOVES, Take
 from signsplice.formats.gltf_keys import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate
 from signsplice.formats.gltf_skeleton import unique
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
@@ -57,17 +60,18 @@ class _Reader:
         quats, positions = self._sampled(take, order, times)
         clip = self._rested(order, quats, positions, fps)
         tops = [self.scene.models[other[0]].name for other in skeletons if len(other) > 1]
-        takes = [other.name for other in self.scene.takes if other is not take and other.curves]
+        takes = [other.name for other in self.scene.takes if other is not take and other.layers]
         what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
         notes = [*_note(f"the take {take.name!r:.80}", takes), *_note(what, tops)]
-        return replace(clip, left_out=take.shapes, notes=tuple(notes))
+        face, shapes = face_of(self.scene.objects, take, times)
+        return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
 
     def _skeletons(self) -> list[list[Id]]:
         """The joints of each skeleton, parents first."""
         models, parents = self.scene.models, self.scene.parents
         joints = {key for key in self.scene.order if models[key].kind in _BONES or key in self.scene.skinned}
         if not joints:
-            moved = {key for take in self.scene.takes for key, _ in take.curves}
+            moved = {key for take in self.scene.takes for key, _ in take.moved()}
             for key in self.scene.order:
                 if (key in moved or parents.get(key) in joints) and models[key].kind not in _NO_JOINTS:
                     joints.add(key)
@@ -92,7 +96,7 @@ class _Reader:
         names = unique([self.scene.models[key].name for key in order])
         offsets = np.array([self.scene.models[key].vector(MOVES[0]) for key in order])
         skeleton = Skeleton(tuple(names), self._parents(order), offsets)
-        return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.curves}.intersection(order))
+        return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.moved()}.intersection(order))
 
     def _parents(self, order: Sequence[Id]) -> NDArray[np.intp]:
         """For each joint the row of the one above it, -1 for the first."""
@@ -108,7 +112,7 @@ class _Reader:
     def _take(self, name: str, joints: Set[Id]) -> Take:
         """The take of a name, or the first that moves a joint."""
         for take in self.scene.takes:
-            moves = any(key in joints for key, _ in take.curves)
+            moves = any(key in joints for key, _ in take.moved())
             if name == take.name if name else moves:
                 if not moves:
                     raise self._error(f"its take {name!r:.80} moves no joint")
@@ -123,7 +127,7 @@ class _Reader:
         frames.
         """
         wanted = {*order}
-        curves = [curve for (key, _), axes in take.curves.items() if key in wanted for curve in axes if curve]
+        curves = [curve for key, axes in take.moved() if key in wanted for curve in axes if curve]
         densest = max(curves, key=lambda curve: len(curve.times)).times
         start, stop = take.span
         if stop <= start:
