@@ -51,7 +51,7 @@ class Record(ABC):
 
     @property
     def values(self) -> list[Any]:
-        """Its values: numbers, text, and arrays (N,)."""
+        """Its values: numbers, text, bytes, and arrays (N,)."""
         if self._values is None:
             self._values = self._read_values()
         return self._values
@@ -85,7 +85,7 @@ class Record(ABC):
         values = [] if child is None else child.values
         if values and isinstance(values[0], np.ndarray):
             return np.asarray(values[0], np.float64)
-        return np.array([0.0 if isinstance(value, str) else value for value in values], np.float64)
+        return np.array([0.0 if isinstance(value, str | bytes) else value for value in values], np.float64)
 
 
 class _Budget:
@@ -138,7 +138,8 @@ class _BinaryRecord(Record):
             elif kind in (_TEXT, _RAW):
                 size = int.from_bytes(content[start : start + 4], "little")
                 start += 4 + size
-                found.append(content[start - size : start].decode("utf-8", "replace") if kind == _TEXT else "")
+                raw = content[start - size : start]
+                found.append(raw.decode("utf-8", "replace") if kind == _TEXT else raw)
             elif kind in _ARRAYS:
                 count, packed, size = struct.unpack_from("<III", content, start)
                 found.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))

@@ -7,10 +7,11 @@ documentation). A scale reaches the models below in one of three ways, by their 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.fbx_objects import FbxObjects, Id, name_of, numbers_of
@@ -20,6 +21,8 @@ from signsplice.formats.limits import ReadLimits
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 
+BONES = ("LimbNode", "Limb", "Root")
+"""Kinds of models that are joints."""
 _ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX", "XYZ")
 """By number: the axes in the order in which they act."""
 _RATES = (30, 120, 100, 60, 50, 48, 30, 30, 30 / 1.001, 30 / 1.001, 25, 24, 1000, 24 / 1.001, 0, 96, 72, 60 / 1.001)
@@ -83,7 +86,8 @@ class FbxScene:
     parents: model -> the model above it.
     order: all models, each after the one above it; without those that hang below themselves.
     takes: in the file's order.
-    bound: model -> its rotation (4,) in the world in the pose in which skins are bound.
+    binds: model -> its matrix (4, 4) in the world where its skin is bound, or in a bind pose.
+    bound: model -> its rotation (4,) in that pose.
     skinned: models that carry skins.
     """
 
@@ -97,7 +101,9 @@ class FbxScene:
         }
         self.order = self._order()
         self.takes = read_takes(self.objects, self.models)
-        self.bound, self.skinned = self._bind_rotations()
+        self.binds, self.skinned = self._bind_matrices()
+        rotations = {key: nearest_rotation(matrix[:3, :3]) for key, matrix in self.binds.items()}
+        self.bound = {key: quat for key, quat in rotations.items() if quat is not None}
 
     @property
     def fps(self) -> float:
@@ -137,6 +143,21 @@ class FbxScene:
         inherits = model.number("InheritType", _SCALE_FIRST)
         return Transforms(turned, positions, scale, _inherited(inherits, above, turned) * scale[:, None])
 
+    def to_axes(self, quats: FloatArray) -> None:
+        """Change rotations (..., 4) in the file's axes to X right, Y up, Z ahead."""
+        quats[..., :3] = np.linalg.det(self.axes) * quats[..., :3] @ self.axes.T
+
+    def parent_rows(self, order: Sequence[Id]) -> NDArray[np.intp]:
+        """For each of some models the row of the nearest one above it, -1 where there is none."""
+        rows = {key: row for row, key in enumerate(order)}
+        found = []
+        for key in order:
+            over = self.parents.get(key)
+            while over is not None and over not in rows:
+                over = self.parents.get(over)
+            found.append(-1 if over is None else rows[over])
+        return np.array(found, np.intp)
+
     def rest_rotation(self, key: Id, zero: bool) -> FloatArray:
         """A model's rotation (4,) as the file has it at rest, or, for ``zero``, with angles of 0."""
         model = self.models[key]
@@ -161,8 +182,8 @@ class FbxScene:
     def _setting(self, name: str, otherwise: float) -> float:
         return float(next(iter(self.settings.get(name, ())), otherwise))
 
-    def _bind_rotations(self) -> tuple[dict[Id, FloatArray], set[Id]]:
-        """Model -> rotation (4,) where its skin is bound or in a bind pose, and the models that carry skins."""
+    def _bind_matrices(self) -> tuple[dict[Id, FloatArray], set[Id]]:
+        """The matrices of ``binds``, and the models that carry skins."""
         found: dict[Id, FloatArray] = {}
         skinned = set()
         for _, record in self.objects.all("Pose", "BindPose"):
@@ -174,9 +195,8 @@ class FbxScene:
             for source, _ in self.objects.on(key, "Model"):
                 found[source] = record.numbers("TransformLink")
                 skinned.add(source)
-        usable = {key: matrix for key, matrix in found.items() if key in self.models and len(matrix) == 16}
-        rotations = {key: _nearest_rotation(matrix.reshape(4, 4).T[:3, :3]) for key, matrix in usable.items()}
-        return {key: quat for key, quat in rotations.items() if quat is not None}, skinned
+        usable = {key: cells for key, cells in found.items() if key in self.models and len(cells) == 16}
+        return {key: cells.reshape(4, 4).T for key, cells in usable.items()}, skinned
 
 
 def _inherited(kind: int, above: Transforms, quats: FloatArray) -> FloatArray:
@@ -202,7 +222,7 @@ def _rotations(model: Model, degrees: FloatArray) -> FloatArray:
     return rotation.multiply(turned, rotation.inverse(quats(after, "XYZ"))) if after.any() else turned
 
 
-def _nearest_rotation(matrix: FloatArray) -> FloatArray | None:
+def nearest_rotation(matrix: FloatArray) -> FloatArray | None:
     """The rotation (4,) nearest to a matrix (3, 3); None where there is none."""
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) == 0.0:
         return None

@@ -46,9 +46,9 @@ from signsplice.rig.placement import Placement, place
 
 Array = NDArray[Any]
 
-_FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125
-_TYPES = {_FLOAT: np.float32, _UBYTE: np.uint8, _USHORT: np.uint16, _UINT: np.uint32}
-_VERTICES, _INDICES = 34962, 34963
+FLOAT, UBYTE, USHORT, UINT = 5126, 5121, 5123, 5125
+_TYPES = {FLOAT: np.float32, UBYTE: np.uint8, USHORT: np.uint16, UINT: np.uint32}
+VERTICES, INDICES = 34962, 34963
 """Targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
 
 
@@ -106,13 +106,13 @@ class DocumentWriter:
         accessor, such as ``min`` and ``max``.
         """
         values = np.ascontiguousarray(values, _TYPES[component])
-        view = self._view(values, target)
+        view = self.view(values, target)
         accessor = Accessor(bufferView=view, componentType=component, count=len(values),
                             type=kind, **bounds)  # fmt: skip
         self.gltf.accessors.append(accessor)
         return len(self.gltf.accessors) - 1
 
-    def _view(self, values: Array, target: int | None = None) -> int:
+    def view(self, values: Array, target: int | None = None) -> int:
         """The number of the view of an array that was added to the buffer."""
         self.content += b"\0" * (-len(self.content) % 4)
         view = BufferView(buffer=0, byteOffset=len(self.content), byteLength=values.nbytes, target=target)
@@ -122,7 +122,7 @@ class DocumentWriter:
 
     def skin(self, joints: Sequence[int], inverse_bind: FloatArray, root: int) -> None:
         """Add a skin of joint nodes, with their inverse bind matrices (J, 4, 4)."""
-        matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
+        matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", FLOAT)
         self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
     def mesh(self, parts: Sequence[MeshPart], metres: float, has_face: bool = False) -> None:
@@ -151,10 +151,10 @@ class DocumentWriter:
         indices = np.concatenate([part.triangles + k for part, k in zip(parts, starts[:-1], strict=True)]).ravel()
         corners = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
         attributes = Attributes(
-            POSITION=self.array(positions, "VEC3", _FLOAT, _VERTICES, **corners),
-            NORMAL=self.array(np.concatenate([part.normals for part in parts]), "VEC3", _FLOAT, _VERTICES),
-            JOINTS_0=self.array(joints, "VEC4", _UBYTE if joints.max() < 256 else _USHORT, _VERTICES),
-            WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", _UBYTE, _VERTICES, normalized=True),
+            POSITION=self.array(positions, "VEC3", FLOAT, VERTICES, **corners),
+            NORMAL=self.array(np.concatenate([part.normals for part in parts]), "VEC3", FLOAT, VERTICES),
+            JOINTS_0=self.array(joints, "VEC4", UBYTE if joints.max() < 256 else USHORT, VERTICES),
+            WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", UBYTE, VERTICES, normalized=True),
         )
         small = len(positions) < 65536
         self.gltf.materials.append(Material(
@@ -163,7 +163,7 @@ class DocumentWriter:
                 baseColorFactor=[*_linear(parts[0].colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
             ),
         ))  # fmt: skip
-        still = self._moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
+        still = self.moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
         moved: list[Attributes] = []
         for name in targets:
             own = [(part.morphs[name], k) for part, k in zip(parts, starts[:-1], strict=True) if name in part.morphs]
@@ -172,27 +172,28 @@ class DocumentWriter:
                 continue
             rows = np.concatenate([rows + k for (rows, _), k in own])
             moves = metres * np.concatenate([moves for (_, moves), _ in own])
-            moved.append(Attributes(POSITION=self._moves(len(positions), rows, moves)))
+            moved.append(Attributes(POSITION=self.moves(len(positions), rows, moves)))
         return Primitive(
             attributes=attributes,
-            indices=self.array(indices, "SCALAR", _USHORT if small else _UINT, _INDICES),
+            indices=self.array(indices, "SCALAR", USHORT if small else UINT, INDICES),
             material=len(self.gltf.materials) - 1,
             targets=moved,
         )
 
-    def _moves(self, count: int, rows: NDArray[np.int64], moves: FloatArray) -> int:
+    def moves(self, count: int, rows: NDArray[np.int64], moves: FloatArray) -> int:
         """The accessor of displacements (count, 3) that are zero but in some rows."""
         values = np.concatenate([np.zeros((min(1, count - len(rows)), 3)), moves]).astype(np.float32)
         corners = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-        accessor = Accessor(byteOffset=None, componentType=_FLOAT, count=count, type="VEC3", **corners)
+        accessor = Accessor(byteOffset=None, componentType=FLOAT, count=count, type="VEC3", **corners)
         if len(rows):
-            order = np.argsort(rows)
+            order, small = np.argsort(rows), count < 65536
             index, value = (
-                self._view(array) for array in (rows[order].astype(np.uint16), moves[order].astype(np.float32))
+                self.view(array)
+                for array in (rows[order].astype(np.uint16 if small else np.uint32), moves[order].astype(np.float32))
             )
             accessor.sparse = Sparse(
                 count=len(rows),
-                indices=AccessorSparseIndices(bufferView=index, componentType=_USHORT),
+                indices=AccessorSparseIndices(bufferView=index, componentType=USHORT if small else UINT),
                 values=AccessorSparseValues(bufferView=value),
             )
         self.gltf.accessors.append(accessor)
@@ -201,14 +202,14 @@ class DocumentWriter:
     def times(self, clip: Clip) -> int:
         """The accessor of the times of a clip's frames, in seconds from the first."""
         seconds = (np.arange(len(clip)) / clip.fps).astype(np.float32)
-        return self.array(seconds, "SCALAR", _FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
+        return self.array(seconds, "SCALAR", FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
 
     def channel(self, node: int, path: str, times: int, values: FloatArray) -> None:
         """Animate a node's "rotation" (T, 4), "translation" (T, 3), or "weights" (T * targets,), one linear key a
         frame.
         """
         animation = self.gltf.animations[0]
-        output = self.array(values, {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3"), _FLOAT)
+        output = self.array(values, {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3"), FLOAT)
         animation.samplers.append(AnimationSampler(input=times, output=output, interpolation="LINEAR"))
         target = AnimationChannelTarget(node=node, path=path)
         animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
