@@ -165,6 +165,16 @@ def test_a_weighted_tangent_is_the_bezier_curve_with_these_inner_points() -> Non
     np.testing.assert_allclose(curve(0x400, (3.0, -2.0), (0.5, 0.2)).at(at), value, atol=1e-9)
 
 
+def test_weights_of_tangents_are_9999ths_of_the_time_between_keys() -> None:
+    moving = (replace(TRUNK[0], moves={("T", 0): ((0, 0), (1, 20))}), *TRUNK[1:])
+    flat = f"0,0,{9999 | 3333 << 16},0"  # to the next key, and a third of the way back
+    clip = fbx.parse(text_7(moving, flags=0x3000408, attributes=flat), "a.fbx")
+    s = np.linspace(0.0, 1.0, 20_001)
+    times, values = 3 * (1 - s) ** 2 * s + 2 * (1 - s) * s**2 + s**3, 20.0 * (3 * s**2 - 2 * s**3)
+    at = np.arange(len(clip)) / clip.fps
+    np.testing.assert_allclose(100.0 * clip.root_positions[:, 0], np.interp(at, times, values), atol=1e-6)
+
+
 def test_a_take_is_chosen_by_name_and_the_others_are_noted(tmp_path: Path) -> None:
     file = tmp_path / "two.fbx"
     file.write_bytes(text_7(TRUNK, takes={"Empty": (), "First": TRUNK, "Second": many(moves=ALL_AXES)}))

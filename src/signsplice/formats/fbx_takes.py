@@ -159,13 +159,12 @@ def _curves(objects: FbxObjects, node: Id, single: str = "") -> Curves:
     """The curves of X, Y and Z, or of one number, of a node; a number without curve is the node's own."""
     columns = {single: 0} if single else _COLUMNS
     found: list[KeyCurve | None] = [None] * 3
-    for name, values in numbers_of(objects.records[node]).items():
-        if name in columns:
-            found[columns[name]] = constant(float(values[0]))
     for source, what in objects.on(node, "AnimationCurve"):
         if what in columns:
-            curve = read_curve(objects.records[source], objects.ticks, objects.has_bits)
-            found[columns[what]] = curve or found[columns[what]]
+            found[columns[what]] = read_curve(objects.records[source], objects.ticks, objects.has_bits)
+    for name, values in numbers_of(objects.records[node]).items() if None in found else ():
+        if name in columns and found[columns[name]] is None:
+            found[columns[name]] = constant(float(values[0]))
     return tuple(found)
 
 
