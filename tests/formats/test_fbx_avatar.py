@@ -128,7 +128,7 @@ TRUNK = (Node("Hips", moves={("R", 0): ((0, 0), (1, 9))}), Node("Spine", "Hips",
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (text_6(TRUNK), "is of version 6, whose meshes are not read; `fbx2gltf` makes a .glb of it"),
+        (text_6(TRUNK), r"is of version 6, whose meshes are not read; FBX2glTF \(npm: fbx2gltf, free\) makes a .glb"),
         (text_7((Node("Box", kind="Mesh"),)), "is no avatar: it holds no bones"),
         (text_7(TRUNK), "no leftUpperArm"),
         (CONTENT[:40_000], "is cut off or damaged"),

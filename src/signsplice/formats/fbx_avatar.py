@@ -49,7 +49,8 @@ def as_glb(content: bytes, file: str, folder: Path, limits: ReadLimits = DEFAULT
     """
     scene = FbxScene(content, file, limits)
     if scene.objects.has_old_takes:
-        raise FormatError("is of version 6, whose meshes are not read; `fbx2gltf` makes a .glb of it", file=file)
+        what = "is of version 6, whose meshes are not read; FBX2glTF (npm: fbx2gltf, free) makes a .glb of it"
+        raise FormatError(what, file=file)
     n_vertices = sum(len(record.numbers("Vertices")) // 3 for _, record in scene.objects.all("Geometry"))
     limits.check_memory("meshes", _MESH_BYTES * n_vertices, len(content), file)
     order = [key for key in scene.order if scene.models[key].kind in BONES or key in scene.skinned]
