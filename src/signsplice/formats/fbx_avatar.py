@@ -9,26 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pygltflib import (
-    Attributes,
-    Image,
-    Material,
-    Mesh,
-    Node,
-    PbrMetallicRoughness,
-    Primitive,
-    Texture,
-    TextureInfo,
-)
+from pygltflib import Image, Material, PbrMetallicRoughness, Texture, TextureInfo
 
 from signsplice.errors import FormatError
-from signsplice.formats.fbx_mesh import FbxMesh, FbxMeshes
+from signsplice.formats.fbx_mesh import FbxMeshes
 from signsplice.formats.fbx_objects import Id, name_of, numbers_of
 from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms, nearest_rotation
 from signsplice.formats.fbx_takes import Take
-from signsplice.formats.gltf_mesh import normals
 from signsplice.formats.gltf_skeleton import unique
-from signsplice.formats.gltf_writer import FLOAT, INDICES, UBYTE, UINT, USHORT, VERTICES, DocumentWriter
+from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.reading import read_bytes
 from signsplice.motion import rotation
@@ -77,13 +66,9 @@ class _AvatarDocument:
         writer.skin(range(len(self.order)), self._place(worlds), 0)
         writer.gltf.skins[0].skeleton = None
         for parts in FbxMeshes(self.scene, worlds, self.rows).all():
-            names = list(parts[0].morphs)
-            mesh = Mesh(name=parts[0].name, primitives=[self._primitive(part, names) for part in parts])
-            if names:
-                mesh.extras, mesh.weights = {"targetNames": names}, [0.0] * len(names)
-            writer.gltf.meshes.append(mesh)
-            writer.gltf.nodes.append(Node(name=mesh.name, mesh=len(writer.gltf.meshes) - 1, skin=0))
-            writer.gltf.scenes[0].nodes.append(len(writer.gltf.nodes) - 1)
+            names = list(parts[0][1].morphs)
+            primitives = [writer.primitive([part], 1.0, names, self._material(key)) for key, part in parts]
+            writer.add_mesh(parts[0][1].name, primitives, names)
         document = writer.finish("", 1.0)
         document.animations = []
         return b"".join(document.save_to_bytes())
@@ -107,25 +92,6 @@ class _AvatarDocument:
         inverse[:, :3, :3] = rotation.to_matrix(rotation.inverse(quats))
         inverse[:, :3, 3] = -np.einsum("jab,jb->ja", inverse[:, :3, :3], at)
         return inverse
-
-    def _primitive(self, part: FbxMesh, targets: list[str]) -> Primitive:
-        writer, n = self.writer, len(part.vertices)
-        corners = {"min": part.vertices.min(axis=0).tolist(), "max": part.vertices.max(axis=0).tolist()}
-        attributes = Attributes(
-            POSITION=writer.array(part.vertices, "VEC3", FLOAT, VERTICES, **corners),
-            NORMAL=writer.array(normals(part.vertices, part.triangles), "VEC3", FLOAT, VERTICES),
-            JOINTS_0=writer.array(part.joints, "VEC4", UBYTE if len(self.order) <= 256 else USHORT, VERTICES),
-            WEIGHTS_0=writer.array(part.weights, "VEC4", FLOAT, VERTICES),
-        )
-        if part.uvs is not None:
-            attributes.TEXCOORD_0 = writer.array(part.uvs, "VEC2", FLOAT, VERTICES)
-        moved = [part.morphs[name] for name in targets]
-        return Primitive(
-            attributes=attributes,
-            indices=writer.array(part.triangles.ravel(), "SCALAR", USHORT if n < 65536 else UINT, INDICES),
-            material=self._material(part.material),
-            targets=[Attributes(POSITION=writer.moves(n, rows, moves)) for rows, moves in moved],
-        )
 
     def _material(self, key: Id | None) -> int:
         """The number of a material."""

@@ -3,44 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.mesh_part import N_JOINTS
+from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.errors import InputError
 from signsplice.formats.fbx_objects import Id, name_of
 from signsplice.formats.fbx_records import Record
 from signsplice.formats.fbx_scene import FbxScene
 from signsplice.formats.fbx_takes import quats
+from signsplice.formats.gltf_mesh import normals
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 
 Rows = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class FbxMesh:
-    """The part of a mesh that has one material.
-
-    name: of its model.
-    material: id of its material; None for none.
-    vertices: (V, 3) metres, Y up.
-    uvs: (V, 2), v down; None for none.
-    triangles: (F, 3)
-    joints, weights: (V, 4) which joints carry a vertex, and how much.
-    morphs: blend shape -> vertices (M,) that it moves, and how far (M, 3).
-    """
-
-    name: str
-    material: Id | None
-    vertices: FloatArray
-    uvs: FloatArray | None
-    triangles: Rows
-    joints: Rows
-    weights: FloatArray
-    morphs: Mapping[str, tuple[Rows, FloatArray]]
 
 
 class FbxMeshes:
@@ -55,13 +32,13 @@ class FbxMeshes:
         self.scene, self.worlds, self.rows = scene, worlds, rows
         self._to_metres = scene.metres * scene.axes
 
-    def all(self) -> list[list[FbxMesh]]:
-        """Each mesh that joints carry, as its parts."""
+    def all(self) -> list[list[tuple[Id | None, MeshPart]]]:
+        """Each mesh that joints carry, as parts of one material, None for none, in metres, Y up."""
         objects = self.scene.objects
         pairs = ((key, at) for key in self.scene.order for at, _ in objects.on(key, "Geometry", "Mesh"))
         return [parts for key, at in pairs if (parts := self._parts(key, at))]
 
-    def _parts(self, key: Id, geometry: Id) -> list[FbxMesh]:
+    def _parts(self, key: Id, geometry: Id) -> list[tuple[Id | None, MeshPart]]:
         """A model's mesh by its materials."""
         objects, record = self.scene.objects, self.scene.objects.records[geometry]
         at = record.numbers("Vertices").reshape(-1, 3)
@@ -84,11 +61,13 @@ class FbxMeshes:
             pairs = vertex[own] * (uv_of.max() + 1) + uv_of[own]
             _, first, triangles = np.unique(pairs, return_index=True, return_inverse=True)
             used, uv = vertex[own].ravel()[first], uv_of[own].ravel()[first]
-            parts.append(FbxMesh(
-                self.scene.models[key].name, materials[n] if n < len(materials) else None,
-                placed[used] @ self._to_metres.T, None if uvs is None else uvs[uv] * [1.0, -1.0] + [0.0, 1.0],
-                triangles.reshape(-1, 3), joints[used], weights[used], self._morphs(geometry, used, blend),
-            ))  # fmt: skip
+            vertices, triangles = placed[used] @ self._to_metres.T, triangles.reshape(-1, 3)
+            part = MeshPart(
+                self.scene.models[key].name, (1.0, 1.0, 1.0), vertices, normals(vertices, triangles), triangles,
+                joints[used], weights[used], self._morphs(geometry, used, blend),
+                None if uvs is None else uvs[uv] * [1.0, -1.0] + [0.0, 1.0],
+            )  # fmt: skip
+            parts.append((materials[n] if n < len(materials) else None, part))
         return parts
 
     def _carried(self, key: Id, geometry: Id, n: int) -> tuple[FloatArray, Rows, FloatArray] | None:

@@ -46,9 +46,9 @@ from signsplice.rig.placement import Placement, place
 
 Array = NDArray[Any]
 
-FLOAT, UBYTE, USHORT, UINT = 5126, 5121, 5123, 5125
-_TYPES = {FLOAT: np.float32, UBYTE: np.uint8, USHORT: np.uint16, UINT: np.uint32}
-VERTICES, INDICES = 34962, 34963
+_FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125
+_TYPES = {_FLOAT: np.float32, _UBYTE: np.uint8, _USHORT: np.uint16, _UINT: np.uint32}
+_VERTICES, _INDICES = 34962, 34963
 """Targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
 
 
@@ -122,7 +122,7 @@ class DocumentWriter:
 
     def skin(self, joints: Sequence[int], inverse_bind: FloatArray, root: int) -> None:
         """Add a skin of joint nodes, with their inverse bind matrices (J, 4, 4)."""
-        matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", FLOAT)
+        matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
         self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
     def mesh(self, parts: Sequence[MeshPart], metres: float, has_face: bool = False) -> None:
@@ -135,15 +135,28 @@ class DocumentWriter:
                 continue
             colours = dict.fromkeys(part.colour for part in own)
             names = tuple(dict.fromkeys(target for part in moved for target in part.morphs)) if own is moved else ()
-            primitives = [self._primitive([p for p in own if p.colour == colour], metres, names) for colour in colours]
-            self.gltf.meshes.append(Mesh(name=name, primitives=primitives))
-            if names:
-                self.gltf.meshes[-1].extras, self.gltf.meshes[-1].weights = {"targetNames": names}, [0.0] * len(names)
-            self.gltf.nodes.append(Node(name=name, mesh=len(self.gltf.meshes) - 1, skin=0))
-            self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
+            grouped = [[part for part in own if part.colour == colour] for colour in colours]
+            primitives = [self.primitive(parts, metres, names, self._material(parts[0])) for parts in grouped]
+            self.add_mesh(name, primitives, names)
 
-    def _primitive(self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str]) -> Primitive:
-        """Parts of one colour, with morph targets of these names."""
+    def add_mesh(self, name: str, primitives: Sequence[Primitive], targets: Sequence[str] = ()) -> None:
+        """Add a mesh that the skin moves, with morph targets of these names."""
+        self.gltf.meshes.append(Mesh(name=name, primitives=list(primitives)))
+        if targets:
+            self.gltf.meshes[-1].extras, self.gltf.meshes[-1].weights = {"targetNames": targets}, [0.0] * len(targets)
+        self.gltf.nodes.append(Node(name=name, mesh=len(self.gltf.meshes) - 1, skin=0))
+        self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
+
+    def _material(self, part: MeshPart) -> int:
+        """The number of a material in a part's colour."""
+        surface = PbrMetallicRoughness(
+            baseColorFactor=[*_linear(part.colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
+        )
+        self.gltf.materials.append(Material(name=part.name, pbrMetallicRoughness=surface))
+        return len(self.gltf.materials) - 1
+
+    def primitive(self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str], material: int) -> Primitive:
+        """Parts of one material, with morph targets of these names."""
         starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         positions = np.concatenate([part.vertices for part in parts]).astype(np.float32) * np.float32(metres)
         joints = np.concatenate([part.joints for part in parts])
@@ -151,18 +164,14 @@ class DocumentWriter:
         indices = np.concatenate([part.triangles + k for part, k in zip(parts, starts[:-1], strict=True)]).ravel()
         corners = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
         attributes = Attributes(
-            POSITION=self.array(positions, "VEC3", FLOAT, VERTICES, **corners),
-            NORMAL=self.array(np.concatenate([part.normals for part in parts]), "VEC3", FLOAT, VERTICES),
-            JOINTS_0=self.array(joints, "VEC4", UBYTE if joints.max() < 256 else USHORT, VERTICES),
-            WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", UBYTE, VERTICES, normalized=True),
+            POSITION=self.array(positions, "VEC3", _FLOAT, _VERTICES, **corners),
+            NORMAL=self.array(np.concatenate([part.normals for part in parts]), "VEC3", _FLOAT, _VERTICES),
+            JOINTS_0=self.array(joints, "VEC4", _UBYTE if joints.max() < 256 else _USHORT, _VERTICES),
+            WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", _UBYTE, _VERTICES, normalized=True),
         )
+        if parts[0].uvs is not None:
+            attributes.TEXCOORD_0 = self.array(parts[0].uvs, "VEC2", _FLOAT, _VERTICES)
         small = len(positions) < 65536
-        self.gltf.materials.append(Material(
-            name=parts[0].name,
-            pbrMetallicRoughness=PbrMetallicRoughness(
-                baseColorFactor=[*_linear(parts[0].colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
-            ),
-        ))  # fmt: skip
         still = self.moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
         moved: list[Attributes] = []
         for name in targets:
@@ -175,8 +184,8 @@ class DocumentWriter:
             moved.append(Attributes(POSITION=self.moves(len(positions), rows, moves)))
         return Primitive(
             attributes=attributes,
-            indices=self.array(indices, "SCALAR", USHORT if small else UINT, INDICES),
-            material=len(self.gltf.materials) - 1,
+            indices=self.array(indices, "SCALAR", _USHORT if small else _UINT, _INDICES),
+            material=material,
             targets=moved,
         )
 
@@ -184,7 +193,7 @@ class DocumentWriter:
         """The accessor of displacements (count, 3) that are zero but in some rows."""
         values = np.concatenate([np.zeros((min(1, count - len(rows)), 3)), moves]).astype(np.float32)
         corners = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-        accessor = Accessor(byteOffset=None, componentType=FLOAT, count=count, type="VEC3", **corners)
+        accessor = Accessor(byteOffset=None, componentType=_FLOAT, count=count, type="VEC3", **corners)
         if len(rows):
             order, small = np.argsort(rows), count < 65536
             index, value = (
@@ -193,7 +202,7 @@ class DocumentWriter:
             )
             accessor.sparse = Sparse(
                 count=len(rows),
-                indices=AccessorSparseIndices(bufferView=index, componentType=USHORT if small else UINT),
+                indices=AccessorSparseIndices(bufferView=index, componentType=_USHORT if small else _UINT),
                 values=AccessorSparseValues(bufferView=value),
             )
         self.gltf.accessors.append(accessor)
@@ -202,14 +211,14 @@ class DocumentWriter:
     def times(self, clip: Clip) -> int:
         """The accessor of the times of a clip's frames, in seconds from the first."""
         seconds = (np.arange(len(clip)) / clip.fps).astype(np.float32)
-        return self.array(seconds, "SCALAR", FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
+        return self.array(seconds, "SCALAR", _FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
 
     def channel(self, node: int, path: str, times: int, values: FloatArray) -> None:
         """Animate a node's "rotation" (T, 4), "translation" (T, 3), or "weights" (T * targets,), one linear key a
         frame.
         """
         animation = self.gltf.animations[0]
-        output = self.array(values, {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3"), FLOAT)
+        output = self.array(values, {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3"), _FLOAT)
         animation.samplers.append(AnimationSampler(input=times, output=output, interpolation="LINEAR"))
         target = AnimationChannelTarget(node=node, path=path)
         animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
