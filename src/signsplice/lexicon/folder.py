@@ -37,11 +37,13 @@ class Source:
     paths: the file, and others of the same recording that are read where it is broken.
     where: where its gloss comes from, for messages.
     row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
+    face: the file with its face that the table names.
     """
 
     paths: tuple[Path, ...]
     where: str
     row: GlossRow
+    face: Path | None = None
 
     @property
     def path(self) -> Path:
@@ -111,7 +113,8 @@ def find_sources(folder: str | Path, signer: str = "", table: str | Path = "") -
     for name, path in files.items():
         for row in by_file.pop(name, [] if table else [GlossRow(name)]):
             try:
-                sources.append(_source(path, path_of_table, row, signer))
+                source = _source(path, path_of_table, row, signer)
+                sources.append(replace(source, face=folder / row.face) if row.face else source)
             except InputError as error:
                 faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
     lost = [row for rows in by_file.values() for row in rows]
@@ -216,8 +219,11 @@ def _prepared(
     sources: Sequence[Source], task: FileTask, jobs: int | None, progress: Progress | None
 ) -> Iterator[tuple[Source, PreparedWord | str]]:
     """Each source with its word ready, or what is wrong with it; each file is read once for all of its words."""
-    groups = [list(words) for _, words in groupby(sources, key=lambda source: source.paths)]
-    tasks = [replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words)) for words in groups]
+    groups = [list(words) for _, words in groupby(sources, key=lambda source: (source.paths, source.face))]
+    tasks = [
+        replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words), face=words[0].face)
+        for words in groups
+    ]
     workers = min(cores(), len(tasks) // _FILES_A_PROCESS) if jobs is None else min(jobs, len(tasks))
     done = 0
     try:
