@@ -45,6 +45,7 @@ def archive(tmp_path: Path, words: dict[str, Clip]) -> Path:
     for place, kinds in places.items():
         (folder / place).mkdir(parents=True)
         (folder / place / "SG ASL x ReadMe.txt").write_text("Submitted by: nobody\n")
+        (folder / place / "SG ASL x ShapeKeys.txt").write_text(" ".join(["0.5"] * 74) + "\n")
         for kind, gloss in kinds.items():
             save(words[gloss], folder / place / KIND.format(kind))
     (folder / "ASL B/SG ASL Bad 2022-2-4 Upload").mkdir()
@@ -265,4 +266,5 @@ def test_the_command_prints_a_line_a_word_that_failed_and_a_summary(archive: Pat
     assert done.exit_code == 0, done.output
     assert done.stderr.count("does not fit the recipe") == 1
     assert "     1 left out: holds no clip\n" in done.stdout
+    assert "       6 files ...ShapeKeys.txt not read: no source names their numbers; they stay" in done.stdout
     assert done.stdout.endswith("float32\n")

@@ -66,6 +66,7 @@ class Built:
     form: how rotations are stored.
     warnings: what a user should know, one line each.
     left_out: words and files that are not in it, one line each, which are among the warnings.
+    unread: what else an archive holds of its words, a line for each kind of file.
     """
 
     n_words: int
@@ -74,6 +75,7 @@ class Built:
     form: str
     warnings: tuple[str, ...]
     left_out: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,8 @@ def build(
             n_letters += entry.kind == "letter"
         if not builder.n_words:
             raise InputError(f"{folder}: every clip is broken, the first one: {left_out[0]}")
-    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out))
+    unread = archives.unread(Path(folder), archives.find_recipe(recipe)) if _is_archive(recipe) else ()
+    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out), unread)
 
 
 def check(
@@ -204,7 +207,7 @@ def reasons(lines: Iterable[str]) -> list[tuple[int, str]]:
 
 def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[str]]:
     """The sources that are built, and a line for each fault or, by a recipe, for each file that is left out."""
-    if not recipe or recipe.lower().endswith(".csv"):
+    if not _is_archive(recipe):
         sources, lines = find_sources(folder, signer, recipe)
     else:
         words, lines = archives.recordings(folder, _files(folder), archives.find_recipe(recipe))
@@ -213,6 +216,11 @@ def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[
         return sources, lines
     twice = _duplicates(sources)
     return [source for source in sources if source not in {source for source, _ in twice}], lines
+
+
+def _is_archive(recipe: str) -> bool:
+    """Whether a recipe goes by the names of files, not by a table."""
+    return bool(recipe) and not recipe.lower().endswith(".csv")
 
 
 def _prepared(
