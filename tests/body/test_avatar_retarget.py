@@ -102,7 +102,7 @@ def test_convert_puts_a_file_onto_an_avatar(folder: Path, tmp_path: Path) -> Non
     both = CliRunner().invoke(app, ["convert", clip, out, "--avatar", avatar, "--onto", clip])
     assert "--onto and --avatar each name a body, expected one of them" in str(both.exception)
     over = CliRunner().invoke(app, ["convert", clip, avatar.replace(".vrm", ".glb"), "--avatar", clip])
-    assert "is no avatar, expected .vrm, .glb or .gltf" in str(over.exception)
+    assert "is no avatar, expected .vrm, .glb, .gltf or .fbx" in str(over.exception)
 
 
 def test_the_mesh_of_an_avatar_is_written_and_drawn(folder: Path, tmp_path: Path) -> None:

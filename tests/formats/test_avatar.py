@@ -147,7 +147,7 @@ def test_what_is_no_avatar_is_refused_in_one_line(tmp_path: Path, broad: Avatar)
     legs = {role: unnamed.names[joint] for role, joint in rig_info(broad).roles.joints.items() if "Leg" in role}
     avatars.write(tmp_path / "legs.vrm", unnamed, avatars.tubes(broad), roles=legs, hair=False)
     for name, expected in {
-        "NAME.bvh": "a file with suffix .bvh is no avatar, expected .vrm, .glb or .gltf",
+        "NAME.bvh": "a file with suffix .bvh is no avatar, expected .vrm, .glb, .gltf or .fbx",
         "broken.vrm": "broken.vrm: is glTF 0, expected 2",
         "empty.vrm": "is no avatar: it holds neither a VRM humanoid nor a mesh with a skin",
         "legs.vrm": "no leftUpperArm or leftLowerArm found",

@@ -68,6 +68,8 @@ def build(
     warn(built.warnings)
     for count, reason in reasons(built.left_out):
         print(f"{count:6} left out: {reason.removesuffix('; left out')}")
+    for line in built.unread:
+        print(f"       {line}")
     print(f"{output}: {_count(built.n_words, built.n_letters)}, {built.n_bytes / 1e6:.1f} MB, {built.form}")
 
 

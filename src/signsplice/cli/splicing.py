@@ -48,7 +48,7 @@ _joining_options = added(
         help="How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
     ),
     BUNDLE,
-    click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) that signs; a .glb is its own file."),
+    click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
     SKIN,
     click.option(
         "--avoid-collisions/--no-avoid-collisions",

@@ -1,5 +1,5 @@
-"""Avatars: the skeleton of a ``.vrm`` (0.x or 1.0) or ``.glb`` file in its rest pose, with its mesh. No animation is
-needed.
+"""Avatars: the skeleton of a ``.vrm`` (0.x or 1.0), ``.glb`` or ``.fbx`` file in its rest pose, with its mesh. No
+animation is needed.
 
 The skeleton holds the joints that have a role, and those between them. All others (hair, skirts, twisted forearms) are
 carried by the nearest of these above them. A VRM avatar of version 0.x, which faces -Z, is turned to face +Z, as those
@@ -22,6 +22,7 @@ from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
 from signsplice.formats.avatar_face import face_controls
 from signsplice.formats.avatar_writer import pack
+from signsplice.formats.fbx_avatar import as_glb
 from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, printable, unique
@@ -33,7 +34,7 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
-AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf")
+AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
 """Suffixes that ``read_avatar`` reads."""
 _IMAGES = {
     ".png": "image/png",
@@ -52,7 +53,7 @@ def read_avatar(
     limits: ReadLimits = DEFAULT_LIMITS,
     skin: Sequence[str] = (),
 ) -> Avatar:
-    """The avatar in a ``.vrm``, ``.glb`` or ``.gltf`` file: its skeleton at rest and its body, fitted to its mesh.
+    """The avatar in a file of one of ``AVATAR_SUFFIXES``: its skeleton at rest and its body, fitted to its mesh.
 
     roles: role -> joint name, where the file is no VRM avatar and its joints are not known by name. skin: names of the
         meshes, nodes or materials that are skin, where names and shape do not tell them from cloth; an empty one: all
@@ -63,9 +64,11 @@ def read_avatar(
     file = str(path)
     if Path(path).suffix.lower() not in AVATAR_SUFFIXES:
         suffix = Path(path).suffix.lower() or "(none)"
-        raise InputError(f"{file}: a file with suffix {suffix} is no avatar, expected .vrm, .glb or .gltf")
+        raise InputError(f"{file}: a file with suffix {suffix} is no avatar, expected .vrm, .glb, .gltf or .fbx")
     content = read_bytes(path, limits.file_bytes)
     with format_errors(file, "avatar"), np.errstate(all="ignore"):
+        if Path(path).suffix.lower() == ".fbx":
+            content = as_glb(content, file, Path(path).parent, limits)
         reader = AvatarReader(file, content, limits, Path(path).parent)
         return reader.avatar(roles or {}, content, skin)
 

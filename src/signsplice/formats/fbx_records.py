@@ -44,6 +44,8 @@ class Record(ABC):
     name: of the record.
     """
 
+    __slots__ = ("_named", "_values", "name")
+
     def __init__(self, name: str) -> None:
         self.name = name
         self._named: dict[str, Record] | None = None
@@ -51,7 +53,7 @@ class Record(ABC):
 
     @property
     def values(self) -> list[Any]:
-        """Its values: numbers, text, and arrays (N,)."""
+        """Its values: numbers, text, bytes, and arrays (N,)."""
         if self._values is None:
             self._values = self._read_values()
         return self._values
@@ -85,14 +87,18 @@ class Record(ABC):
         values = [] if child is None else child.values
         if values and isinstance(values[0], np.ndarray):
             return np.asarray(values[0], np.float64)
-        return np.array([0.0 if isinstance(value, str) else value for value in values], np.float64)
+        return np.array([0.0 if isinstance(value, str | bytes) else value for value in values], np.float64)
 
 
 class _Budget:
-    """Counts what the records of a file take, and raises ``LimitError`` where that is far more than its bytes."""
+    """Counts what the records of a file take, and raises ``LimitError`` where that is far more than its bytes.
 
-    def __init__(self, file: str, n_bytes: int, limits: ReadLimits) -> None:
-        self.file, self.n_bytes, self.limits = file, n_bytes, limits
+    content: of the file. head: how records of a binary one begin.
+    """
+
+    def __init__(self, content: bytes, file: str, limits: ReadLimits, head: struct.Struct = _HEADS[False]) -> None:
+        n_bytes = len(content)
+        self.content, self.file, self.n_bytes, self.limits, self.head = content, file, n_bytes, limits, head
         self.taken, self.most = 0, limits.free_bytes + limits.growth * n_bytes
 
     def take(self, n_bytes: int) -> None:
@@ -103,14 +109,13 @@ class _Budget:
 
 def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> tuple[Record, int]:
     """The record that holds all others, and the version times 1000. Raises ``FormatError`` where it is no FBX file."""
-    budget = _Budget(file, len(content), limits)
     if content.startswith(MAGIC[:20]):
         (version,) = struct.unpack_from("<I", content, len(MAGIC))
-        wide = version >= _WIDE_HEADS
-        return _BinaryRecord("", content, (len(MAGIC) + 4,) * 2 + (len(content),), 0, wide, budget), version
+        budget = _Budget(content, file, limits, _HEADS[version >= _WIDE_HEADS])
+        return _BinaryRecord("", (len(MAGIC) + 4,) * 2 + (len(content),), 0, budget), version
     if re.match(rb"[\xef\xbb\xbf\s]*(;|FBXHeaderExtension)", content[:4096]) is None:
         raise FormatError("is no FBX file: it begins neither as a binary nor as a text one", file=file)
-    top = _text_records(content.decode("utf-8-sig", "replace"), budget)
+    top = _text_records(content.decode("utf-8-sig", "replace"), _Budget(content, file, limits))
     header = top.find("FBXHeaderExtension")
     version = 0 if header is None else int(next(iter(header.numbers("FBXVersion")), 0))
     return top, version
@@ -119,15 +124,15 @@ def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
 class _BinaryRecord(Record):
     """A record of a binary file; ``at``: where its values begin, where they end, and where the record ends."""
 
-    def __init__(
-        self, name: str, content: bytes, at: tuple[int, int, int], n_values: int, wide: bool, budget: _Budget
-    ) -> None:
+    __slots__ = ("_at", "_budget", "_children", "_n_values")
+
+    def __init__(self, name: str, at: tuple[int, int, int], n_values: int, budget: _Budget) -> None:
         super().__init__(name)
-        self._content, self._at, self._n_values, self._wide, self._budget = content, at, n_values, wide, budget
+        self._at, self._n_values, self._budget = at, n_values, budget
         self._children: list[Record] | None = None
 
     def _read_values(self) -> list[Any]:
-        content, (start, stop, _) = self._content, self._at
+        content, (start, stop, _) = self._budget.content, self._at
         self._budget.take(self._n_values * _VALUE_BYTES)
         found: list[Any] = []
         for _ in range(self._n_values):
@@ -138,7 +143,8 @@ class _BinaryRecord(Record):
             elif kind in (_TEXT, _RAW):
                 size = int.from_bytes(content[start : start + 4], "little")
                 start += 4 + size
-                found.append(content[start - size : start].decode("utf-8", "replace") if kind == _TEXT else "")
+                raw = content[start - size : start]
+                found.append(raw.decode("utf-8", "replace") if kind == _TEXT else raw)
             elif kind in _ARRAYS:
                 count, packed, size = struct.unpack_from("<III", content, start)
                 found.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))
@@ -152,7 +158,7 @@ class _BinaryRecord(Record):
     def _array(self, dtype: np.dtype[Any], count: int, packed: int, start: int, size: int) -> np.ndarray[Any, Any]:
         n_bytes = count * dtype.itemsize
         self._budget.take(n_bytes)
-        raw = self._content[start : start + (size if packed else n_bytes)]
+        raw = self._budget.content[start : start + (size if packed else n_bytes)]
         if packed:
             raw = zlib.decompressobj().decompress(raw, n_bytes + 1)
         if len(raw) != n_bytes or (not packed and size != n_bytes):
@@ -166,21 +172,20 @@ class _BinaryRecord(Record):
         return self._children
 
     def _read_children(self) -> list[Record]:
-        content, (_, start, stop), head = self._content, self._at, _HEADS[self._wide]
+        budget, (_, start, stop) = self._budget, self._at
+        content, read, size = budget.content, budget.head.unpack_from, budget.head.size
         found: list[Record] = []
-        while start + head.size <= stop:
-            end, n_values, n_bytes, n_letters = head.unpack_from(content, start)
+        while start + size <= stop:
+            end, n_values, n_bytes, n_letters = read(content, start)
             if end == 0:
                 break
-            begin = start + head.size + n_letters
+            begin = start + size + n_letters
             if not begin + n_bytes <= end <= stop or n_values > n_bytes:
                 raise FormatError(
-                    f"a record ends at byte {end}, expected at most {stop}: it is cut off or damaged",
-                    file=self._budget.file,
+                    f"a record ends at byte {end}, expected at most {stop}: it is cut off or damaged", file=budget.file
                 )
-            name = content[start + head.size : begin].decode("utf-8", "replace")
-            at = (begin, begin + n_bytes, end)
-            found.append(_BinaryRecord(name, content, at, n_values, self._wide, self._budget))
+            name = content[start + size : begin].decode("utf-8", "replace")
+            found.append(_BinaryRecord(name, (begin, begin + n_bytes, end), n_values, budget))
             start = end
         self._budget.take(_RECORD_BYTES * len(found))
         return found
@@ -188,6 +193,8 @@ class _BinaryRecord(Record):
 
 class _TextRecord(Record):
     """A record of a text file."""
+
+    __slots__ = ("_budget", "_children", "_text")
 
     def __init__(self, name: str, text: str, budget: _Budget) -> None:
         super().__init__(name)

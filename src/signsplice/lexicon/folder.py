@@ -37,11 +37,13 @@ class Source:
     paths: the file, and others of the same recording that are read where it is broken.
     where: where its gloss comes from, for messages.
     row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
+    face: the file with its face that the table names.
     """
 
     paths: tuple[Path, ...]
     where: str
     row: GlossRow
+    face: Path | None = None
 
     @property
     def path(self) -> Path:
@@ -64,6 +66,7 @@ class Built:
     form: how rotations are stored.
     warnings: what a user should know, one line each.
     left_out: words and files that are not in it, one line each, which are among the warnings.
+    unread: what else an archive holds of its words, a line for each kind of file.
     """
 
     n_words: int
@@ -72,6 +75,7 @@ class Built:
     form: str
     warnings: tuple[str, ...]
     left_out: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,8 @@ def find_sources(folder: str | Path, signer: str = "", table: str | Path = "") -
     for name, path in files.items():
         for row in by_file.pop(name, [] if table else [GlossRow(name)]):
             try:
-                sources.append(_source(path, path_of_table, row, signer))
+                source = _source(path, path_of_table, row, signer)
+                sources.append(replace(source, face=folder / row.face) if row.face else source)
             except InputError as error:
                 faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
     lost = [row for rows in by_file.values() for row in rows]
@@ -173,7 +178,8 @@ def build(
             n_letters += entry.kind == "letter"
         if not builder.n_words:
             raise InputError(f"{folder}: every clip is broken, the first one: {left_out[0]}")
-    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out))
+    unread = archives.unread(Path(folder), archives.find_recipe(recipe)) if _is_archive(recipe) else ()
+    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out), unread)
 
 
 def check(
@@ -201,7 +207,7 @@ def reasons(lines: Iterable[str]) -> list[tuple[int, str]]:
 
 def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[str]]:
     """The sources that are built, and a line for each fault or, by a recipe, for each file that is left out."""
-    if not recipe or recipe.lower().endswith(".csv"):
+    if not _is_archive(recipe):
         sources, lines = find_sources(folder, signer, recipe)
     else:
         words, lines = archives.recordings(folder, _files(folder), archives.find_recipe(recipe))
@@ -212,12 +218,20 @@ def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[
     return [source for source in sources if source not in {source for source, _ in twice}], lines
 
 
+def _is_archive(recipe: str) -> bool:
+    """Whether a recipe goes by the names of files, not by a table."""
+    return bool(recipe) and not recipe.lower().endswith(".csv")
+
+
 def _prepared(
     sources: Sequence[Source], task: FileTask, jobs: int | None, progress: Progress | None
 ) -> Iterator[tuple[Source, PreparedWord | str]]:
     """Each source with its word ready, or what is wrong with it; each file is read once for all of its words."""
-    groups = [list(words) for _, words in groupby(sources, key=lambda source: source.paths)]
-    tasks = [replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words)) for words in groups]
+    groups = [list(words) for _, words in groupby(sources, key=lambda source: (source.paths, source.face))]
+    tasks = [
+        replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words), face=words[0].face)
+        for words in groups
+    ]
     workers = min(cores(), len(tasks) // _FILES_A_PROCESS) if jobs is None else min(jobs, len(tasks))
     done = 0
     try:

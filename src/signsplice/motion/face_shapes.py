@@ -67,8 +67,8 @@ _OTHER_NAMES = {
 
 
 def _plain(name: str) -> str:
-    """A target's name without the mesh before it, in lower case, letters and digits alone."""
-    return re.sub("[^a-z0-9]", "", name.rpartition(".")[2].lower())
+    """A target's name without the mesh or namespace before it, in lower case, letters and digits alone."""
+    return re.sub("[^a-z0-9]", "", re.split("[.:|]", name)[-1].lower())
 
 
 def _channel_names() -> dict[str, str]:
