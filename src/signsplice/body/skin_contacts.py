@@ -23,13 +23,13 @@ from scipy.spatial import cKDTree
 from signsplice.body.capsules import ARM
 from signsplice.body.clearance import Near, SkinPairs
 from signsplice.body.fit import CLEAR_M, CONTACT_WEIGHT, FADE_M, PRESS_M, TOUCH_M, Fit, solve_blocks
-from signsplice.body.skin_surface import AvatarSkin, least_height
+from signsplice.body.skin_surface import THICK_M, AvatarSkin, least_height
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 
-_REACH_M, _NEAR_M = 0.03, 0.045
-"""Distance up to which points of two skins are compared, m, and up to which they are looked at as hands move."""
+_NEAR_M = 0.045
+"""Distance up to which points of two skins are looked at as hands move, m."""
 _BESIDE = 1.5
 """Points that lie farther than this from the normal through the nearest point of the surface, in the distance between
 its points, are beyond its edge.
@@ -136,7 +136,9 @@ class SkinFit:
         found, directions = np.empty(len(moved)), np.zeros((len(moved), 3))
         for n, (pose, by) in enumerate(zip(self._poses[k], moved, strict=True)):
             beside = _BESIDE * self._spacing[one.what]
-            found[n], heights, normals = least_height(pose.hand + by, pose.points, pose.normals, _REACH_M, beside)
+            found[n], heights, normals = least_height(
+                pose.hand + by, pose.points, pose.normals, beside, THICK_M[one.what]
+            )
             direction = np.exp((found[n] - heights) / _SHARP_M) @ normals
             directions[n] = direction / (np.linalg.norm(direction) + 1e-12)
         return found, directions

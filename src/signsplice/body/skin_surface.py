@@ -85,22 +85,28 @@ def surface(points: SkinPoints, joints: Sequence[int], rest: FloatArray, spacing
     return SkinSurface(at[kept], normals[kept], used.astype(np.intp), weights, rest[used], spacing)
 
 
+REACH_M, THICK_M = 0.03, (0.03, 0.015)
+"""Distance up to which points of two skins are compared, m; and half the thickness of the body, and of a hand: what
+lies deeper than that under the nearest skin sees it from behind, through the end of an open mesh.
+"""
+
+
 def least_height(
-    hand: FloatArray, points: FloatArray, normals: FloatArray, reach: float, beside: float
+    hand: FloatArray, points: FloatArray, normals: FloatArray, beside: float, thick: float
 ) -> tuple[float, FloatArray, FloatArray]:
     """The least height of a hand's points (H, 3) above a surface (N, 3), along the normal of the nearest of its points,
-    and of all of them (K,) with these normals (K, 3); infinite where none is within ``reach``. Points that lie farther
-    ``beside`` that normal are beyond the surface's edge.
+    and of all of them (K,) with these normals (K, 3); infinite where none is near. Points that lie farther ``beside``
+    that normal, or deeper than ``thick``, are beyond the surface's edge.
     """
     from scipy.spatial import cKDTree  # takes long to import; only avatars need it
 
     if not len(points) or not len(hand):
         return np.inf, np.empty(0), np.empty((0, 3))
-    apart, near = (np.asarray(found) for found in cKDTree(points).query(hand, distance_upper_bound=reach))
+    apart, near = (np.asarray(found) for found in cKDTree(points).query(hand, distance_upper_bound=REACH_M))
     met = np.flatnonzero(np.isfinite(apart))
     out = normals[near[met]]
     height = np.einsum("nx,nx->n", hand[met] - points[near[met]], out)
-    over = apart[met] ** 2 - height**2 < beside**2
+    over = (apart[met] ** 2 - height**2 < beside**2) & (height > -thick)
     return float(height[over].min(initial=np.inf)), height[over], out[over]
 
 

@@ -156,7 +156,7 @@ def avatars(
         from signsplice.evaluation.body_pictures import write_avatars
 
         write_avatars(loaded, words, Path(picture))
-    return measuring.SIGNATURE, rows, measuring.table(rows)
+    return measuring.signature(words), rows, measuring.table(rows)
 
 
 @_measures

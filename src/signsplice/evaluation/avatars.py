@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import Avatar, body_capsules
-from signsplice.body.clearance import KEPT_M, PART_M, PRESS_M, near_pairs, pair_clearances, skin_pairs
+from signsplice.body.clearance import KEPT_M, PRESS_M, TOUCH_M, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.posed import posed_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.body.skin import BODY
-from signsplice.body.skin_surface import least_height
+from signsplice.body.skin_surface import THICK_M, least_height
 from signsplice.errors import InputError
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion import kinematics
@@ -27,10 +27,9 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 
 WORDS = ("MOTHER", "THANK-YOU", "NAME", "BOOK", "FRIEND", "PLEASE")
-SIGNATURE = f"words:{','.join(WORDS)}|within:{KEPT_M}|points:0.003|vertices:all"
-_STEP, _AROUND, _BESIDE, _REACH = 0.003, 0.06, 0.006, 0.03
+_STEP, _AROUND, _BESIDE = 0.003, 0.06, 0.006
 """Distance of points on triangles; of triangles from a hand that are looked at; and how far a vertex may lie from the
-normal through the nearest point, and from that point; all m.
+normal through the nearest point; all m.
 """
 _SIGNS = 0.99
 
@@ -41,7 +40,7 @@ class AvatarRow:
 
     avatar, word: names.
     skin: "body" or "hand", what a hand touches.
-    n_touching: hands and frames in which it touches.
+    n_touching: hands and frames of contacts in which the source is nearer than 5 mm.
     near: fraction of these whose lowest vertex lies within 5 mm of the skin; None without any.
     kept: fraction whose lowest vertex lies within 5 mm of where it was at the source.
     median: median height of the lowest vertex, m.
@@ -56,6 +55,11 @@ class AvatarRow:
     kept: float | None
     median: float | None
     deepest: float
+
+
+def signature(words: Sequence[Clip]) -> str:
+    """What decides the figures: words, and how heights are measured."""
+    return f"words:{','.join(word.name for word in words)}|touch:{TOUCH_M}|within:{KEPT_M}|points:{_STEP}"
 
 
 def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress | None = None) -> list[AvatarRow]:
@@ -102,7 +106,7 @@ def _rows(avatar: Avatar, word: Clip) -> Iterator[AvatarRow]:
         for contact in done.contacts:
             if (contact.region == "hand") == (skin == "hand") and contact.region != "arm":
                 touching[slice(*contact.frames), 0 if skin == "hand" else SIDES.index(contact.hand)] = True
-        touching &= np.isfinite(heights)
+        touching &= np.isfinite(heights) & (then[skin] < TOUCH_M)
         found, source = heights[touching], np.maximum(then[skin][touching], -PRESS_M)
         known = len(found) > 0
         yield AvatarRow(
@@ -120,7 +124,7 @@ def _source_distances(word: Clip) -> dict[str, FloatArray]:
     """
     body = body_capsules(word.skeleton)
     posed, pairs = posed_body(word, body), skin_pairs(body, frozenset(body.keys))
-    frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, PART_M)
+    frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, TOUCH_M)
     distance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
     out = {skin: np.full((len(word), 2), np.inf) for skin in ("body", "hand")}
     is_hand = np.isin(pairs.other[k], [*body.groups.left, *body.groups.right])
@@ -152,16 +156,19 @@ def _heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_]) -> tuple[Floa
             )
         for side in (0, 1):
             if signs[frame, side]:
-                out[0, frame, side] = _lowest(vertices, own[side], surfaces[0])
+                out[0, frame, side] = _lowest(vertices, own[side], surfaces[0], THICK_M[0])
         if signs[frame].all():
-            out[1, frame, 0] = _lowest(vertices, own[0], surfaces[1])
+            out[1, frame, 0] = _lowest(vertices, own[0], surfaces[1], THICK_M[1])
     return out[0], out[1]
 
 
 def _lowest(
-    vertices: FloatArray, own: NDArray[np.intp], surface: tuple[NDArray[np.int64], FloatArray, FloatArray]
+    vertices: FloatArray,
+    own: NDArray[np.intp],
+    surface: tuple[NDArray[np.int64], FloatArray, FloatArray],
+    thick: float,
 ) -> float:
-    """The least height of the vertices ``own`` above a surface: corners and shares of its points."""
+    """The least height of the vertices ``own`` above a surface: corners and shares of its points, half thickness."""
     corners, shares, _ = surface
     hand = vertices[own]
     low, high = hand.min(axis=0) - _AROUND, hand.max(axis=0) + _AROUND
@@ -173,4 +180,4 @@ def _lowest(
     points = np.einsum("sc,scx->sx", shares[near], of)
     normals = np.cross(of[:, 1] - of[:, 0], of[:, 2] - of[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    return least_height(hand, points, normals, _REACH, _BESIDE)[0]
+    return least_height(hand, points, normals, _BESIDE, thick)[0]
