@@ -95,7 +95,7 @@ def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
     roles, spacing = info.roles.joints, _SPACING[0] * info.sizes.stature
     body = surface(points, [roles[role] for role in BODY if role in roles], rest, spacing)
     hands = [
-        surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, _SPACING[1] * info.sizes.stature)
+        surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, _SPACING[1] * info.sizes.stature, bare=True)
         for side in SIDES
         if f"{side}Hand" in roles
     ]

@@ -67,10 +67,10 @@ class _Meeting:
 
 @dataclass(frozen=True, eq=False)
 class _Pose:
-    """One frame of a meeting: ``hand`` (H, 3) points, and ``points``, ``normals`` (N, 3) of the other skin near it."""
+    """One frame of a meeting: ``hand`` (H, 3) points, and ``points`` and ``normals`` (N, 3) of the other skin."""
 
     hand: FloatArray
-    points: FloatArray
+    points: cKDTree
     normals: FloatArray
 
 
@@ -176,8 +176,7 @@ def _poses(one: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, moves:
         middle = hand.mean(axis=0)
         radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _NEAR_M
         points, normals = other.posed(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
-        points = metres * points + by
-        if len(points):
-            hand = hand[np.isfinite(cKDTree(points).query(hand, distance_upper_bound=_NEAR_M)[0])]
-        found.append(_Pose(hand, points, normals))
+        tree = cKDTree(metres * points + by)
+        hand = hand[np.isfinite(tree.query(hand, distance_upper_bound=_NEAR_M)[0])]
+        found.append(_Pose(hand, tree, normals))
     return found

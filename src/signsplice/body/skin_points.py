@@ -41,27 +41,29 @@ class SkinPoints:
     is_cloth: NDArray[np.bool_]
 
     def of(self, joints: int | Sequence[int]) -> FloatArray:
-        """Positions (N, 3) of the vertices that these joints carry together, by half or more: of bare skin where enough
-        of it is modelled, else of clothes too.
-        """
-        own = self.is_of(joints)
-        bare = own & ~self.is_cloth
-        return np.asarray(self.positions[bare if bare.sum() >= _BARE * MIN_POINTS else own])
+        """Positions (N, 3) of the vertices that these joints carry together: of bare skin where enough is modelled."""
+        return np.asarray(self.positions[self.is_of(joints, bare=True)])
 
-    def is_of(self, joints: int | Sequence[int]) -> NDArray[np.bool_]:
-        """Which vertices (V,) these joints carry together, by half or more."""
-        return np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN)
+    def is_of(self, joints: int | Sequence[int], bare: bool = False) -> NDArray[np.bool_]:
+        """Which vertices (V,) these joints carry together, by half or more; of bare skin alone where enough of it is
+        modelled and it is asked for (``bare``).
+        """
+        own = np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN)
+        skin = own & ~self.is_cloth
+        return skin if bare and skin.sum() >= _BARE * MIN_POINTS else own
 
     def surface(self, joints: Sequence[int], step: float) -> tuple[FloatArray, FloatArray]:
         """Points and normals (S, 3) on the triangles that these joints carry, about ``step`` apart."""
         corners, shares, normals = self.samples(joints, step)
         return np.einsum("sc,scx->sx", shares, self.positions[corners]), normals
 
-    def samples(self, joints: Sequence[int], step: float) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    def samples(
+        self, joints: Sequence[int], step: float, bare: bool = False
+    ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
         """Points on the triangles that these joints carry, about ``step`` apart: the vertices at the corners (S, 3),
-        how much of each is in the point (S, 3), and normals (S, 3).
+        how much of each is in the point (S, 3), and normals (S, 3); ``bare`` as in ``is_of``.
         """
-        rows = self.triangles[self.is_of(joints)[self.triangles].all(axis=1)]
+        rows = self.triangles[self.is_of(joints, bare)[self.triangles].all(axis=1)]
         corners = self.positions[rows]  # (F, 3, 3)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(across, axis=1)

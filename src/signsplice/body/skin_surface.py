@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.skin_points import SkinPoints
 from signsplice.motion.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _COVER, _AROUND, _FACING = (0.0015, 0.015), 24, 0.3
 """A point is covered where another lies this far above it, m; how many around it are looked at; and the cosine between
@@ -66,12 +70,14 @@ class AvatarSkin:
     mesh: SkinPoints
 
 
-def surface(points: SkinPoints, joints: Sequence[int], rest: FloatArray, spacing: float) -> SkinSurface | None:
+def surface(
+    points: SkinPoints, joints: Sequence[int], rest: FloatArray, spacing: float, bare: bool = False
+) -> SkinSurface | None:
     """The outermost skin that ``joints`` carry, with points about ``spacing`` apart; None where there is none.
 
-    rest: (J, 3) joints in the rest pose, from the root.
+    rest: (J, 3) joints in the rest pose, from the root. bare: without clothes, where enough skin is modelled.
     """
-    corners, shares, normals = points.samples(joints, spacing)
+    corners, shares, normals = points.samples(joints, spacing, bare)
     at = np.einsum("sc,scx->sx", shares, points.positions[corners])
     one_each = np.unique(np.floor(at / spacing).astype(np.int64), axis=0, return_index=True)[1]
     kept = one_each[~_covered(at[one_each], normals[one_each], spacing)]
@@ -92,20 +98,16 @@ lies deeper than that under the nearest skin sees it from behind, through the en
 
 
 def least_height(
-    hand: FloatArray, points: FloatArray, normals: FloatArray, beside: float, thick: float
+    hand: FloatArray, tree: cKDTree, normals: FloatArray, beside: float, thick: float
 ) -> tuple[float, FloatArray, FloatArray]:
-    """The least height of a hand's points (H, 3) above a surface (N, 3), along the normal of the nearest of its points,
-    and of all of them (K,) with these normals (K, 3); infinite where none is near. Points that lie farther ``beside``
-    that normal, or deeper than ``thick``, are beyond the surface's edge.
+    """The least height of a hand's points (H, 3) above a surface of N points, along the normal of the nearest of these,
+    and the heights (K,) and normals (K, 3) of all; infinite where none is near. Points that lie farther ``beside`` that
+    normal, or deeper than ``thick``, are beyond the surface's edge.
     """
-    from scipy.spatial import cKDTree  # takes long to import; only avatars need it
-
-    if not len(points) or not len(hand):
-        return np.inf, np.empty(0), np.empty((0, 3))
-    apart, near = (np.asarray(found) for found in cKDTree(points).query(hand, distance_upper_bound=REACH_M))
+    apart, near = (np.asarray(found) for found in tree.query(hand, distance_upper_bound=REACH_M))
     met = np.flatnonzero(np.isfinite(apart))
     out = normals[near[met]]
-    height = np.einsum("nx,nx->n", hand[met] - points[near[met]], out)
+    height = np.einsum("nx,nx->n", hand[met] - tree.data[near[met]], out)
     over = (apart[met] ** 2 - height**2 < beside**2) & (height > -thick)
     return float(height[over].min(initial=np.inf)), height[over], out[over]
 

@@ -137,12 +137,9 @@ def bodies(
 @click.argument("files", nargs=-1, required=True, metavar="AVATAR...")
 @click.option("--clips", "recorded", multiple=True, metavar="FILE", help="This clip, in place of six words that ship; "
               "may be repeated.")  # fmt: skip
-@click.option("--picture", metavar="FILE.png", help="Also draw every word on every avatar: front, side and close.")
 @SKIN
 @reads_poses
-def avatars(
-    files: tuple[str, ...], recorded: tuple[str, ...], picture: str | None, skin: tuple[str, ...], roles: str | None
-) -> Measured:
+def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, ...], roles: str | None) -> Measured:
     """How far hands lie from the skin that they touch on avatars."""
     from signsplice.evaluation import avatars as measuring
     from signsplice.lexicon import shipped
@@ -152,10 +149,6 @@ def avatars(
         words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _loaded(recorded, None, None)
     with progress("avatars") as advance:
         rows = measuring.compare(loaded, words, advance)
-    if picture is not None:
-        from signsplice.evaluation.body_pictures import write_avatars
-
-        write_avatars(loaded, words, Path(picture))
     return measuring.signature(words), rows, measuring.table(rows)
 
 

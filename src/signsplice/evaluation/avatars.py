@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import Avatar, body_capsules
 from signsplice.body.clearance import KEPT_M, PRESS_M, TOUCH_M, near_pairs, pair_clearances, skin_pairs
@@ -142,8 +143,9 @@ def _heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_]) -> tuple[Floa
     assert skin is not None
     mesh, roles, rest = skin.mesh, rig_info(avatar).roles.joints, kinematics.rest_positions(avatar)
     hands = [kinematics.subtree(avatar, roles[f"{side}Hand"]) for side in SIDES]
-    own = [np.flatnonzero(mesh.is_of(joints)) for joints in hands]
-    surfaces = [mesh.samples(joints, _STEP) for joints in ([roles[r] for r in BODY if r in roles], hands[1])]
+    own = [np.flatnonzero(mesh.is_of(joints, bare=True)) for joints in hands]
+    body = [roles[role] for role in BODY if role in roles]
+    surfaces = mesh.samples(body, _STEP), mesh.samples(hands[1], _STEP, bare=True)
     rotations, positions = kinematics.forward(clip)
     out = np.full((2, len(clip), 2), np.inf)
     for frame in np.flatnonzero(signs.any(axis=1)).tolist():
@@ -180,4 +182,4 @@ def _lowest(
     points = np.einsum("sc,scx->sx", shares[near], of)
     normals = np.cross(of[:, 1] - of[:, 0], of[:, 2] - of[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    return least_height(hand, points, normals, _BESIDE, thick)[0]
+    return least_height(hand, cKDTree(points), normals, _BESIDE, thick)[0]

@@ -7,18 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from signsplice.body.capsules import Avatar, BodyCapsules, BodyShape, body_capsules, shaped_capsules
+from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
 from signsplice.body.clearance import near_pairs, pair_clearances, skin_pairs
 from signsplice.body.posed import posed_body
-from signsplice.body.retarget import fit_body, retarget, signing
+from signsplice.body.retarget import fit_body, signing
 from signsplice.evaluation.body_measures import TOUCH_M
 from signsplice.evaluation.stretched_bodies import BODIES, stretched
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress, counted
 from signsplice.render.page import INK, PAPER, pillow, write_line
-from signsplice.render.picture import Image, around_hand, draw, make_scene
-from signsplice.render.sheet import write_cells
+from signsplice.render.picture import Image, draw, make_scene
 from signsplice.rig.align import Reference, copy_rotations
 from signsplice.rig.placement import placement
 
@@ -48,22 +47,6 @@ def write_pictures(words: Sequence[Clip], path: Path, progress: Progress | None 
             sheet.paste(image_.fromarray(picture), (k * wide, top + _LABEL))
     with replacing(path) as temporary:
         sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
-
-
-def write_avatars(avatars: Sequence[Avatar], words: Sequence[Clip], path: Path) -> None:
-    """Write a page as PNG: a row for each avatar and word, at the frame in which most touches, from front and side, and
-    close.
-    """
-    cells: list[tuple[Image, str]] = []
-    for avatar in avatars:
-        for word in words:
-            frame, done = _touching_frame(word, body_capsules(word.skeleton)), retarget(word, avatar).clip
-            for view in ("front", "side"):
-                scene = make_scene(done, view)
-                close = around_hand(scene, frame, "right")
-                for shown in (scene, close):
-                    cells.append((draw(shown, frame, 300, 300), f"{avatar.label} {word.name} {view}"))
-    write_cells(cells, path, 4)
 
 
 def _row(word: Clip) -> list[Image]:
