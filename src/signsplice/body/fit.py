@@ -40,7 +40,7 @@ _FREE_M, _FAR_M = 0.06, 0.25
 _SPACE_WEIGHT = 0.15
 _SMOOTHNESS, _FPS = 100.0, 30.0
 """lambda at this frame rate."""
-CONTACT_WEIGHT, FADE_M, _LEAST_WEIGHT = 60.0, 0.006, 1e-3
+CONTACT_WEIGHT, CONTACT_FADE_M, _LEAST_WEIGHT = 60.0, 0.006, 1e-3
 """Weight of a contact; depth at the source over which it falls by a factor e, m; and the least that counts."""
 TOUCH_M = 0.012
 """Skin distance at the source up to which a pair is held at its distance, m."""
@@ -298,7 +298,7 @@ class _Contacts:
         # A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
         off = np.maximum(np.abs(self.then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0.0)
         self._wanted = self._allowed = np.minimum(self.then, CLEAR_M) + heights
-        self._held = np.where(touching, CONTACT_WEIGHT * np.exp(-off / FADE_M), 0.0)
+        self._held = np.where(touching, CONTACT_WEIGHT * np.exp(-off / CONTACT_FADE_M), 0.0)
 
     def add(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:
         """Add this step's residuals to the blocks (T, 6, 6) and right sides (T, 6)."""

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import ARM
 from signsplice.body.clearance import Near, SkinPairs
-from signsplice.body.fit import CLEAR_M, CONTACT_WEIGHT, FADE_M, PRESS_M, TOUCH_M, Fit, solve_blocks
+from signsplice.body.fit import CLEAR_M, CONTACT_FADE_M, CONTACT_WEIGHT, PRESS_M, TOUCH_M, Fit, solve_blocks
 from signsplice.body.skin_surface import THICK_M, AvatarSkin, least_height
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
@@ -161,7 +161,7 @@ def _meeting(fit: Fit, side: int, what: int) -> _Meeting:
     frames = np.flatnonzero(np.isfinite(least) & (active > 0.0))
     then, weight = least[frames], CONTACT_WEIGHT * active[frames]
     deep = np.maximum(np.abs(then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0.0)
-    held = np.where(then < TOUCH_M, np.exp(-deep / FADE_M), 0.0)
+    held = np.where(then < TOUCH_M, np.exp(-deep / CONTACT_FADE_M), 0.0)
     together = np.exp(-np.maximum(then, 0.0) / _TOGETHER_M)
     return _Meeting(side, what, frames, np.clip(then, -PRESS_M, CLEAR_M), held * weight, weight, together)
 
