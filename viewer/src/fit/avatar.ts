@@ -6,15 +6,17 @@ import type { VRMAnimation } from '@pixiv/three-vrm-animation';
 import { type Object3D, Quaternion, QuaternionKeyframeTrack, Vector3 } from 'three';
 import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 import type { FitSource } from '../wire.js';
-import { type Body, type Bone, makeBody, type Rotations } from './body.js';
+import { type Body, type Bone, makeBody, Posed, type Rotations } from './body.js';
 import { usualCapsules } from './capsules.js';
+import { retarget as RETARGET } from './constants.js';
 import type { Motion } from './fit.js';
+import { clip } from './gaps.js';
 import { skinOf } from './mesh.js';
 import { fitSkin } from './skin.js';
 import { toTPose as turnsToTPose } from './t_pose.js';
 
-/** The motion of a .vrma with the body of its signer. */
-export async function motionOf(file: GLTF, animation: VRMAnimation, source: FitSource): Promise<Motion> {
+/** The motion of a .vrma with the body of its signer, or a usual one where that is not known. */
+export async function motionOf(file: GLTF, animation: VRMAnimation, source: FitSource | null): Promise<Motion> {
   const { rotation } = animation.humanoidTracks;
   const { humanBones } = file.parser.json.extensions.VRMC_vrm_animation.humanoid as { humanBones: Record<string, { node: number }> };
   const nodes = new Map<VRMHumanBoneName, Object3D>();
@@ -25,9 +27,9 @@ export async function motionOf(file: GLTF, animation: VRMAnimation, source: FitS
   file.scene.updateMatrixWorld(true);
   const joints = new Map([...nodes].map(([name, node]) => [name, new Vector3().setFromMatrixPosition(node.matrixWorld)]));
   const bones = bonesAt(joints);
-  const frames = source.signing.length;
   const times = rotation.get('hips' as VRMHumanBoneName)!.times;
-  if (times.length !== frames) throw new Error('the VRM animation and the body of its signer have other numbers of frames');
+  const frames = times.length;
+  if (source && source.signing.length !== frames) throw new Error('the VRM animation and the body of its signer have other numbers of frames');
   const fps = frames > 1 ? (frames - 1) / (times.at(-1)! - times[0]!) : 30;
   const rotations: Rotations = new Map();
   const [above, own] = [new Quaternion(), new Quaternion()];
@@ -43,8 +45,19 @@ export async function motionOf(file: GLTF, animation: VRMAnimation, source: FitS
     }
     rotations.set(name, values);
   }
-  const signing = Float64Array.from(source.signing.flat());
-  return { body: makeBody(bones, source.capsules), rotations, frames, fps, times: Float32Array.from(times), signing };
+  const body = makeBody(bones, source?.capsules ?? usualCapsules(bones, new Map()));
+  const signing = source ? Float64Array.from(source.signing.flat()) : signingOf(body, rotations, frames);
+  return { body, rotations, frames, fps, times: Float32Array.from(times), signing };
+}
+
+/** How much each arm signs in each frame: 1 while it is raised, 0 while it hangs. */
+export function signingOf(body: Body, rotations: Rotations, frames: number): Float64Array {
+  const { HANGING, RAISED } = RETARGET;
+  const { arms, armLengths } = new Posed(body, rotations, 0, frames);
+  return Float64Array.from({ length: 2 * frames }, (_, k) => {
+    const [shoulder, wrist] = [0, 2].map((joint) => arms[Posed.at(k >> 1, k % 2, joint) + 1]!);
+    return clip((HANGING - (shoulder! - wrist!) / armLengths[k % 2]!) / (HANGING - RAISED), 0, 1);
+  });
 }
 
 /** An avatar's body in the T-pose, and the rotations that bring its bones there from where they are at rest, world axes. */
