@@ -189,7 +189,7 @@ const state = async () => ({
   signs: await signs(shared),
   values: await Promise.all(['#glosses', '#sign-speed', '#speed', '#cutter', '#transition', '#transition-time', '#tempo', '#free-hand'].map((query) => shared.inputValue(query))),
   isAuto: await shared.isChecked('#transition-auto'),
-  pressed: await shared.locator('[aria-pressed=true]').evaluateAll((all) => all.map((one) => one.dataset.view ?? one.id)),
+  pressed: await shared.locator('[aria-pressed=true]').evaluateAll((all) => all.flatMap((one) => one.dataset.view || one.id || [])),
   title: await shared.title(),
 });
 const odd = encodeURIComponent('"><img src=x onerror="globalThis.hacked=1.5">');

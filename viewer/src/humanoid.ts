@@ -1,7 +1,7 @@
 /** Avatars: VRM files, and .glb files whose bones are known by name, which then act as VRM avatars do. */
 
 import { VRM, VRMHumanoid, type VRMHumanBones, VRMLoaderPlugin, VRMUtils } from '@pixiv/three-vrm';
-import type { Object3D } from 'three';
+import { type Matrix4, type Object3D, SkinnedMesh } from 'three';
 import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { checkTrees } from './fit/mesh.js';
 
@@ -47,6 +47,13 @@ async function named(file: GLTF): Promise<VRM> {
   const document = file.parser.json as Document;
   const bones: Record<string, { node: Object3D }> = {};
   for (const [role, node] of rolesOf(document)) bones[role] = { node: (await file.parser.getDependency('node', node)) as Object3D };
+  // Nodes of a file that moves may be where they are in its first frame; where nothing moves them, they belong there.
+  if (file.animations.length) {
+    const places: [Object3D, Matrix4][] = [];
+    file.scene.traverse((node) => places.push([node, node.matrix.compose(node.position, node.quaternion, node.scale).clone()]));
+    file.scene.traverse((node) => node instanceof SkinnedMesh && node.skeleton.pose());
+    file.userData['leaveBindPose'] = () => places.forEach(([node, matrix]) => matrix.decompose(node.position, node.quaternion, node.scale));
+  }
   const missing = NEEDED.filter((role) => !bones[role]);
   if (missing.length) throw new Error(`it has no VRM part, and no bone known by name as ${missing.slice(0, 3).join(', ')}`);
   const humanoid = new VRMHumanoid(bones as unknown as VRMHumanBones);

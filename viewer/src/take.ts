@@ -4,7 +4,7 @@ import type { VRMHumanBoneName } from '@pixiv/three-vrm';
 import { VRMAnimation, VRMAnimationLoaderPlugin } from '@pixiv/three-vrm-animation';
 import { AnimationMixer, type Object3D, Quaternion, QuaternionKeyframeTrack, Vector3, VectorKeyframeTrack } from 'three';
 import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import { type AvatarBody, bodyOf, motionOf, signingOf } from './fit/avatar.js';
+import { type AvatarBody, motionOf, signingOf, usualBodyOf } from './fit/avatar.js';
 import { makeBody, type Rotations } from './fit/body.js';
 import type { Motion } from './fit/fit.js';
 import { readAvatar } from './humanoid.js';
@@ -39,6 +39,8 @@ export class Signer {
   readonly bones: string[];
   readonly times: Float32Array;
   private readonly mixer: AnimationMixer;
+  /** Where the hips are at first, from whose height players scale the motion. */
+  private readonly hips: Vector3;
   /** From a bone at rest as the file has it to the T-pose, both in the world's axes, inverted. */
   private readonly fromTPose: Quaternion[];
 
@@ -46,7 +48,6 @@ export class Signer {
     readonly file: GLTF,
     private readonly nodes: Object3D[],
     readonly body: AvatarBody,
-    private readonly rest: Vector3,
     /** The bones' names in the file. */
     readonly names: string[],
   ) {
@@ -56,19 +57,23 @@ export class Signer {
     this.fromTPose = nodes.map((node, k) => node.getWorldQuaternion(new Quaternion()).invert().multiply(body.toTPose[k]!.clone().invert()));
     const longest = clip.tracks.reduce((one, other) => (other.times.length > one.times.length ? other : one));
     this.times = Float32Array.from(longest.times);
+    (file.userData['leaveBindPose'] as (() => void) | undefined)?.();
     this.mixer = new AnimationMixer(file.scene);
     this.mixer.clipAction(clip).play();
+    this.mixer.setTime(0);
+    file.scene.updateMatrixWorld(true);
+    this.hips = nodes[0]!.getWorldPosition(new Vector3());
   }
 
   static async read(content: Uint8Array<ArrayBuffer>, source: FitSource | null): Promise<Signer> {
     const [file, avatar] = await readAvatar(content);
     avatar.scene.updateMatrixWorld(true);
-    const found = bodyOf(file, avatar);
+    const found = usualBodyOf(avatar);
     const body = source ? { ...found, ...makeBody(found.bones, source.capsules) } : found;
     const nodes = body.bones.map(({ name }) => avatar.humanoid.getRawBoneNode(name as VRMHumanBoneName)!);
     const { nodes: named } = file.parser.json as { nodes: { name: string }[] };
     const names = nodes.map((node) => named[file.parser.associations.get(node)!.nodes!]!.name);
-    return new Signer(file, nodes, body, nodes[0]!.getWorldPosition(new Vector3()), names);
+    return new Signer(file, nodes, body, names);
   }
 
   /** Put rotations of the bones and the position of the hips at a time, in the world's axes, into a frame of these arrays. */
@@ -97,11 +102,11 @@ export class Signer {
       rotations.set(name, values);
       animation.humanoidTracks.rotation.set(name as VRMHumanBoneName, new QuaternionKeyframeTrack(name, times, local));
     });
-    animation.restHipsPosition.copy(this.rest);
+    animation.restHipsPosition.copy(this.hips);
     animation.humanoidTracks.translation.set('hips', new VectorKeyframeTrack('hips', times, Float32Array.from(hips)));
     animation.duration = times.at(-1)! - times[0]!;
     const fps = frames > 1 ? (frames - 1) / animation.duration : 30;
-    const signing = signingOf(this.body, rotations, frames);
+    const signing = signingOf(this.body, rotations, frames, fps);
     return { animation, motion: { body: this.body, rotations, frames, fps, times, signing } };
   }
 }
