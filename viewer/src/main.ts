@@ -15,6 +15,7 @@ import type { Person } from './person.js';
 import type { Player } from './player.js';
 import { caption, plain, reachWarnings, seams, spelled, titleOf } from './scene.js';
 import { SentenceBox } from './sentence.js';
+import { own } from './service.js';
 import type { Show } from './show.js';
 import type { SignPlayer, View } from './sign_player.js';
 import './sign_player.js';
@@ -76,7 +77,7 @@ class App {
     );
     document.title = `${name} – signsplice`;
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
-    if (!this.figure.show) this.figure.flat(scene.units.map(({ token }) => token).join(' '), live ? '.' : null);
+    if (!this.figure.show) void this.figure.flat(scene.units.map(({ token }) => token), live ? own : null);
     else if (!matchMedia('(prefers-reduced-motion: reduce)').matches) this.figure.play();
   }
 
@@ -230,6 +231,7 @@ class App {
     on('[data-file]', 'click', (button) => void this.save(button.dataset['file']!));
     onFiles((files) => void this.loader.openFiles(files));
     dials.onChange(() => this.loader.reload());
+    if (!this.figure.show) return;
     keys.listen({
       toggle: () => this.stage.toggle(),
       step: (frames) => this.player.step(frames),

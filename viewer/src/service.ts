@@ -19,8 +19,12 @@ export class Service {
   }
 
   sentence(body: SentenceRequest, signal: AbortSignal): Promise<Spliced> {
-    const headers = { 'Content-Type': 'application/json' };
-    return this.request('v1/sentence', { method: 'POST', headers, body: JSON.stringify(body), signal });
+    return this.request('v1/sentence', this.json(body, signal));
+  }
+
+  /** A contact sheet of a sentence. */
+  async picture(glosses: string[], signal: AbortSignal): Promise<Blob> {
+    return (await this.answer('v1/sentence?file=png', this.json({ glosses }, signal))).blob();
   }
 
   splice(files: File[], options: SpliceRequest, signal: AbortSignal): Promise<Spliced> {
@@ -38,12 +42,20 @@ export class Service {
     return this.request('v1/methods');
   }
 
+  private json(body: SentenceRequest, signal: AbortSignal): RequestInit {
+    return { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body), signal };
+  }
+
   private async request<Answer>(path: string, init?: RequestInit): Promise<Answer> {
+    return (await (await this.answer(path, init)).json()) as Answer;
+  }
+
+  private async answer(path: string, init?: RequestInit): Promise<Response> {
     const answer = await fetch(this.base + path, init).catch((error: unknown) => {
       if (error instanceof DOMException && error.name === 'AbortError') throw error;
       throw new ServiceError({ error: translate('lost'), unknown: {} });
     });
-    if (answer.ok) return (await answer.json()) as Answer;
+    if (answer.ok) return answer;
     const failure = (await answer.json().catch(() => null)) as Failure | null;
     throw new ServiceError(failure ?? { error: `${answer.status} ${answer.statusText}`, unknown: {} });
   }

@@ -190,12 +190,12 @@ export class SignPlayer extends Base {
   async #load(): Promise<void> {
     const line = (this.gloss || this.text).split(/\s+/).filter(Boolean);
     if (!this.src && !line.length) return;
+    if (!this.show) return this.flat(this.src ? [] : line, new Service(this.#absolute(this.service)));
     this.#task?.abort();
     const { signal } = (this.#task = new AbortController());
     this.#say('');
     this.#stage.ariaBusy = 'true';
     try {
-      if (!this.show) return this.flat(this.src ? '' : line.join(' '), this.#absolute(this.service));
       const avatar = await this.#avatarContent(signal);
       if (this.src) await this.#showSource(await readSource(this.#absolute(this.src), avatar !== null, signal), avatar, signal);
       else if (line.length > MOST_AT_ONCE) await this.#showStream(line, avatar, signal);
@@ -282,9 +282,12 @@ export class SignPlayer extends Base {
 
   /** Without WebGL: what the service draws of a line, else the poster, and what to do.
    * @internal */
-  flat(line: string, address: string | null): void {
-    if (line && address !== null) this.#picture(`${address.replace(/\/?$/, '/')}v1/picture?glosses=${encodeURIComponent(line)}`, line);
+  async flat(line: string[], from: Service | null): Promise<void> {
+    this.#task?.abort();
+    const { signal } = (this.#task = new AbortController());
     this.#fail(this.#translate('flat'));
+    const sheet = line.length && from ? await from.picture(line, signal).catch(() => null) : null; // the advice stands alone
+    if (sheet && !signal.aborted) this.#picture(URL.createObjectURL(sheet), line.join(' '));
   }
 
   #picture(address: string, text: string): void {

@@ -10,7 +10,7 @@ import { Person } from './person.js';
 import { Service } from './service.js';
 import { bareScene } from './source.js';
 import { Signer } from './take.js';
-import type { ServiceMessage, SkeletonMessage, Spliced } from './wire.js';
+import type { SentenceToken, ServiceMessage, SkeletonMessage, Spliced } from './wire.js';
 
 /** Words that are fetched as one sentence; more are streamed. */
 export const MOST_AT_ONCE = 12;
@@ -116,7 +116,7 @@ export class SentenceStream {
       this.poses.push(...this.skeleton!.poses(message));
       return false;
     }
-    const said = JSON.parse(message) as ServiceMessage;
+    const said = JSON.parse(message) as ServiceMessage | { type: 'unit'; unit: SentenceToken };
     const { report } = this.scene;
     if (said.type === 'skeleton') {
       this.fps = report.fps = said.fps;
@@ -124,7 +124,8 @@ export class SentenceStream {
     } else if (said.type === 'span') {
       report.spans.push(said.span);
       if (said.span.kind === 'sign') this.seen++;
-    } else if (said.type === 'seam') report.seams.push(said.seam);
+    } else if (said.type === 'unit') this.scene.units.push(said.unit);
+    else if (said.type === 'seam') report.seams.push(said.seam);
     else if (said.type === 'warning') report.warnings.push(said.warning);
     else if (said.type === 'error') {
       report.warnings.push(said.error);
