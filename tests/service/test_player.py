@@ -162,7 +162,7 @@ def test_keys_and_controls_work(seen: dict[str, Any]) -> None:
 
 
 def test_a_player_may_be_moved_and_put_back(seen: dict[str, Any]) -> None:
-    assert seen["plain"]["moved"] <= 2
+    assert seen["plain"]["moved"] == 1, "nothing is loaded again"
     assert seen["plain"]["drawnAgain"] > 0.1
 
 
@@ -196,8 +196,14 @@ def test_a_stream_waits_while_it_is_paused_and_then_comes_whole(seen: dict[str, 
 
 
 def test_a_stream_shows_what_the_whole_sentence_shows(seen: dict[str, Any]) -> None:
-    streamed, whole = ([[*box["min"].values(), *box["max"].values()] for box in seen["stream"][key]] for key in ("points", "whole"))
-    np.testing.assert_allclose(streamed, whole, atol=2e-3)
+    streamed, whole = (
+        np.array([[*box["min"].values(), *box["max"].values()] for box in seen["stream"][key]])
+        for key in ("points", "whole")
+    )
+    assert np.ptp(whole[:, 4]) > 0.2, "hands move"
+    # Where a signer stands is of one word here, of the sentence there.
+    np.testing.assert_allclose(streamed - streamed[0], whole - whole[0], atol=2e-3)
+    np.testing.assert_allclose(streamed[0], whole[0], atol=2e-2)
 
 
 def test_without_webgl_a_sheet_and_advice_are_shown(seen: dict[str, Any]) -> None:

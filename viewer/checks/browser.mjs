@@ -28,7 +28,7 @@ export async function watched(browser, options = {}) {
     const { protocol, host } = new URL(request.url());
     if (['http:', 'https:', 'ws:', 'wss:'].includes(protocol)) hosts.add(host);
   });
-  page.setDefaultTimeout(600_000); // other processes may load the machine
+  page.setDefaultTimeout(Number(process.env.PATIENCE ?? 600_000)); // other processes may load the machine
   return { page, context, faults, hosts };
 }
 

@@ -61,7 +61,7 @@ await plain.locator('sign-player select').selectOption('2');
 await plain.locator('sign-player button').first().click();
 await heard(plain, 'ended');
 result.plain.words = await said(plain, 'word');
-result.plain.output = await plain.locator('output').last().textContent();
+result.plain.output = await plain.locator('p output').textContent();
 result.plain.atEnd = await state(plain);
 await plain.screenshot({ path: join(out, 'plain.png') });
 
@@ -74,7 +74,7 @@ await plain.evaluate(async () => {
   await new Promise((done) => setTimeout(done, 50));
   document.querySelector('main').append(player);
 });
-await heard(plain, 'ready', 3);
+await heard(plain, 'ready', 2);
 result.plain.drawnAgain = await drawn(plain);
 
 // What does not come is said.
@@ -93,8 +93,8 @@ result.react.rate = (await state(react)).rate;
 await react.evaluate(() => (document.querySelector('sign-player').src = 'hello.json'));
 await heard(react, 'ready', 2);
 await react.locator('sign-player button').first().click();
-await react.waitForFunction(() => document.querySelector('output').textContent !== '');
-result.react.output = await react.locator('output').first().textContent();
+await react.waitForFunction(() => document.querySelector('p output').textContent !== '');
+result.react.output = await react.locator('p output').textContent();
 
 // The user's own avatar, and another that is no VRM.
 const own = await open('avatar.html');
@@ -139,7 +139,7 @@ await heard(stream, 'ended');
 Object.assign(result.stream, { sent, ahead: await stream.evaluate(() => globalThis.ahead), state: await state(stream), heard: await said(stream, 'word') });
 result.stream.points = await stream.evaluate(() => {
   const { people, player } = document.querySelector('sign-player').show;
-  return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(0)));
+  return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(-9)));
 });
 
 // The same words as one sentence.
@@ -147,7 +147,7 @@ await stream.evaluate((line) => Object.assign(document.querySelector('sign-playe
 await heard(stream, 'ready', 3);
 result.stream.whole = await stream.evaluate(() => {
   const { people, player } = document.querySelector('sign-player').show;
-  return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(0)));
+  return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(-9)));
 });
 
 // Without WebGL: what the service draws, and what to do.

@@ -66,7 +66,8 @@ export class Controls {
     this.play.ariaLabel ??= translateTo(language, 'play');
     this.slider.ariaLabel = translateTo(language, 'frame');
     this.speed.ariaLabel = translateTo(language, 'speed');
-    this.captions.ariaLabel = this.captions.title = translateTo(language, 'captions');
+    this.captions.title = translateTo(language, 'captions');
+    this.captions.ariaLabel = `CC: ${this.captions.title}`;
   }
 
   /** Space or K plays, arrows step, M mirrors, C shows captions, 1 2 3 move the camera. */

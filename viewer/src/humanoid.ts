@@ -52,6 +52,8 @@ async function named(file: GLTF): Promise<VRM> {
     const places: [Object3D, Matrix4][] = [];
     file.scene.traverse((node) => places.push([node, node.matrix.compose(node.position, node.quaternion, node.scale).clone()]));
     file.scene.traverse((node) => node instanceof SkinnedMesh && node.skeleton.pose());
+    const height = file.animations[0]!.tracks.find(({ name }) => name === `${bones['hips']?.node.name}.position`);
+    if (height) bones['hips']!.node.position.fromArray(height.values); // a skin may be bound at any height
     file.userData['leaveBindPose'] = () => places.forEach(([node, matrix]) => matrix.decompose(node.position, node.quaternion, node.scale));
   }
   const missing = NEEDED.filter((role) => !bones[role]);

@@ -94,7 +94,7 @@ export class SignPlayer extends Base {
     }
     for (const name of OTHERS) this.#apply(name);
     this.relabel();
-    this.#queue();
+    if (!this.#isShown) this.#queue();
   }
 
   disconnectedCallback(): void {
