@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 import avatars
+from browsing import CHROMIUM, VIEWER, drive
 from serving import serving
-from test_service_viewer import CHROMIUM, VIEWER, drive
 
 pytestmark = [
     pytest.mark.slow,
@@ -115,7 +115,7 @@ def test_types_say_what_a_player_has(installed: Path) -> None:
     run(*tsc, *rest, "good.ts", cwd=installed)
     for wrong in ("player.rate = 'fast';", "player.show;", "player.addEventListener('word', (e) => e.detail.word);"):
         (installed / "wrong.ts").write_text(good + wrong)
-        with pytest.raises(AssertionError, match="wrong.ts"):
+        with pytest.raises(AssertionError, match=r"wrong\.ts"):
             run(*tsc, *rest, "wrong.ts", cwd=installed)
 
 

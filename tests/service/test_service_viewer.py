@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -14,14 +13,12 @@ import numpy as np
 import pytest
 
 import avatars
-from serving import PATIENCE_S, serving
+from browsing import CHROMIUM, VIEWER, drive
+from serving import serving
 from signsplice.formats import load, save
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.service import page
-
-VIEWER = Path(__file__).resolve().parents[2] / "viewer"
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 pytestmark = [
     pytest.mark.slow,
@@ -30,20 +27,6 @@ pytestmark = [
         reason="no Chromium, or the viewer is not built (make viewer)",
     ),
 ]
-
-
-def drive(script: str, *arguments: str | Path) -> dict[str, Any]:
-    """What a script of ``viewer/checks`` prints."""
-    done = subprocess.run(
-        ["node", str(VIEWER / "checks" / script), *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=12 * PATIENCE_S,
-        env={**os.environ, "CHROMIUM": str(CHROMIUM)},
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    result: dict[str, Any] = json.loads(done.stdout)
-    return result
 
 
 @pytest.fixture(scope="module")

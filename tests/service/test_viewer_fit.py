@@ -21,6 +21,7 @@ import pytest
 
 import avatars
 import signsplice as ss
+from browsing import CHROMIUM, VIEWER
 from signsplice.body.capsules import shaped_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
@@ -34,8 +35,6 @@ from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.service.scene import fit_source
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-VIEWER = Path(__file__).resolve().parents[2] / "viewer"
 CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow"), ("FAMILY", "broad")]
 SENTENCES = [("HELLO MY NAME", "narrow"), ("HELLO MY NAME", "big head")]
 FAR = ("HAT", "too short")
