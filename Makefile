@@ -14,7 +14,7 @@ PLACES := src tests attacks examples research viewer conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus measured smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer player wheel try-wheel lock bench fuzz words corpus measured smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet, a report and an avatar in out/demo
 	@$(BIN)/signsplice demo --out out/demo
@@ -32,6 +32,10 @@ types: $(VENV)/.dev            ## mypy --strict
 	$(BIN)/mypy
 
 viewer: $(PAGE)                ## the browser viewer's page, built into the package (needs Node 20 or newer)
+
+player: $(NODE)                ## the package of <sign-player>, the web component, in out (needs Node)
+	mkdir -p out
+	cd viewer && npm run --silent player && npm pack --silent --pack-destination ../out
 
 wheel: $(VENV)/.dev $(PAGE)    ## wheel and source archive in out/dist, with their hashes and what they were made of
 	$(BIN)/python runs/release.py

@@ -114,6 +114,14 @@ def test_dials_are_the_engines_options(service: httpx.Client, dials: dict[str, A
     assert answer.headers["content-disposition"] == 'attachment; filename="HELLO-DEAF.bvh"'
 
 
+def test_a_sentence_is_drawn_as_a_contact_sheet(service: httpx.Client) -> None:
+    answer = service.post("/v1/sentence?file=png", json={"glosses": GLOSSES[:1]})
+    assert answer.headers["content-type"] == "image/png"
+    assert answer.headers["content-disposition"] == 'attachment; filename="HELLO.png"'
+    width, height = (int.from_bytes(answer.content[at : at + 4], "big") for at in (16, 20))
+    assert min(width, height) > 200
+
+
 def test_files_are_spliced_in_order(service: httpx.Client, words: dict[str, Clip]) -> None:
     contents = {gloss: bvh.encode(words[gloss]) for gloss in ("SIGN", "DEAF")}
     files = [("files", (f"{gloss}.bvh", content)) for gloss, content in contents.items()]

@@ -21,6 +21,7 @@ import pytest
 
 import avatars
 import signsplice as ss
+from browsing import CHROMIUM, VIEWER
 from signsplice.body.capsules import Avatar, shaped_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
@@ -34,8 +35,6 @@ from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.service.scene import fit_source
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-VIEWER = Path(__file__).resolve().parents[2] / "viewer"
 CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow"), ("FAMILY", "broad")]
 SENTENCES = [("HELLO MY NAME", "narrow"), ("HELLO MY NAME", "big head")]
 FAR = ("HAT", "too short")
@@ -142,6 +141,24 @@ def test_hands_are_where_python_puts_them(page: Mapping[tuple[str, str], dict[st
         assert away.max() < MOST_M, f"{line} on {body}: {1e3 * away.max():.2f} mm"
         copied = hands(copy_rotations(clip, reference(still(seen["avatar"])))[0], points)
         assert np.linalg.norm(copied - fitted, axis=-1).max() > 0.02, "the fit moves hands by centimetres"
+
+
+@pytest.mark.parametrize("form", ["vrma", "glb"])
+def test_a_file_alone_is_fitted_as_python_fits_it(folder: Path, form: str) -> None:
+    """Without the body of the signer, which a service would send."""
+    cases = [("MY", "broad"), ("HELLO MY NAME", "narrow")]
+    given = [
+        {"avatar": str(made(folder, body)), "scene": {**scene.from_clip(signed(line), None, [form]), "fit": None}}
+        for line, body in cases
+    ]
+    done = checked(folder, given)
+    assert done.returncode == 0, done.stderr[-3000:]
+    for (line, body), printed in zip(cases, done.stdout.splitlines(), strict=True):
+        seen = json.loads(printed)
+        ss.save(signed(line), folder / f"alone.{form}")
+        fitted = retarget(ss.load(folder / f"alone.{form}"), read_avatar(made(folder, body))).clip
+        away = np.linalg.norm(np.array(seen["hands"]) - hands(fitted, seen["points"]), axis=-1)
+        assert away.max() < MOST_M, f"{line} on {body}: {1e3 * away.max():.2f} mm"
 
 
 def test_numbers_of_the_fit_stand_in_python_alone() -> None:

@@ -50,8 +50,12 @@ _FAILURES: dict[int | str, dict[str, Any]] = {
     )
 }
 _SPLICED: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"text/plain": {}, "model/gltf-binary": {}}, "description": "A splice, or one file of it."}
+    200: {
+        "content": {"text/plain": {}, "model/gltf-binary": {}, "image/png": {}},
+        "description": "A splice, or one file of it.",
+    }
 }
+_ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet."
 
 
 class Service:
@@ -194,7 +198,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
     async def sentence(
         call: Request,
         request: wire.SentenceRequest,
-        file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
+        file: Annotated[wire.AnswerFile | None, Query(description=_ONE_FILE)] = None,
     ) -> Response:
         """Sign glosses: one animation, and the report of its seams."""
         if len(request.glosses) > settings.max_glosses:
@@ -208,7 +212,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
             list[UploadFile], File(min_length=1, description=f"{listed(WIRE_SUFFIXES)}, in the order of signing.")
         ],
         options: Annotated[str, Form(description="JSON: the dials of a splice, and formats.")] = "{}",
-        file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
+        file: Annotated[wire.AnswerFile | None, Query(description=_ONE_FILE)] = None,
     ) -> Response:
         """Splice files in order: one animation, and the report of its seams. A single clip is returned unchanged."""
         if len(files) > settings.max_files:

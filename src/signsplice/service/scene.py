@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,17 @@ def _scene(
     return {
         "name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units), "fit": fit,
     }  # fmt: skip
+
+
+def picture(result: SpliceResult) -> bytes:
+    """A contact sheet of a splice as PNG. Raises ``MissingExtraError`` where Pillow is not installed."""
+    from signsplice.render import film
+
+    marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "sheet.png"
+        film.write(result.clip, path, marks)
+        return path.read_bytes()
 
 
 def to_json(message: Mapping[str, Any]) -> bytes:

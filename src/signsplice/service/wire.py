@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from signsplice.splicing.tempo import ReachedTempo
 
     Format = str
+    AnswerFile = str
     DurationRule = str
     FreeHand = str
     Files = dict[str, str | None]
@@ -66,6 +67,7 @@ else:
     Seam = json_type(seam.Seam)
     ReachedTempo = json_type(tempo.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
+    AnswerFile = Literal[(*FORMAT_NAMES, "png")]
     DurationRule = Literal[(AUTO, *DURATIONS)]
     FreeHand = Literal[FREE_HANDS]
     Files = make_dataclass(

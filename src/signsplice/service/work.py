@@ -20,7 +20,7 @@ from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.stream_messages import OpenMessage
-from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
+from signsplice.service.wire import AnswerFile, Dials, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.forms import open_lexicon
@@ -115,7 +115,7 @@ def warm_up(skin: bool) -> None:
 # --- requests ---
 
 
-def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
+def splice_glosses(request: SentenceRequest, file: AnswerFile | None) -> Answer:
     """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
     most = _worker.settings.max_glosses
     n_words = len(typed_words(" ".join(request.glosses), _worker.lexicon.__contains__))
@@ -128,7 +128,7 @@ def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
     return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units)
 
 
-def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Format | None) -> Answer:
+def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: AnswerFile | None) -> Answer:
     """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON.
 
     Raises ``InputError``.
@@ -138,7 +138,7 @@ def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, fil
 
 
 def _answer(
-    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Sequence[SentenceToken]
+    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: AnswerFile | None, units: Sequence[SentenceToken]
 ) -> Answer:
     limit, fps = _worker.settings.max_frames, request.fps or clips[0].fps
     seconds = sum(clip.seconds for clip in clips) / request.sign_speed
@@ -154,6 +154,8 @@ def _answer(
         result = onto_avatar(result, avatar)
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
+        if file == "png":
+            return Answer(scene.picture(result), "image/png", name)
         return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
     return Answer(scene.to_json(scene.from_result(result, request.formats, [asdict(unit) for unit in units])))
 

@@ -17,6 +17,11 @@ export const t_pose = {
   BENT_DEG: 20.0,
 } as const;
 
+export const arms = {
+  RAISED_FRACTION: 0.4,
+  NO_REST_LIFT: 0.1,
+} as const;
+
 export const capsules = {
   SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
