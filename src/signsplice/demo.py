@@ -6,10 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.render import film
 from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceResult, splice
@@ -56,7 +59,9 @@ def _avatar(signer: Clip) -> Clip:
     for joint, name in enumerate(signer.skeleton.names):
         if name.endswith(("Arm", "ForeArm", "Hand")):
             offsets[joint] *= _ARM
-    return replace(signer[:1], skeleton=replace(signer.skeleton, offsets=offsets), channels=None, name="avatar")
+    skeleton = replace(signer.skeleton, offsets=offsets)
+    at_rest = Face(ARKIT_CHANNELS, np.zeros((1, len(ARKIT_CHANNELS))))  # with it the figure has targets for a face
+    return replace(signer[:1], skeleton=skeleton, channels=None, name="avatar", face=at_rest)
 
 
 def seam_table(result: SpliceResult) -> list[str]:

@@ -115,7 +115,8 @@ def view(
         from signsplice.render import notebook
 
         warn([f"{error}; until then the page is a drawing that moves"])
-        text = '<!doctype html><meta charset="utf-8">' + "".join(map(notebook.html, clips))
+        head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        text = head + "".join(map(notebook.html, clips))
     else:
         scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip_longest(clips, read)]
         text = page.html(scenes, live=output is None)
