@@ -2,19 +2,23 @@
 
     python runs/face_sheets.py docs/images
 
-Call it again when ``runs/figure.py`` has changed the head.
+Call it again when ``runs/figure.py`` has changed the head. It needs Pillow, and for faces in other programs what
+``npm ci`` installs in viewer/, and ``CHROMIUM=FILE`` in the environment.
 """
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from PIL import Image, ImageSequence
 
+from signsplice import read_avatar, retarget, save
 from signsplice.lexicon import shipped
 from signsplice.lexicon.sentence import brows, parse, pauses, starts
 from signsplice.motion.clip import Clip, resample, unchecked_copy
@@ -31,6 +35,7 @@ from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.passes.face_seams import LIDS
 from signsplice.splicing.result import SpliceResult
 
+ROOT = Path(__file__).resolve().parents[1]
 SIZE, COLUMNS, COLOURS = 120, 9, 128
 REACH, ABOVE = 0.072, 0.044
 """Half of what is shown of a head, and its middle above the head's joint, statures."""
@@ -124,6 +129,41 @@ def write_film(line: str, path: Path, fps: float = 10.0, n_colours: int = 32) ->
     small[0].save(path, save_all=True, append_images=small[1:], duration=round(1000 / fps), loop=0, optimize=True)
 
 
+PLAYED: Sequence[Mapping[str, float]] = (
+    FACES["brows up"] | FACES["open mouth"],
+    FACES["brows down"] | FACES["pucker"],
+    FACES["smile"] | {"eyeBlinkLeft": 1.0},
+    FACES["look aside"] | {"eyeBlinkRight": 0.3, "jawOpen": 0.35, "tongueOut": 0.9},
+)
+
+
+def write_players(path: Path) -> None:
+    """The same faces on the figure and on avatars, as three.js and three-vrm play them; needs node and Chromium."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    import face_avatars
+
+    clip = with_shapes(PLAYED)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        save(clip, folder / "figure.glb")
+        pairs = {"figure, .glb": (folder / "figure.glb", "-")}
+        for kind in face_avatars.KINDS:
+            avatar = face_avatars.write(folder, kind)
+            out = folder / f"{avatar.stem}-out{'.glb' if kind == 'arkit.glb' else '.vrma'}"
+            save(retarget(clip, read_avatar(avatar)).clip, out)
+            pairs[f"{kind}, {out.suffix}"] = (out, "-") if kind == "arkit.glb" else (avatar, out)
+        files = [str(file) for pair in pairs.values() for file in pair]
+        command = ["node", str(ROOT / "viewer/checks/faces.mjs"), name, "30", str(len(PLAYED)), *files]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        rows = range(len(pairs))
+        cells = [
+            (np.asarray(Image.open(folder / f"{row}-{frame}.png").convert("RGB")), list(pairs)[row])
+            for frame in range(len(PLAYED))
+            for row in rows
+        ]
+        write_cells(cells, path, len(pairs), COLOURS)
+
+
 def main(folder: Path) -> None:
     """Write every page."""
     together = {"mouthClose": {"mouthClose": 0.6, "jawOpen": 0.6}}  # it closes the lips of an open jaw
@@ -132,6 +172,7 @@ def main(folder: Path) -> None:
     write_shapes(FACES, folder / "figure-face.png", 4, 180)
     write_sentences(("YOU LIKE COFFEE?", "YOU WHERE LIVE?"), folder / "face-questions.png")
     write_film("HELLO I DEAF I SIGN THANK-YOU", folder / "sentence.gif")
+    write_players(folder / "face-players.png")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from signing import sign, word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.evaluation import seams
+from signsplice.evaluation.seam_rows import SeamRow
 from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
@@ -26,7 +27,7 @@ SIGNS = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "TH
 PAIRS = seams.word_pairs(12, SIGNS)
 
 
-def row(options: SpliceOptions) -> seams.SeamRow:
+def row(options: SpliceOptions) -> SeamRow:
     return seams.compare(PAIRS, {"this": options})[0]
 
 

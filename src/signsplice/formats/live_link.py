@@ -49,9 +49,14 @@ def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadL
     Raises ``InputError`` for a file that cannot be read, ``FormatError`` with the line for what is wrong in it, and
     ``LimitError`` for more rows than a clip may have frames.
     """
+    if not np.isfinite(offset_s):
+        raise InputError(f"face offset {offset_s}, expected seconds")
     content = read_bytes(path, limits.file_bytes)
+    n_lines, most = content.count(b"\n"), limits.frames / _ROWS_OF_FRAMES
+    if n_lines > most + 1:
+        raise LimitError(f"about {n_lines:,} rows, expected at most {most:,.0f}", file=str(path))
     with format_errors(str(path), "face in CSV"):
-        return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s, limits)
+        return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s)
 
 
 def sidecar(path: Path) -> Path | None:
@@ -66,12 +71,7 @@ def sidecar(path: Path) -> Path | None:
     return file if is_face else None
 
 
-def _on_clip(clip: Clip, text: str, file: str, offset_s: float, limits: ReadLimits) -> Clip:
-    if not np.isfinite(offset_s):
-        raise InputError(f"face offset {offset_s}, expected seconds")
-    n_lines, most = text.count("\n"), limits.frames / _ROWS_OF_FRAMES
-    if n_lines > most + 1:
-        raise LimitError(f"about {n_lines:,} rows, expected at most {most:,.0f}", file=file)
+def _on_clip(clip: Clip, text: str, file: str, offset_s: float) -> Clip:
     rows = csv.reader(text.splitlines())
     names = [name.strip().lower() for name in next(rows, [])]
     columns = {_CHANNELS[name]: k for k, name in enumerate(names) if name in _CHANNELS}
