@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fbx_files import TICKS, Node, Over, positions, text_7
+from fbx_files import TICKS, Node, Over, positions, text_6, text_7
 from signsplice.formats import fbx
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
@@ -158,3 +158,13 @@ def test_a_file_without_known_blend_shapes_has_no_face() -> None:
     clip = fbx.parse(shaped(["Smirk", "Grin"]), "face.fbx")
     assert clip.face is None
     assert clip.left_out == ("blend shape Smirk", "blend shape Grin")
+
+
+def test_version_6_names_the_blend_shapes_that_are_left_out() -> None:
+    text = text_6((LOWER, *ABOVE)).decode()
+    jaw = '\t\t\tChannel: "jawOpen" {\n\t\t\t\tKey: 0,0,L,46186158000,90,L\n\t\t\t}\n'
+    view = jaw.replace("jawOpen", "FieldOfView")
+    at = text.index('\t\t\tChannel: "Transform"')
+    clip = fbx.parse((text[:at] + jaw + view + text[at:]).encode(), "old.fbx")
+    assert clip.left_out == ("blend shape jawOpen",)
+    assert clip.face is None

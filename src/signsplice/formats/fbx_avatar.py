@@ -27,8 +27,6 @@ _KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 """How a picture begins that glTF holds."""
 _COLOURS = ("diffuse", "basecolor", "base_color")
 """Parts of the names of properties that are a material's colour."""
-_MESH_BYTES = 600
-"""Memory that a vertex takes while its mesh is read."""
 
 
 def as_glb(content: bytes, file: str, folder: Path, limits: ReadLimits = DEFAULT_LIMITS) -> bytes:
@@ -40,8 +38,6 @@ def as_glb(content: bytes, file: str, folder: Path, limits: ReadLimits = DEFAULT
     if scene.objects.has_old_takes:
         what = "is of version 6, whose meshes are not read; FBX2glTF (npm: fbx2gltf, free) makes a .glb of it"
         raise FormatError(what, file=file)
-    n_vertices = sum(len(record.numbers("Vertices")) // 3 for _, record in scene.objects.all("Geometry"))
-    limits.check_memory("meshes", _MESH_BYTES * n_vertices, len(content), file)
     order = [key for key in scene.order if scene.models[key].kind in BONES or key in scene.skinned]
     if not order:
         raise FormatError("is no avatar: it holds no bones", file=file)

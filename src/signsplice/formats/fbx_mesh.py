@@ -18,6 +18,8 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 
 Rows = NDArray[np.int64]
+_VERTEX_BYTES, _CORNER_BYTES, _MOVE_BYTES = 300, 60, 48
+"""Memory that is counted for a vertex, a corner of a triangle, and a vertex of a blend shape."""
 
 
 class FbxMeshes:
@@ -41,13 +43,14 @@ class FbxMeshes:
     def _parts(self, key: Id, geometry: Id) -> list[tuple[Id | None, MeshPart]]:
         """A model's mesh by its materials."""
         objects, record = self.scene.objects, self.scene.objects.records[geometry]
-        at = record.numbers("Vertices").reshape(-1, 3)
+        at, index = record.numbers("Vertices").reshape(-1, 3), record.numbers("PolygonVertexIndex")
+        record.budget.take(_VERTEX_BYTES * len(at) + _CORNER_BYTES * len(index))  # again for each model that shares it
         carried = self._carried(key, geometry, len(at))
         if carried is None:
             return []
         blend, joints, weights = carried
         placed = np.einsum("vab,vb->va", blend[:, :, :3], at) + blend[:, :, 3]
-        vertex, corners, polygons = _triangles(record.numbers("PolygonVertexIndex"))
+        vertex, corners, polygons = _triangles(index)
         if len(vertex) and vertex.max() >= len(at):
             raise InputError(f"a mesh of {len(at)} vertices has triangles of others")
         if len(corners) and np.linalg.det(self._to_metres @ blend[vertex[0], :, :3]) < 0.0:
@@ -99,11 +102,12 @@ class FbxMeshes:
         blend = np.zeros((n, 3, 4))
         for k in range(N_JOINTS):
             blend += kept[:, k, None, None] * np.array(matrices)[clusters_of[:, k], :3]
-        return blend, np.array(rows)[clusters_of], kept
+        return blend, np.array(rows)[clusters_of] * (kept > 0.0), kept
 
     def _morphs(self, geometry: Id, used: Rows, blend: FloatArray) -> dict[str, tuple[Rows, FloatArray]]:
         """The blend shapes of a mesh on the vertices ``used`` (V,) of it, which may repeat."""
         objects, order = self.scene.objects, np.argsort(used, kind="stable")
+        ordered = used[order]
         found: dict[str, tuple[Rows, FloatArray]] = {}
         for deformer, _ in objects.on(geometry, "Deformer", "BlendShape"):
             for channel, _ in objects.on(deformer, "Deformer", "BlendShapeChannel"):
@@ -111,14 +115,15 @@ class FbxMeshes:
                 if not shapes:
                     continue
                 index = shapes[-1].numbers("Indexes").astype(np.int64)  # the last is that at full strength
-                moves = shapes[-1].numbers("Vertices").reshape(-1, 3)[: len(index)]
-                first, end = (np.searchsorted(used[order], index, side) for side in ("left", "right"))
+                shapes[-1].budget.take(_MOVE_BYTES * len(index))
+                index, one = np.unique(index, return_index=True)
+                moves = shapes[-1].numbers("Vertices").reshape(-1, 3)[one]
+                first, end = (np.searchsorted(ordered, index, side) for side in ("left", "right"))
                 counts = end - first
                 each = np.repeat(np.arange(len(index)), counts)
                 rows = order[np.arange(len(each)) + np.repeat(first - np.cumsum(counts) + counts, counts)]
                 linear = np.einsum("vab,vb->va", blend[index[each], :, :3], moves[each])
-                rows, one = np.unique(rows, return_index=True)
-                found.setdefault(name_of(objects.records[channel].values[1]), (rows, linear[one] @ self._to_metres.T))
+                found.setdefault(name_of(objects.records[channel].values[1]), (rows, linear @ self._to_metres.T))
         return found
 
 

@@ -42,12 +42,13 @@ class Record(ABC):
     """A record of a file.
 
     name: of the record.
+    budget: of its file.
     """
 
-    __slots__ = ("_named", "_values", "name")
+    __slots__ = ("_named", "_values", "budget", "name")
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, budget: Budget) -> None:
+        self.name, self.budget = name, budget
         self._named: dict[str, Record] | None = None
         self._values: list[Any] | None = None
 
@@ -90,7 +91,7 @@ class Record(ABC):
         return np.array([0.0 if isinstance(value, str | bytes) else value for value in values], np.float64)
 
 
-class _Budget:
+class Budget:
     """Counts what the records of a file take, and raises ``LimitError`` where that is far more than its bytes.
 
     content: of the file. head: how records of a binary one begin.
@@ -102,6 +103,7 @@ class _Budget:
         self.taken, self.most = 0, limits.free_bytes + limits.growth * n_bytes
 
     def take(self, n_bytes: int) -> None:
+        """Count bytes that are about to be taken."""
         self.taken += n_bytes
         if self.taken > self.most:
             self.limits.check_memory("records", self.taken, self.n_bytes, self.file)
@@ -111,11 +113,11 @@ def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
     """The record that holds all others, and the version times 1000. Raises ``FormatError`` where it is no FBX file."""
     if content.startswith(MAGIC[:20]):
         (version,) = struct.unpack_from("<I", content, len(MAGIC))
-        budget = _Budget(content, file, limits, _HEADS[version >= _WIDE_HEADS])
+        budget = Budget(content, file, limits, _HEADS[version >= _WIDE_HEADS])
         return _BinaryRecord("", (len(MAGIC) + 4,) * 2 + (len(content),), 0, budget), version
     if re.match(rb"[\xef\xbb\xbf\s]*(;|FBXHeaderExtension)", content[:4096]) is None:
         raise FormatError("is no FBX file: it begins neither as a binary nor as a text one", file=file)
-    top = _text_records(content.decode("utf-8-sig", "replace"), _Budget(content, file, limits))
+    top = _text_records(content.decode("utf-8-sig", "replace"), Budget(content, file, limits))
     header = top.find("FBXHeaderExtension")
     version = 0 if header is None else int(next(iter(header.numbers("FBXVersion")), 0))
     return top, version
@@ -124,16 +126,16 @@ def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
 class _BinaryRecord(Record):
     """A record of a binary file; ``at``: where its values begin, where they end, and where the record ends."""
 
-    __slots__ = ("_at", "_budget", "_children", "_n_values")
+    __slots__ = ("_at", "_children", "_n_values")
 
-    def __init__(self, name: str, at: tuple[int, int, int], n_values: int, budget: _Budget) -> None:
-        super().__init__(name)
-        self._at, self._n_values, self._budget = at, n_values, budget
+    def __init__(self, name: str, at: tuple[int, int, int], n_values: int, budget: Budget) -> None:
+        super().__init__(name, budget)
+        self._at, self._n_values = at, n_values
         self._children: list[Record] | None = None
 
     def _read_values(self) -> list[Any]:
-        content, (start, stop, _) = self._budget.content, self._at
-        self._budget.take(self._n_values * _VALUE_BYTES)
+        content, (start, stop, _) = self.budget.content, self._at
+        self.budget.take(self._n_values * _VALUE_BYTES)
         found: list[Any] = []
         for _ in range(self._n_values):
             kind, start = content[start], start + 1
@@ -150,19 +152,19 @@ class _BinaryRecord(Record):
                 found.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))
                 start += 12 + size
             else:
-                raise FormatError(f"{self.name}: a value of type {chr(kind)!r}", file=self._budget.file)
+                raise FormatError(f"{self.name}: a value of type {chr(kind)!r}", file=self.budget.file)
             if start > stop:
-                raise FormatError(f"{self.name}: its values end early", file=self._budget.file)
+                raise FormatError(f"{self.name}: its values end early", file=self.budget.file)
         return found
 
     def _array(self, dtype: np.dtype[Any], count: int, packed: int, start: int, size: int) -> np.ndarray[Any, Any]:
         n_bytes = count * dtype.itemsize
-        self._budget.take(n_bytes)
-        raw = self._budget.content[start : start + (size if packed else n_bytes)]
+        self.budget.take(n_bytes)
+        raw = self.budget.content[start : start + (size if packed else n_bytes)]
         if packed:
             raw = zlib.decompressobj().decompress(raw, n_bytes + 1)
         if len(raw) != n_bytes or (not packed and size != n_bytes):
-            raise FormatError(f"{self.name}: {len(raw)} bytes, expected {count} numbers", file=self._budget.file)
+            raise FormatError(f"{self.name}: {len(raw)} bytes, expected {count} numbers", file=self.budget.file)
         return np.frombuffer(raw, dtype)
 
     @property
@@ -172,7 +174,7 @@ class _BinaryRecord(Record):
         return self._children
 
     def _read_children(self) -> list[Record]:
-        budget, (_, start, stop) = self._budget, self._at
+        budget, (_, start, stop) = self.budget, self._at
         content, read, size = budget.content, budget.head.unpack_from, budget.head.size
         found: list[Record] = []
         while start + size <= stop:
@@ -187,18 +189,18 @@ class _BinaryRecord(Record):
             name = content[start + size : begin].decode("utf-8", "replace")
             found.append(_BinaryRecord(name, (begin, begin + n_bytes, end), n_values, budget))
             start = end
-        self._budget.take(_RECORD_BYTES * len(found))
+        self.budget.take(_RECORD_BYTES * len(found))
         return found
 
 
 class _TextRecord(Record):
     """A record of a text file."""
 
-    __slots__ = ("_budget", "_children", "_text")
+    __slots__ = ("_children", "_text")
 
-    def __init__(self, name: str, text: str, budget: _Budget) -> None:
-        super().__init__(name)
-        self._text, self._budget = text, budget
+    def __init__(self, name: str, text: str, budget: Budget) -> None:
+        super().__init__(name, budget)
+        self._text = text
         self._children: list[Record] = []
 
     @property
@@ -206,7 +208,7 @@ class _TextRecord(Record):
         return self._children
 
     def _read_values(self) -> list[Any]:
-        self._budget.take((1 + self._text.count(",")) * _VALUE_BYTES)
+        self.budget.take((1 + self._text.count(",")) * _VALUE_BYTES)
         return [_number(m["word"]) if m["text"] is None else m["text"] for m in _VALUE.finditer(self._text)]
 
     def numbers(self, name: str) -> FloatArray:
@@ -229,7 +231,7 @@ def _number(word: str) -> Any:
     return word
 
 
-def _text_records(text: str, budget: _Budget) -> _TextRecord:
+def _text_records(text: str, budget: Budget) -> _TextRecord:
     """The record that holds all records of a text file."""
     stack, at = [_TextRecord("", "", budget)], 0
     while match := _STATEMENT.match(text, at):

@@ -6,7 +6,8 @@ documentation; what it leaves open was measured on the SDK).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from signsplice.formats.fbx_objects import FbxObjects, Id, name_of, numbers_of, 
 from signsplice.formats.fbx_records import Record
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.face_shapes import shape_of
 
 MOVES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
 PERCENT = "DeformPercent"
@@ -59,7 +61,7 @@ class Layer:
             return angles(rotation.slerp(under, over, alpha[:, 0]), order)
         stays = {_ADDITIVE: 1.0, _OVERRIDE: 0.0}.get(self.mode, 1.0 - alpha)
         if name == MOVES[2] and not self.adds_scales:
-            return _power(below, stays) * _power(own, alpha)
+            return np.copysign(np.abs(below) ** stays * np.abs(own) ** alpha, below * own)
         return stays * below + alpha * own
 
 
@@ -100,11 +102,6 @@ class Take:
         return found[:1] if (found == found[0]).all() else found
 
 
-def _power(scales: FloatArray, exponent: float | FloatArray) -> FloatArray:
-    """Scales to a power; mirrored ones stay mirrored."""
-    return np.asarray(np.copysign(np.abs(scales) ** exponent, scales))
-
-
 def quats(degrees: FloatArray, order: str) -> FloatArray:
     """Rotations (..., 4) of angles of X, Y and Z (..., 3) in degrees, which act in an order."""
     columns = ["XYZ".index(axis) for axis in reversed(order)]
@@ -121,33 +118,31 @@ def read_takes(objects: FbxObjects, models: Collection[Id]) -> list[Take]:
     """The takes of a file, in its order."""
     if objects.has_old_takes:
         return [_old_take(objects, record) for record in within(objects.top, "Takes", ("Take",))]
-    targets = [*((key, MOVES) for key in models),
-               *((key, (PERCENT,)) for key, _ in objects.all("Deformer", "BlendShapeChannel"))]  # fmt: skip
+    driven: dict[Id, list[tuple[Id, str]]] = defaultdict(list)  # by node of curves
+    for key in (*models, *(key for key, _ in objects.all("Deformer", "BlendShapeChannel"))):
+        for node, name in objects.on(key, "AnimationCurveNode"):
+            if name in (*MOVES, PERCENT):
+                driven[node].append((key, name))
     takes = []
     for key, record in objects.all("AnimationStack"):
         numbers = numbers_of(record)
         start, stop = (next(iter(numbers.get(name, ())), 0.0) / objects.ticks for name in ("LocalStart", "LocalStop"))
-        layers = [_layer(objects, layer, targets) for layer, _ in objects.on(key, "AnimationLayer")]
+        layers = [_layer(objects, layer, driven) for layer, _ in objects.on(key, "AnimationLayer")]
         if layers and layers[0]:
             layers[0] = Layer(layers[0].curves)  # whatever its weight and mode
         takes.append(Take(name_of(record.values[1]), (start, stop), tuple(filter(None, layers))))
     return takes
 
 
-def _layer(objects: FbxObjects, key: Id, targets: Collection[tuple[Id, Collection[str]]]) -> Layer | None:
-    """A layer; None where it has no curve or is muted."""
-    nodes = {node for node, _ in objects.on(key, "AnimationCurveNode")}
-    curves = {
-        (target, name): _curves(objects, node)
-        for target, names in targets
-        for node, name in objects.on(target, "AnimationCurveNode")
-        if node in nodes and name in names
-    }
+def _layer(objects: FbxObjects, key: Id, driven: Mapping[Id, Sequence[tuple[Id, str]]]) -> Layer | None:
+    """A layer; None where it has no curve or is muted. driven: by node of curves the objects and properties."""
+    nodes = [*objects.on(key, "AnimationCurveNode")]
+    curves = {moved: _curves(objects, node) for node, _ in nodes for moved in driven.get(node, ())}
     numbers = {name: values[0] for name, values in numbers_of(objects.records[key]).items()}
     if not curves or numbers.get("Mute"):
         return None
     weight = constant(float(numbers.get("Weight", 100.0)))
-    for node, name in objects.on(key, "AnimationCurveNode"):
+    for node, name in nodes:
         if name == "Weight":
             weight = next(filter(None, _curves(objects, node, "d|Weight")), weight)
     mode, by_axis, adds = (int(numbers.get(name, 0)) for name in
@@ -176,8 +171,8 @@ def _old_take(objects: FbxObjects, record: Record) -> Take:
     for moved in record.all("Model"):
         for channel in moved.all("Channel"):
             if channel.values != ["Transform"]:
-                if channel.find("Key") is not None and channel.values:
-                    left_out.append(f"{moved.values[0]} {channel.values[0]}")
+                if channel.find("Key") is not None and shape_of(str(*channel.values[:1])) is not None:
+                    left_out.append(f"blend shape {channel.values[0]}")
                 continue
             for part in channel.all("Channel"):
                 name = _OLD_CHANNELS.get(str(part.values[0]), "")
