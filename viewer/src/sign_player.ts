@@ -239,6 +239,7 @@ export class SignPlayer extends Base {
     const stream = new SentenceStream(this.#absolute(this.service), line, avatar, signal);
     let person: Person | null = null;
     for await (const part of stream.parts(() => (person && show ? show.player.time : 0))) {
+      if (signal.aborted) return;
       if (!person) {
         this.present([part.scene], [(person = part.person)]);
         show!.player.isGrowing = true;
@@ -247,6 +248,7 @@ export class SignPlayer extends Base {
       show!.player.grow(part.scene.report.frames, !part.isLast);
       this.#known = words(part.scene);
       this.#controls.open(show!.player);
+      for (const error of part.errors) this.#fail(error);
     }
   }
 
