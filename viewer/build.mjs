@@ -35,7 +35,7 @@ async function buildPage() {
     "default-src 'none'",
     `script-src ${digest(inline)}`,
     `style-src ${digest(style)}`,
-    "img-src 'self' data: blob:",
+    'img-src data: blob:',
     "connect-src 'self' data: blob:",
     'worker-src blob:',
     "form-action 'none'",

@@ -116,7 +116,7 @@ const stream = await open('plain.html');
 const sent = [];
 stream.on('websocket', (socket) => socket.on('framesent', ({ payload }) => sent.push(JSON.parse(payload))));
 await heard(stream, 'ready');
-const words = Array.from({ length: 100 }, (_, k) => ['HELLO', 'MY', 'NAME', 'DEAF', 'FRIEND'][k % 5]);
+const words = Array.from({ length: 100 }, (_, k) => (k === 50 ? '你好' : ['HELLO', 'MY', 'NAME', 'DEAF', 'FRIEND'][k % 5]));
 await stream.evaluate(([line, address]) => {
   Object.assign(document.querySelector('sign-player'), { service: address, gloss: line, src: '' });
 }, [words.join(' '), service]);
@@ -139,7 +139,7 @@ await stream.evaluate(() => {
   look();
 });
 await heard(stream, 'ended');
-Object.assign(result.stream, { sent, ahead: await stream.evaluate(() => globalThis.ahead), state: await state(stream), heard: await said(stream, 'word') });
+Object.assign(result.stream, { sent, ahead: await stream.evaluate(() => globalThis.ahead), state: await state(stream), heard: await said(stream, 'word'), errors: await said(stream, 'error') });
 result.stream.points = await stream.evaluate(() => {
   const { people, player } = document.querySelector('sign-player').show;
   return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(-9)));

@@ -53,7 +53,9 @@ export class Service {
   private async answer(path: string, init?: RequestInit): Promise<Response> {
     const answer = await fetch(this.base + path, init).catch((error: unknown) => {
       if (error instanceof DOMException && error.name === 'AbortError') throw error;
-      throw new ServiceError({ error: translate('lost'), unknown: {} });
+      const { origin } = new URL(this.base, location.href);
+      const message = origin === location.origin ? translate('lost') : translate('refused', { address: origin, page: location.origin });
+      throw new ServiceError({ error: message, unknown: {} });
     });
     if (answer.ok) return answer;
     const failure = (await answer.json().catch(() => null)) as Failure | null;

@@ -239,6 +239,7 @@ export class SignPlayer extends Base {
     const stream = new SentenceStream(this.#absolute(this.service), line, avatar, signal);
     let person: Person | null = null;
     for await (const part of stream.parts(() => (person && show ? show.player.time : 0))) {
+      if (signal.aborted) return;
       if (!person) {
         this.present([part.scene], [(person = part.person)]);
         show!.player.isGrowing = true;
@@ -247,6 +248,7 @@ export class SignPlayer extends Base {
       show!.player.grow(part.scene.report.frames, !part.isLast);
       this.#known = words(part.scene);
       this.#controls.open(show!.player);
+      for (const error of part.errors) this.#fail(error);
     }
   }
 
@@ -287,7 +289,11 @@ export class SignPlayer extends Base {
     const { signal } = (this.#task = new AbortController());
     this.#fail(this.#translate('flat'));
     const sheet = line.length && from ? await from.picture(line, signal).catch(() => null) : null; // the advice stands alone
-    if (sheet && !signal.aborted) this.#picture(URL.createObjectURL(sheet), line.join(' '));
+    if (!sheet || signal.aborted) return;
+    this.#picture(URL.createObjectURL(sheet), line.join(' '));
+    this.#stage.classList.add('is-flat');
+    this.#stage.prepend(this.#note);
+    Object.assign(this.#stage, { tabIndex: 0, role: 'group', ariaLabel: this.#translate('stage') });
   }
 
   #picture(address: string, text: string): void {
@@ -315,7 +321,7 @@ export class SignPlayer extends Base {
   #apply(name: (typeof OTHERS)[number]): void {
     const { show } = this;
     if (name === 'poster' && this.poster && !this.#isShown) this.#picture(this.#absolute(this.poster), '');
-    this.#controls.bar.hidden = !this.controls;
+    this.#controls.bar.hidden = !this.controls || !show;
     this.#controls.set(this.rate, this.hasAttribute('captions'));
     if (!show) return;
     if (name === 'rate') show.player.speed = this.rate;

@@ -26,6 +26,8 @@ const HEADER = 16; // bytes before the frames of a message
 export interface Part {
   scene: Spliced;
   person: Person;
+  /** Lines about words that were left out. */
+  errors: string[];
   isLast: boolean;
 }
 
@@ -40,6 +42,7 @@ export class SentenceStream {
   private poses: Pose[] = []; // those that are not shown, and some before them
   private first = 0; // number of the first of them
   private fps = 30;
+  private errors: string[] = [];
   private seen = 0; // words that are signed, or are none
   private skeleton: Skeleton | null = null;
 
@@ -79,7 +82,7 @@ export class SentenceStream {
         }
         const message = inbox.shift();
         if (message === undefined) {
-          if (isClosed) throw new Error(this.scene.report.warnings.at(-1) ?? translate('lost'));
+          if (isClosed) throw new Error(this.errors.at(-1) ?? translate('lost'));
           await new Promise<void>((done) => ((wake = done), setTimeout(done, 100)));
           continue;
         }
@@ -91,7 +94,7 @@ export class SentenceStream {
         if (!person) person = await Person.avatar(this.avatar ?? glb, take, this.avatar ? null : signer.body);
         else if (this.end > shown) await person.extend(take, overlap);
         shown = this.scene.report.frames = this.end;
-        yield { scene: this.scene, person, isLast: isDone };
+        yield { scene: this.scene, person, errors: this.errors.splice(0), isLast: isDone };
       }
     } finally {
       socket.close();
@@ -128,7 +131,7 @@ export class SentenceStream {
     else if (said.type === 'seam') report.seams.push(said.seam);
     else if (said.type === 'warning') report.warnings.push(said.warning);
     else if (said.type === 'error') {
-      report.warnings.push(said.error);
+      this.errors.push(said.error);
       this.seen++;
     }
     return said.type === 'done';
