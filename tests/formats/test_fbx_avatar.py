@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ from pygltflib import GLTF2
 import signsplice as ss
 from fbx_files import Node, text_6, text_7
 from signsplice.body.capsules import Avatar
-from signsplice.errors import InputError
+from signsplice.errors import InputError, LimitError
 from signsplice.formats import load
 from signsplice.formats.fbx_avatar import as_glb
+from signsplice.formats.limits import DEFAULT_LIMITS
 from signsplice.motion import kinematics
 
 FOLDER = Path(__file__).parent / "fbx"
@@ -120,6 +122,13 @@ def test_textures_that_are_files_are_read_from_its_folder_alone(tmp_path: Path) 
     images = GLTF2().load_from_bytes(as_glb(without, "person.fbx", tmp_path)).images
     assert len(images) == 1
     assert not GLTF2().load_from_bytes(as_glb(without, "person.fbx", tmp_path / "other")).images
+
+
+def test_meshes_that_take_far_more_memory_than_their_file_are_refused(tmp_path: Path) -> None:
+    few = replace(DEFAULT_LIMITS, free_bytes=500_000.0, growth=0.0)
+    assert as_glb(CONTENT, "person.fbx", tmp_path, replace(few, free_bytes=5e6))
+    with pytest.raises(LimitError, match="of memory, expected at most"):
+        as_glb(CONTENT, "person.fbx", tmp_path, few)
 
 
 TRUNK = (Node("Hips", moves={("R", 0): ((0, 0), (1, 9))}), Node("Spine", "Hips", (0, 20, 0)))
