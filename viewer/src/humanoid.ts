@@ -115,6 +115,7 @@ function roleOf(name: string): string | null {
   if (!finger || !segment) return null;
   const digit = finger === 'pinky' ? 'Little' : finger[0]!.toUpperCase() + finger.slice(1);
   const names = digit === 'Thumb' ? THUMB : SEGMENTS;
+  if (digit !== 'Thumb' && segment === 'metacarpal') return null; // within the palm
   const number = Number(segment);
   return prefix + digit + (Number.isNaN(number) ? segment[0]!.toUpperCase() + segment.slice(1) : names[number - 1]);
 }
