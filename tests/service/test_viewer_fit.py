@@ -22,6 +22,7 @@ import pytest
 import avatars
 import signsplice as ss
 from browsing import CHROMIUM, VIEWER
+from known_rigs import RIGS, skeleton_of
 from signsplice.body.capsules import Avatar, shaped_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
@@ -159,6 +160,22 @@ def test_a_file_alone_is_fitted_as_python_fits_it(folder: Path, form: str) -> No
         fitted = retarget(ss.load(folder / f"alone.{form}"), read_avatar(made(folder, body))).clip
         away = np.linalg.norm(np.array(seen["hands"]) - hands(fitted, seen["points"]), axis=-1)
         assert away.max() < MOST_M, f"{line} on {body}: {1e3 * away.max():.2f} mm"
+
+
+def test_bones_of_avatars_without_a_vrm_part_are_known_by_name(tmp_path: Path) -> None:
+    named = {"mixamo", "vrm", "unity", "vroid", "unreal", "rigify"}  # as docs/player.md says
+    rigs = {
+        rig: skeleton_of(*chains)
+        for rig, (convention, chains) in RIGS.items()
+        if convention in named and rig != "rigify in three.js"
+    }
+    (tmp_path / "rigs.json").write_text(json.dumps({rig: skeleton.names for rig, (skeleton, _) in rigs.items()}))
+    command = ["node", str(VIEWER / "checks/roles.mjs"), str(tmp_path / "rigs.json")]
+    found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout)
+    for rig, (_, roles) in rigs.items():
+        body = {role: name for role, name in roles.items() if role not in ("jaw", "leftEye", "rightEye")}
+        assert found[rig] == body, rig
+    assert len(rigs) > 12
 
 
 def test_numbers_of_the_fit_stand_in_python_alone() -> None:

@@ -64,7 +64,7 @@ async function named(file: GLTF): Promise<VRM> {
 }
 
 /** Role -> node: as a file of ours says, else by names. */
-function rolesOf({ nodes = [], skins = [], extras }: Document): Map<string, number> {
+export function rolesOf({ nodes = [], skins = [], extras }: Document): Map<string, number> {
   const found = new Map<string, number>();
   const own = Object.entries(extras?.humanoid ?? {});
   for (const [role, name] of own) found.set(role, nodes.findIndex((node) => node.name === name));
@@ -84,7 +84,15 @@ function rolesOf({ nodes = [], skins = [], extras }: Document): Map<string, numb
     found.set(`${side}ThumbMetacarpal`, first).set(`${side}ThumbProximal`, second).delete(`${side}ThumbIntermediate`);
   }
   const chain = spine.sort((a, b) => order(nodes[a]!.name!) - order(nodes[b]!.name!));
-  chain.slice(0, SPINE.length).forEach((node, k) => found.set(SPINE[k]!, node));
+  if (!found.has('hips') && chain.length > 6) {
+    // Rigify's spine goes from the hips to the head.
+    const [hips, head] = [chain.shift()!, chain[5]!];
+    found.set('hips', hips).set('neck', chain[3]!).set('head', head);
+    chain.length = 3;
+  }
+  const last = chain.length - 1;
+  const used = last < 2 ? chain : [chain[0]!, chain[(last + 1) >> 1]!, chain[last]!];
+  used.forEach((node, k) => found.set(SPINE[k]!, node));
   return found;
 }
 
@@ -95,8 +103,8 @@ function order(name: string): number {
 }
 
 function roleOf(name: string): string | null {
-  const bare = name.replace(/^.*[:|]/, '').replace(/^(mixamorig\d*|J_Bip_C|J_Bip|Bip0*\d*|DEF|ORG|CC_Base)[_\W]*/, '');
-  const [, before, middle, after] = /^(left|right|[lr](?=[_\W]|[A-Z]))?(.*?)(?:[_\W](left|right|l|r))?$/i.exec(bare)!;
+  const bare = name.replace(/^.*[:|]/, '').replace(/^(mixamorig\d*|J_Bip_C|J_Bip|Bip0*\d*|DEF|ORG|Character\d+)[_\W]*/, '');
+  const [, before, middle, after] = /^([Ll]eft|[Rr]ight|[lLrR](?=[_\W]|[A-Z]))?(.*?)(?:[_\W]([Ll]eft|[Rr]ight|[lLrR]))?$/.exec(bare)!;
   const side = (before ?? after ?? '').toLowerCase();
   const word = middle!.toLowerCase().replace(/[\W_]/g, '');
   if (!side) return /^(spine\d*|chest\d*|upperchest)$/.test(word) ? 'spine' : (MIDDLE.find(([words]) => words.test(word))?.[1] ?? null);
@@ -107,6 +115,7 @@ function roleOf(name: string): string | null {
   if (!finger || !segment) return null;
   const digit = finger === 'pinky' ? 'Little' : finger[0]!.toUpperCase() + finger.slice(1);
   const names = digit === 'Thumb' ? THUMB : SEGMENTS;
+  if (digit !== 'Thumb' && segment === 'metacarpal') return null; // within the palm
   const number = Number(segment);
   return prefix + digit + (Number.isNaN(number) ? segment[0]!.toUpperCase() + segment.slice(1) : names[number - 1]);
 }
