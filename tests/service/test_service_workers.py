@@ -47,7 +47,7 @@ class SlowProcess:
         self.ended = asyncio.Event()
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_token:
+        if job is work.read_typed:
             return [("HELLO", True)], []
         await asyncio.sleep(1.0)
         return [{"type": "skeleton"}]
@@ -86,7 +86,7 @@ class LongWordProcess(SlowProcess):
     """A worker process that makes a long word at once."""
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_token:
+        if job is work.read_typed:
             return [("HELLO", True)], []
         return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(200)]
 
@@ -134,7 +134,7 @@ class EndlessProcess(SlowProcess):
     """A worker process that ends as soon as frames go out."""
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_token:
+        if job is work.read_typed:
             return [("HELLO", True)], []
         return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(1000)]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.clips import check_output, load, load_avatar, reads_poses
-from signsplice.cli.options import LEXICON, preset
+from signsplice.cli.options import LEXICONS, preset
 from signsplice.cli.terminal import require
 from signsplice.errors import InputError
 
@@ -24,7 +24,7 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
 @click.command()
 @preset("--host", "127.0.0.1", "H", "Address to listen on.")
 @preset("--port", 8000, "N", "Port; 0: any free one.")
-@LEXICON
+@LEXICONS
 @click.option(
     "--workers",
     "n_workers",
@@ -76,7 +76,7 @@ def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], avatars: tuple
 )
 @click.option("-o", "--output", metavar="PAGE.html", help="Write one self-contained page instead of opening a browser.")
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
-@LEXICON
+@LEXICONS
 @click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
 @reads_poses
 def view(
@@ -85,7 +85,7 @@ def view(
     roles: str | None,
     output: str | None,
     port: int,
-    lexicon: str | None,
+    lexicons: tuple[str, ...],
     browser: bool,
 ) -> None:
     """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
@@ -122,10 +122,10 @@ def view(
 
             webbrowser.open(address)
 
-    _listen(_settings((), port=port, lexicon=lexicon), scenes, on_open)
+    _listen(_settings((), port=port, lexicons=lexicons), scenes, on_open)
 
 
-def _settings(limits: Sequence[str], lexicon: str | None, **values: Any) -> Settings:
+def _settings(limits: Sequence[str], **values: Any) -> Settings:
     _require_extra()
     from signsplice.service.settings import Settings, limit_types
 
@@ -139,7 +139,7 @@ def _settings(limits: Sequence[str], lexicon: str | None, **values: Any) -> Sett
         except ValueError:
             kind = "a whole number" if types[name] is int else "a number"
             raise InputError(f"--limit {text!r}: {number!r}, expected {kind}") from None
-    return Settings(lexicon=None if lexicon is None else Path(lexicon), **values)
+    return Settings(**values)
 
 
 def _listen(settings: Settings, scenes: Sequence[Mapping[str, Any]], on_open: Callable[[str], None]) -> None:

@@ -66,6 +66,16 @@ class Lexicon:
                 frames.close()
 
     @property
+    def parts(self) -> tuple[Lexicon, ...]:
+        """The lexicons of which this one is made: itself."""
+        return (self,)
+
+    @property
+    def where(self) -> str:
+        """Where its words are, for messages."""
+        return str(self.path)
+
+    @property
     def form(self) -> str:
         """How rotations are stored: "float32" or "int16"."""
         return self._head.form
@@ -199,7 +209,7 @@ class Lexicon:
     def _find(self, gloss: str) -> tuple[Entry, ClipLocation]:
         found = self._index.find(gloss)
         if found is None:
-            raise UnknownGlossError({gloss: self.nearest(gloss)}, str(self.path))
+            raise UnknownGlossError({gloss: self.nearest(gloss)}, self.where)
         return found
 
     def _clip(self, entry: Entry, location: ClipLocation) -> Clip:

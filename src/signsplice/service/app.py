@@ -59,7 +59,7 @@ class Service:
 
     def __init__(self, settings: Settings, scenes: Sequence[Mapping[str, Any]]) -> None:
         self.settings, self.scenes = settings, scenes
-        self.lexicon = open_lexicon(settings.lexicon)
+        self.lexicon = open_lexicon(*settings.lexicons)
         self.lexicon.verify()
         self.request_workers: Workers
         self.stream_workers: Workers
@@ -196,8 +196,10 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
         request: wire.SentenceRequest,
         file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
     ) -> Response:
-        """Sign glosses: one animation, and the report of its seams."""
-        if len(request.glosses) > settings.max_glosses:
+        """Sign glosses, or a line of them as text: one animation, and the report of its seams."""
+        if (request.glosses is None) == (request.text is None):
+            raise InputError(f"{'no' if request.text is None else 'both'} glosses and text, expected one of them")
+        if request.glosses is not None and len(request.glosses) > settings.max_glosses:
             raise InputError(f"{len(request.glosses)} glosses, expected at most {settings.max_glosses}")
         return _response(await service.run(call, work.splice_glosses, request, file))
 

@@ -63,7 +63,8 @@ def _scene(
             warnings.append(f"no .{form} file of this clip: {error}")
     fit = fit_source(clip) if files["vrma"] else None
     return {
-        "name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units), "fit": fit,
+        "name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units),
+        "spelled": [unit["token"] for unit in units if unit["spelled"]], "fit": fit,
     }  # fmt: skip
 
 

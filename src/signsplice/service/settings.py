@@ -28,8 +28,8 @@ class Settings:
     """Address to listen on."""
     port: int = 8000
     """Port to listen on; 0 for any free one."""
-    lexicon: Path | None = None
-    """Folder of the lexicon, None for the one that ships."""
+    lexicons: tuple[str, ...] = ()
+    """Folders of lexicons, the first that has a word counts; none for the words that ship."""
     avatars: tuple[Path, ...] = ()
     """Files of avatars that callers may name."""
     allowed_hosts: tuple[str, ...] = ()

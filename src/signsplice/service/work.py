@@ -15,11 +15,12 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts, typed_words
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts
+from signsplice.lexicon.typed import typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
-from signsplice.service.stream_messages import OpenMessage
+from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMessage
 from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.face_rules import RULES
@@ -51,15 +52,13 @@ class Answer:
 class _OpenStream:
     """A stream's growing sentence.
 
-    spell: whether words that the lexicon lacks are fingerspelled.
-    pauses: whether signs are held at punctuation.
+    opening: what its client asked for.
     n_frames: number of frames sent, the skeleton before them.
     """
 
     stream: Stream
     options: SpliceOptions
-    spell: bool
-    pauses: bool
+    opening: OpenMessage
     n_frames: int = 0
 
 
@@ -73,7 +72,7 @@ class _WorkerState:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.lexicon: Lexicon = open_lexicon(settings.lexicon)
+        self.lexicon: Lexicon = open_lexicon(*settings.lexicons)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
         self.avatar = lru_cache(_N_CACHED_AVATARS)(self._read_avatar)
         self.streams: dict[str, _OpenStream] = {}
@@ -117,14 +116,10 @@ def warm_up(skin: bool) -> None:
 
 def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
     """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
-    most = _worker.settings.max_glosses
-    n_words = len(typed_words(" ".join(request.glosses), _worker.lexicon.__contains__))
-    if n_words > most:  # before they are looked up, which takes long for many
-        raise InputError(f"{n_words} words, expected at most {most}")
-    units = _units(request.glosses, request.spell, request.compounds)
+    units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
     glosses = [gloss for unit in units for gloss in unit.glosses]
-    if len(glosses) > most:
-        raise InputError(f"{len(glosses)} words and letters, expected at most {most}")
+    if not glosses:
+        raise InputError("every word is one that ASL has no sign for; send drop_function_words as false to spell them")
     return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units)
 
 
@@ -166,13 +161,22 @@ def options(dials: Dials) -> SpliceOptions:
     return SpliceOptions(**chosen, limits=_worker.settings.read_limits)
 
 
-def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[SentenceToken]:
+def _units(text: str, wanted: SentenceRequest | OpenMessage, compounds: bool) -> list[SentenceToken]:
+    """How a line is signed. Raises ``InputError``, also for more words or letters than a sentence may have."""
+    most, lexicon = _worker.settings.max_glosses, _worker.lexicon
+    n_words = len(typed_words(text, lexicon.__contains__))
+    if n_words > most:  # before they are looked up, which takes long for many
+        raise InputError(f"{n_words} words, expected at most {most}")
     try:
-        return parse(" ".join(tokens), _worker.lexicon, spell, compounds)
+        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
-        raise InputError(str(error).removeprefix(f"{_worker.lexicon.path}: ")) from error
+        raise InputError(str(error).removeprefix(f"{lexicon.where}: ")) from error
+    n_glosses = sum(len(unit.glosses) for unit in units)
+    if n_glosses > most:
+        raise InputError(f"{n_glosses} words and letters, expected at most {most}")
+    return units
 
 
 # --- streams ---
@@ -181,7 +185,7 @@ def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[
 def open_stream(key: str, opening: OpenMessage) -> None:
     """Begin a growing sentence. Raises ``InputError``."""
     chosen = options(opening)
-    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening.spell, opening.pauses)
+    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening)
 
 
 @dataclass(frozen=True)
@@ -198,14 +202,23 @@ class StreamWord:
     pause: str | None
 
 
-def read_token(key: str, token: str) -> tuple[list[StreamWord], list[str]]:
-    """The words and letters that sign a stream's token, and warnings. Raises ``InputError``."""
-    opened = _worker.streams[key]
-    units = _units([token], opened.spell)
-    held = pauses(units) if opened.pauses else {}
+Typed = WordMessage | TextMessage
+"""What the client of a stream types."""
+
+
+def read_typed(key: str, typed: Typed) -> tuple[list[StreamWord], list[dict[str, Any]]]:
+    """The words and letters that sign what was typed into a stream, and messages of how it was read.
+
+    Raises ``InputError``.
+    """
+    opening = _worker.streams[key].opening
+    line, compounds = (typed.text, opening.compounds) if isinstance(typed, TextMessage) else (typed.gloss, False)
+    units = _units(line, opening, compounds)
+    held = pauses(units) if opening.pauses else {}
     glosses = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
     words = [StreamWord(gloss, starts, held.get(k)) for k, (gloss, starts) in enumerate(glosses)]
-    return words, [unit.warning for unit in units if unit.warning]
+    warnings = [{"type": "warning", "warning": unit.warning} for unit in units if unit.warning]
+    return words, [*({"type": "unit", "unit": asdict(unit)} for unit in units), *warnings]
 
 
 def add_word(key: str, word: StreamWord) -> list[dict[str, Any] | bytes]:
