@@ -251,7 +251,7 @@ def runner() -> Iterator[asyncio.Runner]:
 @pytest.fixture(scope="module")
 def worker(runner: asyncio.Runner) -> Iterator[Worker]:
     async def start() -> Worker:
-        worker = Worker(Settings(), skin=False)
+        worker = Worker(Settings(), for_streams=True)
         await worker.run(os.getpid)
         return worker
 
@@ -326,7 +326,7 @@ from signsplice.service.settings import Settings
 from signsplice.service.workers import Worker
 
 async def work():
-    worker = Worker(Settings(), skin=False)
+    worker = Worker(Settings(), for_streams=True)
     print(await worker.run(os.getpid), flush=True)
     await worker.run(time.sleep, 300.0)
 

@@ -102,6 +102,7 @@ export interface SentenceRequest {
   pauses?: boolean;
   face_rules?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
+  mesh?: boolean;
   avatar?: string | null;
 }
 
@@ -116,6 +117,7 @@ export interface SpliceRequest {
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
   formats?: ("bvh" | "glb" | "vrma")[];
+  mesh?: boolean;
   avatar?: string | null;
 }
 

@@ -34,10 +34,17 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
     help="Processes for requests, and as many for streams.  [default: one per core]",
 )
 @click.option(
-    "--avatar", "avatars", multiple=True, metavar="A.vrm", help="Avatar that callers may name; may be repeated."
+    "--avatar",
+    "avatars",
+    multiple=True,
+    metavar="A.vrm|DIR",
+    help="Avatar that callers may name, or a folder of some; may be repeated.",
 )
 @click.option(
     "--allow-host", "allowed_hosts", multiple=True, metavar="NAME", help="Another host name to answer to; *: any."
+)
+@click.option(
+    "--allow-embed", multiple=True, metavar="URL", help="Origin of another page that may show the viewer in a frame."
 )
 @click.option("--allow-origin", multiple=True, metavar="URL", help="Origin of another page that may call.")
 @click.option(
@@ -50,12 +57,22 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
     metavar="NAME=N",
     help=_LIMIT_HELP,
 )
-def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], avatars: tuple[str, ...], **given: Any) -> None:
+def serve(
+    limits: tuple[str, ...],
+    allow_origin: tuple[str, ...],
+    allow_embed: tuple[str, ...],
+    avatars: tuple[str, ...],
+    **given: Any,
+) -> None:
     """Serve splices over HTTP and WebSocket, and the viewer. Ctrl-C stops it."""
-    origins = tuple(origin.rstrip("/").lower() for origin in allow_origin)
-    for avatar in avatars:
-        load_avatar(avatar)  # an error now, not at the first request
-    settings = _settings(limits, allowed_origins=origins, avatars=tuple(map(Path, avatars)), **given)
+    from signsplice.formats.avatar import avatars_in
+
+    origins, embedders = ([url.rstrip("/").lower() for url in urls] for urls in (allow_origin, allow_embed))
+    files = [file for path in avatars for file in avatars_in(Path(path))]
+    for file in files:
+        load_avatar(str(file))  # an error now, not at the first request
+    places = {"allowed_origins": tuple(origins), "allowed_embedders": tuple(embedders), "avatars": tuple(files)}
+    settings = _settings(limits, **places, **given)
 
     def on_open(address: str) -> None:
         if not settings.is_local:

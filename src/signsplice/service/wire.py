@@ -128,6 +128,7 @@ class SentenceRequest(Dials):
     pauses: whether signs are held at commas, full stops, question and exclamation marks.
     face_rules: whether the face blinks, and its brows ask, by rule, where a word has no face of its own.
     formats: of the files to answer with.
+    mesh: whether a glb file shows its signer; else it holds joints and motion alone.
     avatar: name of the service's avatar that signs; null for the lexicon's signer.
     """
 
@@ -139,6 +140,7 @@ class SentenceRequest(Dials):
     pauses: bool = True
     face_rules: bool = False
     formats: Formats = field(default_factory=lambda: ["bvh"])
+    mesh: bool = True
     avatar: MethodName | None = None
 
 
@@ -147,10 +149,12 @@ class SpliceRequest(Dials):
     """The form field ``options`` of a splice of files.
 
     formats: of the files to answer with.
+    mesh: whether a glb file shows its signer; else it holds joints and motion alone.
     avatar: name of the service's avatar that signs; null for the signer of the first file.
     """
 
     formats: Formats = field(default_factory=lambda: ["bvh"])
+    mesh: bool = True
     avatar: MethodName | None = None
 
 

@@ -13,15 +13,16 @@ from signsplice.body.capsules import Avatar
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
-from signsplice.formats.avatar import read_avatar
+from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
+from signsplice.lexicon.entry import LETTER_MARK
 from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts
 from signsplice.lexicon.typed import typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMessage
-from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
+from signsplice.service.wire import FORMAT_NAMES, Dials, Format, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.forms import open_lexicon
@@ -32,6 +33,9 @@ from signsplice.splicing.report import plain
 _N_CACHED_AVATARS = 8
 _N_CACHED_CLIPS = 256
 """Words that a process keeps in memory, about 0.3 MB each."""
+
+_N_WARMING = 3
+"""Signs, and as many letters, of the sentence with which a process is warmed."""
 
 
 @dataclass(frozen=True)
@@ -103,24 +107,40 @@ def start_worker(settings: Settings) -> None:
     _worker = _WorkerState(settings)
 
 
-def warm_up(skin: bool) -> None:
-    """Do what is slow the first time: read the networks, splice two words, and make the mannequin's ``skin``."""
-    words = _worker.lexicon.glosses[:2]
-    result = splice([_worker.lexicon.clip(gloss) for gloss in words])
-    if skin:
-        scene.encode(result.clip, "glb")
+def warm_up(for_streams: bool) -> None:
+    """Do what is slow the first time, by a sentence of signs and letters as a request or a stream has it, which reads
+    the networks, makes the mannequin's mesh, and looks for words like one that is none.
+    """
+    lexicon = _worker.lexicon
+    lexicon.nearest("WARM")
+    letters = [gloss for gloss in lexicon.glosses if gloss.startswith(LETTER_MARK)]
+    glosses = [*(gloss for gloss in lexicon.glosses if gloss not in letters)][:_N_WARMING] + letters[:_N_WARMING]
+    if for_streams:
+        key = "warming"
+        open_stream(key, OpenMessage(type="open"))
+        for gloss in glosses:
+            for word in read_typed(key, TextMessage("text", gloss))[0]:
+                add_word(key, word)
+        end_stream(key)
+        close_stream(key)
+    else:
+        request = SentenceRequest(glosses=glosses, face_rules=True, formats=list(FORMAT_NAMES))
+        splice_glosses(request, None)
 
 
 # --- requests ---
 
 
-def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
-    """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
+def splice_glosses(request: SentenceRequest, file: Format | None, uploaded: tuple[str, bytes] | None = None) -> Answer:
+    """The answer to a sentence: one ``file`` of it, or all as JSON; on the avatar in a file (name, content) that was
+    ``uploaded``, where there is one. Raises ``InputError``.
+    """
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
     glosses = [gloss for unit in units for gloss in unit.glosses]
     if not glosses:
         raise InputError("every word is one that ASL has no sign for; send drop_function_words as false to spell them")
-    return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units)
+    avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
+    return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units, avatar)
 
 
 def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Format | None) -> Answer:
@@ -133,14 +153,18 @@ def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, fil
 
 
 def _answer(
-    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Sequence[SentenceToken]
+    clips: list[Clip],
+    request: SentenceRequest | SpliceRequest,
+    file: Format | None,
+    units: Sequence[SentenceToken],
+    avatar: Avatar | None = None,
 ) -> Answer:
     limit, fps = _worker.settings.max_frames, request.fps or clips[0].fps
     seconds = sum(clip.seconds for clip in clips) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
-    avatar = None if request.avatar is None else _worker.avatar(request.avatar)
+    avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
     chosen = options(request)
     if isinstance(request, SentenceRequest) and request.face_rules:
         chosen = replace(chosen, face_rules=RULES)
@@ -149,8 +173,9 @@ def _answer(
         result = onto_avatar(result, avatar)
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
-        return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
-    return Answer(scene.to_json(scene.from_result(result, request.formats, [asdict(unit) for unit in units])))
+        return Answer(scene.encode(result.clip, file, request.mesh), scene.media_type(file), name)
+    spliced = scene.from_result(result, request.formats, [asdict(unit) for unit in units], request.mesh)
+    return Answer(scene.to_json(spliced))
 
 
 def options(dials: Dials) -> SpliceOptions:
