@@ -55,7 +55,9 @@ def outcome(typed: str) -> tuple[str, str]:
         except InputError as error:
             return "nothing", "error: " + str(error).removeprefix(f"{lexicon.path}: ").partition("; `")[0]
     said = [text for token in tokens for text in (token.note, token.warning) if text]
-    return " ".join(filter(None, map(shown, tokens))), re.sub("; write fs-[^ ;]+ to mean that", "", "; ".join(said))
+    return " ".join(filter(None, map(shown, tokens))), re.sub(
+        "; write fs-[^ ;]+ to mean that(, or drop function words)?", "", "; ".join(said)
+    )
 
 
 def test_the_table_is_long_enough() -> None:

@@ -159,7 +159,7 @@ def sentence(
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import brows, parse, pauses, spelled, starts
+    from signsplice.lexicon.sentence import brows, parse, pauses, signed, spelled, starts
     from signsplice.splicing import engine
     from signsplice.splicing.face_rules import RULES
 
@@ -172,11 +172,7 @@ def sentence(
         for path in (output, report or output):
             check_apart(path, [part.path for part in words.parts])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
-        line = [gloss for unit in units for gloss in unit.glosses]
-        if not line:
-            raise InputError(
-                "ASL has no sign for any of these words, expected one; without --drop-function-words they are spelled"
-            )
+        line = signed(units)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
@@ -186,9 +182,8 @@ def sentence(
     warn(unit.warning for unit in units if unit.warning)
     held = None if no_pauses else pauses(units)
     result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held, brows(units))
-    deliver(
-        result, output, report, load_ms, signer, {"units": [asdict(unit) for unit in units], "spelled": spelled(units)}
-    )
+    more = {"units": [asdict(unit) for unit in units], "spelled": spelled(units)}
+    deliver(result, output, report, load_ms, signer, more)
 
 
 def _signer(avatar: str | None, skin: tuple[str, ...]) -> Avatar | None:

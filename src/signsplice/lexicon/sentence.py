@@ -93,6 +93,14 @@ def parse(
     return readings
 
 
+def signed(tokens: Sequence[SentenceToken]) -> list[str]:
+    """The glosses of all tokens, in order. Raises ``InputError`` where every word was left out."""
+    glosses = [gloss for token in tokens for gloss in token.glosses]
+    if not glosses:
+        raise InputError("ASL has no signs for these words, expected another; keep function words to spell them")
+    return glosses
+
+
 def spelled(tokens: Sequence[SentenceToken]) -> list[str]:
     """The words, as typed, that are fingerspelled."""
     return [token.token for token in tokens if token.spelled]
@@ -191,7 +199,8 @@ def _read(text: str, lexicon: Lexicon, spell: bool, compounds: bool) -> Sentence
     meant = tuple(gloss for gloss in lexicon.nearest(text, similarity=_TYPO) if _may_be_meant(gloss, bare))
     so = f": did you mean {' or '.join(meant)}? It" if meant else ", so it"
     so += f" is spelled{_by_other_letters(bare, letters)}"
-    warning = f"no gloss {text!r}{so}; write {LETTER_MARK}{bare} to mean that"
+    or_drop = ", or drop function words" * is_function_word(text, "")
+    warning = f"no gloss {text!r}{so}; write {LETTER_MARK}{bare} to mean that{or_drop}"
     return SentenceToken(text, tuple(filter(None, letters)), True, warning, suggestions=meant)
 
 

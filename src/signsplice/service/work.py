@@ -16,7 +16,7 @@ from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
 from signsplice.lexicon.entry import LETTER_MARK
-from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed, starts
 from signsplice.lexicon.typed import typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
@@ -112,9 +112,11 @@ def warm_up(for_streams: bool) -> None:
     the networks, makes the mannequin's mesh, and looks for words like one that is none.
     """
     lexicon = _worker.lexicon
-    lexicon.nearest("WARM")
-    letters = [gloss for gloss in lexicon.glosses if gloss.startswith(LETTER_MARK)]
-    glosses = [*(gloss for gloss in lexicon.glosses if gloss not in letters)][:_N_WARMING] + letters[:_N_WARMING]
+    if "NO-SUCH-WORD" not in lexicon:  # which reads the notation of the signs that ship, to look for a form
+        lexicon.nearest("NO-SUCH-WORD")
+    glosses = sorted(lexicon, key=lambda gloss: gloss.startswith(LETTER_MARK))
+    n_letters = sum(gloss.startswith(LETTER_MARK) for gloss in glosses)
+    glosses = [*glosses[:_N_WARMING], *glosses[len(glosses) - n_letters :][:_N_WARMING]]
     if for_streams:
         key = "warming"
         open_stream(key, OpenMessage(type="open"))
@@ -136,9 +138,7 @@ def splice_glosses(request: SentenceRequest, file: Format | None, uploaded: tupl
     ``uploaded``, where there is one. Raises ``InputError``.
     """
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
-    glosses = [gloss for unit in units for gloss in unit.glosses]
-    if not glosses:
-        raise InputError("every word is one that ASL has no sign for; send drop_function_words as false to spell them")
+    glosses = signed(units)
     avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
     return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units, avatar)
 
