@@ -30,7 +30,9 @@ from serving import (
     wait_until_warm,
     workers_of,
 )
+from signsplice.lexicon import building
 from signsplice.lexicon.reader import SHIPPED
+from signsplice.motion.clip import Clip
 from signsplice.service import work
 from signsplice.service.metrics import Metrics
 from signsplice.service.settings import Settings
@@ -53,6 +55,20 @@ class SlowProcess:
         return [{"type": "skeleton"}]
 
     def post(self, job: Callable[..., Any], *args: object) -> None: ...
+
+
+@pytest.mark.parametrize("for_streams", [False, True])
+def test_a_worker_is_warmed_by_whatever_words_its_lexicon_has(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: dict[str, Clip], for_streams: bool
+) -> None:
+    with building(tmp_path / "two") as builder:
+        for gloss in ("SIGN", "DEAF"):
+            builder.add(words[gloss], gloss)
+    state = work._WorkerState(Settings(lexicons=(str(tmp_path / "two"),)))
+    monkeypatch.setattr(work, "_worker", state, raising=False)
+    work.warm_up(for_streams)
+    assert state.clip.cache_info().currsize == 2
+    assert not state.streams
 
 
 class FakeWorker:
