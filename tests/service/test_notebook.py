@@ -22,7 +22,7 @@ def _built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A viewer's page that holds nothing but its content, and files that are made in no time."""
     (tmp_path / "index.html").write_text('<p>"viewer"</p><script type="application/json" id="signsplice">null</script>')
     monkeypatch.setattr(page, "_INDEX", tmp_path / "index.html")
-    monkeypatch.setattr(scene, "encode", lambda clip, form: bytes(300))
+    monkeypatch.setattr(scene, "encode", lambda clip, form, mesh: bytes(300))
 
 
 @pytest.mark.usefixtures("_built")
