@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
@@ -20,6 +20,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.lexicon.reader import Lexicon
+from signsplice.splicing.forms import lexicon_folder, open_lexicon
 from signsplice.splicing.methods.choice import open_learned
 
 JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
@@ -46,7 +47,7 @@ class BulkJob:
     version: of this description.
     signsplice: version of the package.
     n_recipes, recipes_sha256: the recipes, and the hash of the file that holds them.
-    lexicon, lexicon_sha256: where the words were read, and the hash of all that decides them.
+    lexicon, lexicon_sha256: where the words were read, a list for several, and the hash of all that decides them.
     bundle, bundle_sha256: where the networks were read, None for those that ship; and their hash, None without any.
     store: one of ``STORES``.
     format: of clips, one of ``FORMATS``.
@@ -60,7 +61,7 @@ class BulkJob:
     signsplice: str
     n_recipes: int
     recipes_sha256: str
-    lexicon: str
+    lexicon: str | list[str]
     lexicon_sha256: str
     bundle: str | None
     bundle_sha256: str | None
@@ -91,7 +92,7 @@ class BulkJob:
 class BulkOptions:
     """What a call wants; fields as in ``BulkJob``. Raises ``InputError`` for what is out of range."""
 
-    lexicon: str
+    lexicon: str | Sequence[str]
     bundle: str | None = None
     store: str = FRAMES
     format: str = "npz"
@@ -113,7 +114,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
     words, networks or options, which it names, where its recipes were changed since, and as ``check_out`` does.
     """
     check_out(out)
-    with Lexicon(options.lexicon) as words:
+    with open_lexicon(*paths(options.lexicon)) as words:
         lexicon_sha256 = hash_of_words(words)
     decided: dict[str, Any] = {
         "version": VERSION,
@@ -126,8 +127,9 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         "shard_size": options.shard_size,
         "made_with": libraries(),
     }
+    folders = [str(lexicon_folder(path).resolve()) for path in paths(options.lexicon)]
     places: dict[str, Any] = {
-        "lexicon": str(Path(options.lexicon).resolve()),
+        "lexicon": folders if folders[1:] else folders[0],
         "bundle": None if options.bundle is None else str(Path(options.bundle).resolve()),
     }
     written = out / _NEW_RECIPES
@@ -158,6 +160,11 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
     _written(job, out)
     written.replace(out / RECIPES)
     return job
+
+
+def paths(lexicon: str | Sequence[str]) -> Sequence[str]:
+    """The folders of one lexicon, or of several."""
+    return [lexicon] if isinstance(lexicon, str) else lexicon
 
 
 def _written(job: BulkJob, out: Path) -> BulkJob:
@@ -215,13 +222,14 @@ def read_job(out: Path) -> BulkJob:
 
 _KINDS: dict[Any, Any] = {
     "int": int, "str": str, "bool": bool, "str | None": str | None, "dict[str, str]": dict[str, str],
+    "str | list[str]": str | list[str],
 }  # fmt: skip
 
 
 def hash_of_words(words: Lexicon) -> str:
     """Hash of all that a splice reads of a lexicon: glosses, synonyms, signers, rates and motions."""
     digest = hashlib.sha256()
-    for entry in words.entries():
+    for entry in (entry for part in words.parts for entry in part.entries()):
         digest.update(json.dumps([entry.gloss, entry.kind, entry.synonyms, entry.signer, entry.sha256]).encode())
     return digest.hexdigest()
 

@@ -124,8 +124,10 @@ class SentenceMaker:
 
     def _reason(self, error: Exception) -> str:
         """Why there is no sentence, in one line that does not hang on where the lexicon lies."""
-        text = " ".join(str(error).splitlines()).replace(f"{self.words.path}: ", "")[:500]
-        return text if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text}"
+        text = " ".join(str(error).splitlines())
+        for words in (self.words, *self.words.parts):
+            text = text.replace(f"{words.where}: ", "")
+        return text[:500] if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text[:500]}"
 
     def _call(self, recipe: SentenceRecipe) -> _Sentence:
         tokens = tuple(self._tokens(recipe))

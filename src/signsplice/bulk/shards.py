@@ -173,11 +173,11 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
 def open_maker(out: Path, n_kept: int) -> SentenceMaker:
     """What makes the sentences of a folder of shards. Raises ``InputError`` as ``make_shard`` does."""
     job = jobs.read_job(out)
-    words = open_lexicon(job.lexicon)
+    words = open_lexicon(*jobs.paths(job.lexicon))
     found: dict[str, tuple[object, object, object]] = {
         "package": (version("signsplice"), job.signsplice, "signsplice"),
         "libraries": (jobs.libraries(), job.made_with, ", ".join(map(" ".join, job.made_with.items()))),
-        "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, job.lexicon),
+        "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, " and ".join(jobs.paths(job.lexicon))),
         "bundle": (open_learned(job.bundle).sha256, job.bundle_sha256, job.bundle or "the one that ships"),
     }
     for what, (here, wanted, where) in found.items():

@@ -15,7 +15,7 @@ from signsplice.cli.aliases import moved
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.evaluation import bench
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, SEED, added, preset
+from signsplice.cli.options import AS_JSON, BUNDLE, DROP_FUNCTION_WORDS, LEXICON, LEXICONS, SEED, added, preset
 from signsplice.cli.terminal import note, require, size, warn
 from signsplice.errors import InputError
 from signsplice.formats import atomic
@@ -57,7 +57,7 @@ dial_options = added(
 
 run_options = added(
     click.option("-o", "--output", required=True, metavar="OUT", help="Folder of shards; resumes one that ended."),
-    LEXICON,
+    LEXICONS,
     BUNDLE,
     click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
     click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
@@ -108,22 +108,24 @@ def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
 @bulk.command()
 @click.argument("lines", metavar="[LINES.txt]", required=False)
 @click.option("-o", "--output", required=True, metavar="RECIPES", help="File to write: .parquet or .csv.")
-@LEXICON
+@LEXICONS
 @click.option("--count", type=int, metavar="N", help="How many recipes to draw.  [default: 1000]")
 @click.option("--words", metavar="A:B", help="Words of a sentence, least and most.  [default: 3:10]")
 @click.option(
     "--signer", "signers", multiple=True, metavar="NAME", help="Who signs; given again, each recipe draws one."
 )
 @SEED
+@DROP_FUNCTION_WORDS
 @dial_options
 def recipes(
     lines: str | None,
     output: str,
-    lexicon: str | None,
+    lexicons: tuple[str, ...],
     count: int | None,
     words: str | None,
     signers: tuple[str, ...],
     seed: int,
+    drop_function_words: bool,
     **dials: Any,
 ) -> None:
     """Write recipes: drawn from the signs of a lexicon, or one for each line of glosses in LINES.txt.
@@ -137,15 +139,16 @@ def recipes(
     check_suffix(output)
     check_output(output, [lines])
     ranges, fixed = _ranges(dials)
-    with open_words(lexicon) as opened:
-        check_apart(output, [opened.path])
+    with open_words(*lexicons) as opened:
+        check_apart(output, [part.path for part in opened.parts])
         _check_signers(opened, signers)
         if lines is not None:
             if count is not None or words is not None or ranges or len(signers) > 1:
                 raise InputError(
                     f"{lines}: lines are taken as they are, expected no --count, --words, range or second --signer"
                 )
-            batches, warnings = drawing.lines(lines, opened, fixed | ({"signer": signers[0]} if signers else {}))
+            chosen = fixed | ({"signer": signers[0]} if signers else {})
+            batches, warnings = drawing.lines(lines, opened, chosen, drop_function_words)
             warn(warnings)
             made: Iterable[pa.RecordBatch] = batches
         else:
@@ -245,7 +248,7 @@ bulk.add_command(moved("bulk bench", in_bulk, "bench bulk"))
 def _run(
     batches: Callable[[Callable[[], list[str]]], Iterator[pa.RecordBatch]],
     output: str,
-    lexicon: str | None,
+    lexicons: tuple[str, ...],
     bundle: str | None,
     workers: int | None,
     ray: str | None,
@@ -256,13 +259,13 @@ def _run(
     from signsplice.bulk import drawing
     from signsplice.bulk.job import BulkOptions
     from signsplice.bulk.run import run
-    from signsplice.lexicon.reader import SHIPPED
+    from signsplice.splicing.forms import DEFAULT, lexicon_folder
 
     if keep_words < 2:
         raise InputError(f"--keep-words {keep_words}, expected 2 or more")
-    out, words = Path(output), str(SHIPPED) if lexicon is None else lexicon
-    check_apart(output, [words, bundle])
-    with open_words(lexicon) as opened, _shown(f"making {out.name}") as advance:
+    out, words = Path(output), lexicons or (DEFAULT,)
+    check_apart(output, [*map(lexicon_folder, words), bundle])
+    with open_words(*words) as opened, _shown(f"making {out.name}") as advance:
         wanted = BulkOptions(words, bundle, **options)
         summary = run(out, wanted, lambda: batches(lambda: drawing.signs(opened)), workers, ray, keep_words, advance)
     warn(f"{n:,} rows failed: {reason}" for reason, n in summary.reasons.items())

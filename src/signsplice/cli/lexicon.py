@@ -169,11 +169,11 @@ def _write_page(words: Lexicon, page: str) -> None:
     print(f"{page}: {sum(bool(one.doubts) for one in facts)} of {len(facts)} words are doubtful")
 
 
-def open_words(path: str | None) -> Lexicon:
-    """The lexicon at a path, by default the one that ships, with the forms of its signs."""
+def open_words(*paths: str | None) -> Lexicon:
+    """The lexicons at paths as one, by default the one that ships, with the forms of its signs."""
     from signsplice.splicing.forms import open_lexicon
 
-    return open_lexicon(path)
+    return open_lexicon(*paths)  # type: ignore[arg-type]
 
 
 COMMANDS = (lexicon,)

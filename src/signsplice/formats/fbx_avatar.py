@@ -29,8 +29,9 @@ _COLOURS = ("diffuse", "basecolor", "base_color")
 """Parts of the names of properties that are a material's colour."""
 
 
-def as_glb(content: bytes, file: str, folder: Path, limits: ReadLimits = DEFAULT_LIMITS) -> bytes:
-    """The bytes of a .glb with the avatar in an FBX file; ``folder``: where textures that are files are looked for.
+def as_glb(content: bytes, file: str, folder: Path | None, limits: ReadLimits = DEFAULT_LIMITS) -> bytes:
+    """The bytes of a .glb with the avatar in an FBX file; ``folder``: where textures that are files are looked for,
+    nowhere with None.
 
     Raises ``FormatError`` where it has no bones or is of version 6, and what its content causes.
     """
@@ -47,7 +48,7 @@ def as_glb(content: bytes, file: str, folder: Path, limits: ReadLimits = DEFAULT
 class _AvatarDocument:
     """A glTF document of a scene under construction; ``order``: its joints, parents first."""
 
-    def __init__(self, scene: FbxScene, order: list[Id], folder: Path, limits: ReadLimits) -> None:
+    def __init__(self, scene: FbxScene, order: list[Id], folder: Path | None, limits: ReadLimits) -> None:
         self.scene, self.order, self.folder, self.limits = scene, order, folder, limits
         self.rows = {key: row for row, key in enumerate(order)}
         self.writer = DocumentWriter()
@@ -133,6 +134,8 @@ class _AvatarDocument:
         names = [str(found.values[0]) for record in records for name in ("RelativeFilename", "FileName")
                  if (found := record.find(name)) is not None and found.values]  # fmt: skip
         for name in names:
+            if self.folder is None:
+                continue
             path = (self.folder / name.replace("\\", "/").rpartition("/")[2]).resolve()
             if path.is_relative_to(self.folder.resolve()) and path.is_file():
                 return read_bytes(path, self.limits.file_bytes)
