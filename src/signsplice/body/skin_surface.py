@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,8 @@ from signsplice.motion.arrays import FloatArray
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
+_BLEND_M = 0.05
+"""How far a point may lie from where its main joint alone would carry it, m."""
 _COVER, _AROUND, _FACING = (0.0015, 0.015), 24, 0.3
 """A point is covered where another lies this far above it, m; how many around it are looked at; and the cosine between
 both normals, at least.
@@ -45,15 +48,25 @@ class SkinSurface:
         """Points and normals in the world, from the globals (J, 3, 3) and (J, 3) of one frame; of those within a
         distance ``around`` a place (3,) alone where that is given.
         """
-        turn = rotations[self.joints]
-        move = positions[self.joints] - np.einsum("kab,kb->ka", turn, self.origins)
-        blend = (self.weights @ turn.reshape(-1, 9)).reshape(-1, 3, 3)
-        points, normals = np.einsum("nab,nb->na", blend, self.points) + self.weights @ move, self.normals
+        turn, at = rotations[self.joints], positions[self.joints]
+        points, normals, weights = self.points, self.normals, self.weights
+        if around is not None:
+            places = np.einsum("kba,kb->ka", turn, around[0] - at) + self.origins  # as each joint sees it at rest
+            near = np.linalg.norm(points - places[self._main], axis=1) < around[1] + _BLEND_M
+            points, normals, weights = points[near], normals[near], weights[near]
+        move = at - np.einsum("kab,kb->ka", turn, self.origins)
+        blend = (weights @ turn.reshape(-1, 9)).reshape(-1, 3, 3)
+        normals = np.einsum("nab,nb->na", blend, normals)
+        points = np.einsum("nab,nb->na", blend, points) + weights @ move
         if around is not None:
             near = np.linalg.norm(points - around[0], axis=1) < around[1]
-            points, blend, normals = points[near], blend[near], normals[near]
-        normals = np.einsum("nab,nb->na", blend, normals)
+            points, normals = points[near], normals[near]
         return points, normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12)
+
+    @cached_property
+    def _main(self) -> NDArray[np.intp]:
+        """The column (N,) of the joint that carries most of each point."""
+        return np.asarray(self.weights.argmax(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
