@@ -308,8 +308,8 @@ def test_palms_of_hands_with_metacarpal_bones_are_measured(tmp_path: Path, broad
     assert not read.warnings
     assert read.body is not None
     for side in ("left", "right"):
-        palm = [body.radii[body.keys.index(f"{side}MiddlePalm")] for body in (read.body, broad.body)]
-        np.testing.assert_allclose(palm[0], palm[1], rtol=0.3)
+        ours, true = (body.radii[body.keys.index(f"{side}MiddlePalm")] for body in (read.body, broad.body))
+        np.testing.assert_allclose(ours, true, rtol=0.3)
 
 
 def depth(parents: list[int], joint: int) -> int:

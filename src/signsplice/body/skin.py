@@ -46,8 +46,6 @@ _ACROSS = 0.55
 """Where the depth of an outer column is measured, as a fraction of the trunk's half width."""
 _STEP = 0.004
 """Distance of the points of the surface, as a fraction of stature."""
-_SPACING = (0.004, 0.003)
-"""Distance of points on the skin that hands are put on, and on that of hands, as a fraction of stature."""
 _BELOW_HEM, _LEVEL, _NEAR = 0.01, 0.015, 0.010
 """Fractions of stature: how far below the hem skin of the legs counts as the trunk's, and the distances within which
 vertices are at a height, and at a place seen from in front.
@@ -92,10 +90,10 @@ def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tupl
 def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
     """The skin of hands, head, neck and trunk; None where one of these has none."""
     info, rest = rig_info(skeleton), rest_positions(skeleton)
-    roles, spacing = info.roles.joints, _SPACING[0] * info.sizes.stature
+    roles, spacing = info.roles.joints, _STEP * info.sizes.stature
     body = surface(points, [roles[role] for role in BODY if role in roles], rest, spacing)
     hands = [
-        surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, _SPACING[1] * info.sizes.stature, bare=True)
+        surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, spacing, bare=True)
         for side in SIDES
         if f"{side}Hand" in roles
     ]

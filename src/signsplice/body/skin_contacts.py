@@ -28,8 +28,8 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 
-_NEAR_M = 0.045
-"""Distance up to which points of two skins are looked at as hands move, m."""
+_NEAR_M, _LOW_M = 0.045, 0.025
+"""Distance up to which points of two skins are looked at as hands move, m, and by how much more than the nearest."""
 _BESIDE = 1.5
 """Points that lie farther than this from the normal through the nearest point of the surface, in the distance between
 its points, are beyond its edge.
@@ -38,6 +38,8 @@ _SHARP_M = 0.001
 """Points that lie higher than the lowest by this, m, count less by a factor e."""
 _ROUNDS, _HOLD, _TOGETHER, _TOGETHER_M = 3, 1.0, 30.0, 0.01
 """Rounds of the solution; mu; h of hands that touch, and the clearance over which it falls by a factor e, m."""
+_TIE = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(3))
+"""The square of the difference of both moves, as a block."""
 _BODY, _HANDS = 0, 1
 _KINDS = ((0, _BODY), (1, _BODY), (0, _HANDS))
 """Hand, and what it meets."""
@@ -117,10 +119,7 @@ class SkinFit:
             both[:, one.side] = normals[rows]
             if one.what == _HANDS:
                 both[:, 1] = -normals[rows]
-                frames, tie = one.frames, _TOGETHER * one.together
-                for i, j, sign in ((0, 0, 1.0), (3, 3, 1.0), (0, 3, -1.0), (3, 0, -1.0)):
-                    for axis in range(3):
-                        block[frames, i + axis, j + axis] += sign * tie
+                block[one.frames] += _TOGETHER * one.together[:, None, None] * _TIE
             jacobian, frames = both.reshape(-1, 6), one.frames[rows]
             goal = off[rows] + np.einsum("ni,ni->n", jacobian, more[frames].reshape(-1, 6))
             block[frames] += weight[rows, None, None] * jacobian[:, :, None] * jacobian[:, None]
@@ -133,12 +132,12 @@ class SkinFit:
         """
         one = self._meetings[k]
         moved = more[one.frames, one.side] - (more[one.frames, 1] if one.what == _HANDS else 0.0)
-        found, directions = np.empty(len(moved)), np.zeros((len(moved), 3))
+        found, directions = np.full(len(moved), np.inf), np.zeros((len(moved), 3))
         for n, (pose, by) in enumerate(zip(self._poses[k], moved, strict=True)):
-            beside = _BESIDE * self._spacing[one.what]
-            found[n], heights, normals = least_height(
-                pose.hand + by, pose.points, pose.normals, beside, THICK_M[one.what]
-            )
+            if pose is None:
+                continue
+            beside, thick = _BESIDE * self._spacing[one.what], THICK_M[one.what]
+            found[n], heights, normals = least_height(pose.hand + by, pose.points, pose.normals, beside, thick)
             direction = np.exp((found[n] - heights) / _SHARP_M) @ normals
             directions[n] = direction / (np.linalg.norm(direction) + 1e-12)
         return found, directions
@@ -166,8 +165,8 @@ def _meeting(fit: Fit, side: int, what: int) -> _Meeting:
     return _Meeting(side, what, frames, np.clip(then, -PRESS_M, CLEAR_M), held * weight, weight, together)
 
 
-def _poses(one: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, moves: FloatArray) -> list[_Pose]:
-    """Both skins in the frames of a meeting, m, with the wrists moved by ``moves``, where they are near one another."""
+def _poses(one: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, moves: FloatArray) -> list[_Pose | None]:
+    """Both skins in the frames of a meeting, m, with the wrists moved by ``moves``; None where they are far apart."""
     rotations, positions = (part[one.frames] for part in kinematics.forward(carried))
     other, found = skin.hands[1] if one.what == _HANDS else skin.body, []
     for n, frame in enumerate(one.frames.tolist()):
@@ -177,6 +176,7 @@ def _poses(one: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, moves:
         radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _NEAR_M
         points, normals = other.posed(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
         tree = cKDTree(metres * points + by)
-        hand = hand[np.isfinite(tree.query(hand, distance_upper_bound=_NEAR_M)[0])]
-        found.append(_Pose(hand, tree, normals))
+        apart = np.asarray(tree.query(hand, distance_upper_bound=_NEAR_M)[0])
+        hand = hand[apart < min(_NEAR_M, apart.min() + _LOW_M)]
+        found.append(_Pose(hand, tree, normals) if len(hand) else None)
     return found

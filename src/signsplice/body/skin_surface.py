@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,10 @@ from signsplice.motion.arrays import FloatArray
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
+_BLEND_M = 0.05
+"""How far a point may lie from where its main joint alone would carry it, m."""
+_MOST_WEIGHTS, _CHUNK = 20_000_000, 4096
+"""Points times joints of a surface, at most; and points that are looked at together."""
 _COVER, _AROUND, _FACING = (0.0015, 0.015), 24, 0.3
 """A point is covered where another lies this far above it, m; how many around it are looked at; and the cosine between
 both normals, at least.
@@ -45,15 +50,25 @@ class SkinSurface:
         """Points and normals in the world, from the globals (J, 3, 3) and (J, 3) of one frame; of those within a
         distance ``around`` a place (3,) alone where that is given.
         """
-        turn = rotations[self.joints]
-        move = positions[self.joints] - np.einsum("kab,kb->ka", turn, self.origins)
-        blend = (self.weights @ turn.reshape(-1, 9)).reshape(-1, 3, 3)
-        points, normals = np.einsum("nab,nb->na", blend, self.points) + self.weights @ move, self.normals
+        turn, at = rotations[self.joints], positions[self.joints]
+        points, normals, weights = self.points, self.normals, self.weights
+        if around is not None:
+            places = np.einsum("kba,kb->ka", turn, around[0] - at) + self.origins  # as each joint sees it at rest
+            near = np.linalg.norm(points - places[self._main], axis=1) < around[1] + _BLEND_M
+            points, normals, weights = points[near], normals[near], weights[near]
+        move = at - np.einsum("kab,kb->ka", turn, self.origins)
+        blend = (weights @ turn.reshape(-1, 9)).reshape(-1, 3, 3)
+        normals = np.einsum("nab,nb->na", blend, normals)
+        points = np.einsum("nab,nb->na", blend, points) + weights @ move
         if around is not None:
             near = np.linalg.norm(points - around[0], axis=1) < around[1]
-            points, blend, normals = points[near], blend[near], normals[near]
-        normals = np.einsum("nab,nb->na", blend, normals)
+            points, normals = points[near], normals[near]
         return points, normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12)
+
+    @cached_property
+    def _main(self) -> NDArray[np.intp]:
+        """The column (N,) of the joint that carries most of each point."""
+        return np.asarray(self.weights.argmax(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +88,8 @@ class AvatarSkin:
 def surface(
     points: SkinPoints, joints: Sequence[int], rest: FloatArray, spacing: float, bare: bool = False
 ) -> SkinSurface | None:
-    """The outermost skin that ``joints`` carry, with points about ``spacing`` apart; None where there is none.
+    """The outermost skin that ``joints`` carry, with points about ``spacing`` apart; None where there is none, or more
+    than ``_MOST_WEIGHTS`` allows.
 
     rest: (J, 3) joints in the rest pose, from the root. bare: without clothes, where enough skin is modelled.
     """
@@ -81,13 +97,14 @@ def surface(
     at = np.einsum("sc,scx->sx", shares, points.positions[corners])
     one_each = np.unique(np.floor(at / spacing).astype(np.int64), axis=0, return_index=True)[1]
     kept = one_each[~_covered(at[one_each], normals[one_each], spacing)]
-    if not len(kept):
+    used = np.unique(points.joints[corners[kept]])
+    if not 0 < len(kept) * len(used) < _MOST_WEIGHTS:
         return None
     corners, shares = corners[kept], shares[kept]
-    used, columns = np.unique(points.joints[corners], return_inverse=True)
+    columns = np.searchsorted(used, points.joints[corners])
     weights = np.zeros((len(kept), len(used)))
     rows = np.arange(len(kept))[:, None, None]
-    np.add.at(weights, (rows, columns.reshape(*corners.shape, -1)), shares[..., None] * points.weights[corners])
+    np.add.at(weights, (rows, columns), shares[..., None] * points.weights[corners])
     return SkinSurface(at[kept], normals[kept], used.astype(np.intp), weights, rest[used], spacing)
 
 
@@ -116,15 +133,16 @@ def _covered(points: FloatArray, normals: FloatArray, spacing: float) -> NDArray
     """Which points (N,) lie under others that face the same way: skin below a shirt."""
     from scipy.spatial import cKDTree  # takes long to import; only avatars need it
 
-    if not len(points):
-        return np.zeros(0, bool)
-    tree = cKDTree(points)
-    found = tree.query(points, np.arange(1, min(_AROUND, len(points)) + 1), distance_upper_bound=_COVER[1])
-    apart, near = (np.asarray(one) for one in found)
-    met = np.isfinite(apart)
-    near = np.where(met, near, 0)
-    away = points[near] - points[:, None]
-    height = np.einsum("nkx,nx->nk", away, normals)
-    beside = np.einsum("nkx,nkx->nk", away, away) - height**2
-    above = met & (height > _COVER[0]) & (beside < spacing**2)
-    return np.asarray((above & (np.einsum("nkx,nx->nk", normals[near], normals) > _FACING)).any(axis=1))
+    tree, out = cKDTree(points), np.zeros(len(points), bool)
+    for start in range(0, len(points), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        found = tree.query(points[part], np.arange(1, _AROUND + 1), distance_upper_bound=_COVER[1])
+        apart, near = (np.asarray(one) for one in found)
+        met = np.isfinite(apart)
+        near = np.where(met, near, 0)
+        away = points[near] - points[part, None]
+        height = np.einsum("nkx,nx->nk", away, normals[part])
+        beside = np.einsum("nkx,nkx->nk", away, away) - height**2
+        facing = np.einsum("nkx,nx->nk", normals[near], normals[part]) > _FACING
+        out[part] = (met & (height > _COVER[0]) & (beside < spacing**2) & facing).any(axis=1)
+    return out

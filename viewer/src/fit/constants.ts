@@ -83,7 +83,6 @@ export const skin = {
   HEIGHTS: 7,
   ACROSS: 0.55,
   STEP: 0.004,
-  SPACING: [0.004, 0.003],
   BELOW_HEM: 0.01,
   LEVEL: 0.015,
   NEAR: 0.01,
