@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from signsplice.synth.gestures import Gesture
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.tables import sections
 
@@ -169,6 +170,7 @@ class Sign:
     source: description of the form and the work that it can be looked up in
     synonyms: other glosses of the same sign
     kind: ``sign``, ``letter`` or ``pseudo``
+    gestures: of head and trunk, in their own time
     """
 
     gloss: str
@@ -177,6 +179,7 @@ class Sign:
     source: str = ""
     synonyms: tuple[str, ...] = ()
     kind: str = "sign"
+    gestures: tuple[Gesture, ...] = ()
 
     @property
     def two_handed(self) -> bool:
