@@ -15,6 +15,7 @@ import re
 from dataclasses import dataclass
 
 from signsplice.synth.composed import is_handshape
+from signsplice.synth.gestures import Gesture
 from signsplice.synth.hand_parts import is_part
 from signsplice.synth.tables import sections
 
@@ -226,6 +227,7 @@ class Sign:
     source: description of the form and the work that it can be looked up in
     synonyms: other glosses of the same sign
     kind: ``sign``, ``letter`` or ``pseudo``
+    gestures: of head and trunk, in their own time
     """
 
     gloss: str
@@ -234,6 +236,7 @@ class Sign:
     source: str = ""
     synonyms: tuple[str, ...] = ()
     kind: str = "sign"
+    gestures: tuple[Gesture, ...] = ()
 
     @property
     def two_handed(self) -> bool:

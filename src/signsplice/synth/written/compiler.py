@@ -20,6 +20,7 @@ from signsplice.synth.notation_text import notation_path, notation_text
 from signsplice.synth.phonology import Path, Posture, Segment, Sign, faults, on_base
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.written.directions import plus, unit
+from signsplice.synth.written.faces import body_tracks
 from signsplice.synth.written.hands import KINDS, HandState, checked, palm_point, resting, weak_arm
 from signsplice.synth.written.places import ON_ARM, Spot, part_of_hand, spot
 from signsplice.synth.written.steps import Step, View, common_tempo, spread, steps
@@ -75,7 +76,7 @@ def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
     else:
         segments = [replace(segments[-1], kind="H")]
     text = notation_text(Sign(gloss, hands, tuple(segments), _source(sign)))
-    return parse(text)[gloss]
+    return replace(parse(text)[gloss], gestures=body_tracks(sign))
 
 
 def _same_way(mine: Step, its: Step) -> bool:
