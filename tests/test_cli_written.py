@@ -15,7 +15,7 @@ import signsplice as ss
 from signsplice import lexicon
 from signsplice.cli.commands import app
 from signsplice.splicing import forms, written_words
-from signsplice.synth.written import SUFFIXES
+from signsplice.synth.written.files import SUFFIXES
 from written_words import code, constructed
 
 TEN = Path(__file__).parent / "synth" / "written_signs.sigml"

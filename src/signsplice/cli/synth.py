@@ -133,7 +133,7 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
         clip = planner.isolated(inflection.form(signs, gloss or _only(file, signs)), fps=_rate(fps)).clip
     else:
         written = signing.find(file, gloss or "", lenient)
-        clip = signing.signed(written, _rate(fps))
+        clip = signing.signed(written, _rate(fps), lenient)
         warn(signing.warnings(written))
     path = output or f"{folders.file_name(clip.name)}.bvh"
     check_outputs(path, None, [file])

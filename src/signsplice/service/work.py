@@ -28,7 +28,7 @@ from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain
-from signsplice.synth.written import SUFFIXES as WRITTEN_SUFFIXES
+from signsplice.synth.written.files import SUFFIXES as WRITTEN_SUFFIXES
 
 _MOST_WRITTEN_BYTES = 256 << 10
 """Size of a file of written signs, each of which takes some 50 ms to sign."""

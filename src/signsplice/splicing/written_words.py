@@ -24,7 +24,8 @@ from signsplice.lexicon.reader import SHIPPED, shipped
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
 from signsplice.splicing.forms import WordsWithForms
-from signsplice.synth.written import SUFFIXES, files, signing
+from signsplice.synth.written import files, signing
+from signsplice.synth.written.files import SUFFIXES
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
@@ -41,6 +42,7 @@ class _Words:
     signs: them
     refused: a line for each that was refused
     form: how rotations are stored
+    lenient: what is not written of a posture is as usual
     jobs: number of processes, None for one a core
     progress: is called with how many are done and how many there are
     """
@@ -48,6 +50,7 @@ class _Words:
     signs: tuple[WrittenSign, ...]
     refused: tuple[str, ...]
     form: str
+    lenient: bool
     jobs: int | None
     progress: Progress | None
 
@@ -55,17 +58,17 @@ class _Words:
         for line in self.refused:
             yield line, GlossRow("")
         workers = min(cores(), len(self.signs) // _SIGNS_A_PROCESS) if self.jobs is None else self.jobs
-        words = in_order(partial(_prepared, form=self.form), self.signs, max(workers, 1))
+        words = in_order(partial(_prepared, form=self.form, lenient=self.lenient), self.signs, max(workers, 1))
         for n, (sign, word) in enumerate(zip(self.signs, words, strict=True), 1):
             yield word, GlossRow(sign.where.file, gloss_of(sign.gloss), source=Path(sign.where.file).name)
             if self.progress is not None:
                 self.progress(n, len(self.signs))
 
 
-def _prepared(sign: WrittenSign, form: str) -> PreparedWord | str:
+def _prepared(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord | str:
     """A word made ready for a lexicon, or a line that refuses it."""
     try:
-        return replace(prepare(signing.signed(sign), form), warnings=signing.warnings(sign))
+        return replace(prepare(signing.signed(sign, lenient=lenient), form), warnings=signing.warnings(sign))
     except InputError as error:
         return str(error)
 
@@ -92,7 +95,7 @@ def build(
     if written:
         read = files.read(written, lenient)
         form = "int16" if compact else "float32"
-        words = _Words(tuple(read.signs.values()), tuple(map(str, read.refused)), form, jobs, progress)
+        words = _Words(tuple(read.signs.values()), tuple(map(str, read.refused)), form, lenient, jobs, progress)
     return folders.build(clips, output, compact=compact, jobs=jobs, progress=progress, more=words, **others)  # type: ignore[arg-type]
 
 

@@ -1,4 +1,5 @@
 """Signs as linguists write them (gestural SiGML, HamNoSys) become the notation of this project."""
 
-SUFFIXES = (".sigml", ".xml", ".csv", ".json", ".txt", ".tsv")
-"""Suffixes of the files of written signs."""
+from signsplice.synth.written.compiler import compile_sign
+
+__all__ = ["compile_sign"]

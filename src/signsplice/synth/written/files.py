@@ -13,10 +13,12 @@ from pathlib import Path
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.synth.written import SUFFIXES, elements, gestural, hamnosys, hns
+from signsplice.synth.written import elements, gestural, hamnosys, hns
 from signsplice.synth.written.reading import Reading
 from signsplice.synth.written.tree import WrittenSign
 
+SUFFIXES = (".sigml", ".xml", ".csv", ".json", ".txt", ".tsv")
+"""Suffixes of the files of written signs."""
 _MOST_BYTES, _MOST_SIGNS = 64 << 20, 200_000
 
 

@@ -15,12 +15,11 @@ from signsplice.synth.written.compiler import compile_sign
 from signsplice.synth.written.tree import WrittenSign
 
 
-def signed(sign: WrittenSign, fps: float = FPS) -> Clip:
+def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
     """The clip of a written sign, named by its gloss, from rest to rest. Raises ``InputError`` that names gloss, symbol
-    and place for what cannot be made.
+    and place for what cannot be made, or, where ``lenient``, is as usual where it is not written.
     """
-    made = replace(compile_sign(sign), gloss=sign.gloss, gestures=faces.body_tracks(sign))
-    word = planner.isolated(made, fps=fps)
+    word = planner.isolated(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
     return faces.with_face(word.clip, sign, (word.events.start, word.events.end + 1))
 
 
@@ -52,7 +51,7 @@ def sign(path: str | Path, gloss: str = "", *, fps: float = FPS, lenient: bool =
     what is not understood. No signer has checked such signs. Raises ``InputError`` for what is not there, not
     understood, or not made.
     """
-    return signed(find(path, gloss, lenient), fps)
+    return signed(find(path, gloss, lenient), fps, lenient)
 
 
 def clips(content: bytes, name: str, most: int, fps: float = FPS) -> Iterator[Clip]:
