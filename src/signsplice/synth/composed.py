@@ -158,10 +158,11 @@ def _angles(shape: _ComposedShape) -> FloatArray:
         fingers[int(shape.pair[1]) - 2, 1] += 14.0 * shape.crossed
     degrees[_THUMB] = _THUMBS[_thumb(shape)]
     angles = np.clip(np.deg2rad(degrees), *hand.LIMITS.T)
-    meets = shape.opposed or (int(shape.pair[1]) if shape.pair.startswith("1") else 0)
-    if (shape.meets and shape.thumb != "out" and "1" not in shape.exempt) or meets:
+    if shape.pair.startswith("1") and len(shape.pair) == 2 and not shape.meets:
+        return _to_finger(angles, int(shape.pair[1]) - 2, _PULP_CM, at_tip=False)
+    if shape.meets and shape.thumb != "out" and "1" not in shape.exempt:
         gap = _GAP_CM * max(0.4, 2.0 - shape.opening) if shape.base.startswith("cee") else _PULP_CM
-        return _to_finger(angles, (meets or int(shape.selected[0])) - 2, gap)
+        return _to_finger(angles, (shape.opposed or int(shape.selected[0])) - 2, gap)
     return angles
 
 
@@ -179,6 +180,7 @@ def _bends(shape: _ComposedShape, digit: int) -> tuple[float, ...]:
         return _OPEN_BENDS.get(shape.bend, _FOLDED) if folded else _STRAIGHT
     if not chosen:
         straight = shape.base.endswith("open") or (shape.meets and str(digit) in shape.exempt)
+        straight = straight or (shape.meets and "2" not in shape.selected)  # the thumb passes no folded index finger
         return _STRAIGHT if straight else _FOLDED
     if not shape.meets:
         return _OPEN_BENDS.get(shape.bend, _STRAIGHT)
@@ -204,12 +206,13 @@ def _thumb(shape: _ComposedShape) -> str:
     return "middle" if "3" not in shape.selected else "ring" if "4" not in shape.selected else "across"
 
 
-def _to_finger(angles: FloatArray, finger: int, gap_cm: float) -> FloatArray:
-    """Angles (21,) with the thumb's tip before the tip of a finger (0 index), ``gap_cm`` from its axis: Gauss-Newton
-    with damping, within the limits.
+def _to_finger(angles: FloatArray, finger: int, gap_cm: float, at_tip: bool = True) -> FloatArray:
+    """Angles (21,) with the thumb's tip before the tip of a finger (0 index), or its middle bone, ``gap_cm`` from its
+    axis: Gauss-Newton with damping, within the limits.
     """
     points = hand.points(angles)
-    tip, joint = points[16 + finger], points[3 * (finger + 1) + 2]
+    first = 3 * (finger + 1)
+    tip, joint = (points[16 + finger], points[first + 2]) if at_tip else (points[first + 2], points[first + 1])
     bone = (tip - joint) / np.linalg.norm(tip - joint)
     palmar = np.cross([0.0, 0.0, 1.0], bone)
     target = tip + gap_cm * palmar / np.linalg.norm(palmar)

@@ -101,8 +101,8 @@ def _body_locations(signer: Signer) -> dict[str, Location]:
     return {name: Location(point - chest, normal) for name, point, normal in zip(_ON_BODY, skin, normals, strict=True)}
 
 
-_LIFT_CM = 6.0
-"""From how far outside a composed location is brought to the skin."""
+_LIFT_CM, _BESIDE_CM = 1.5, 4.0
+"""From how far outside a composed location is brought to the skin, and how far from it the skin ahead may be."""
 
 
 def _on_body(text: str, signer: Signer) -> Location:
@@ -118,7 +118,10 @@ def _on_body(text: str, signer: Signer) -> Location:
         beside = axes((*map(float, offset.split(",")), 0.0)) if offset else np.zeros(3)  # type: ignore[arg-type]
         ends.append((mirror * place.point + beside * signer.scale, mirror * place.normal))
     point, normal = np.mean(ends, axis=0)
-    point = point + chest + _LIFT_CM * signer.scale * normal / np.linalg.norm(normal)
+    point, normal = point + chest, normal / np.linalg.norm(normal)
+    ahead = _skin(point[None], normal[None], signer)[0]
+    passes_by = float(np.linalg.norm(ahead - point)) > _BESIDE_CM * signer.scale  # or it hits what is behind
+    point = point + _LIFT_CM * signer.scale * normal if passes_by else ahead
     for _ in range(12):
         outward, gaps = (x[0] for x in _outward(point[None], *solid))
         nearest = int(gaps.argmin())
