@@ -176,6 +176,16 @@ def test_names_of_symbols_are_read_like_their_characters() -> None:
             "moved handback brushing",
             Motion("straight", ("d",), brushing_pair=Pair(weak=Site("handback"), contact="brushing")),
         ),
+        (
+            "parbegin chest touch moveo parend",
+            Motion(
+                "parallel",
+                parts=(
+                    Motion("posture", target=WrittenPosture(place=Place("chest", contact="touch"))),
+                    Motion("straight", ("o",)),
+                ),
+            ),
+        ),
         ("replace fist", Motion("posture", target=WrittenPosture(shape=WrittenShape("fist")))),
         (
             "parbegin moveu plus moved parend smallmod",
@@ -202,6 +212,8 @@ def test_a_notation_of_a_motion_is_its_tree(names: str, expected: Motion) -> Non
             WrittenShape("flat", bends=((4, "dblbent"), (5, "dblbent"))),
         ),
         ("cee12 thumbopenmod", WrittenShape("cee12", opening=0.6)),
+        ("pinch12 thumb touch middlefinger", WrittenShape("pinch12", opposed=3)),
+        ("finger23 middlefinger cross indexfinger", WrittenShape("finger23", pair=(3, 2), crossed=True)),
         ("ceeopen fingerhookmod", WrittenShape("cee12open", bend="hooked")),
     ],
 )
@@ -231,6 +243,11 @@ def test_a_notation_without_symmetry_has_one_hand_unless_it_names_the_other(name
         ("flathand symmlr extfingero palmd moveu", "symbol 2: hamsymmlr is read as if it stood first"),
         ("flathand plus fist extfingero palmd moveu", "symbol 2: hamplus outside brackets"),
         ("flathand extfingero palmd moveu extfingeru", "symbol 5: hamextfingeru after the first action"),
+        (
+            "finger2 thumb fingertip touch middlefinger extfingeru palml moveu",
+            "symbol 3: hamfingertip within a handshape",
+        ),
+        ("finger2 extfingeru palml parbegin extfingero moveu parend", "symbol 5: hamextfingero after the first action"),
         ("flathand extfingero palmd lrat moveu", "symbol 4: hamlrat without a place"),
     ],
 )
@@ -271,6 +288,12 @@ def test_a_character_that_is_no_symbol_is_refused_or_left_out_on_request() -> No
         files.one(text)
     sign = files.one(text, lenient=True)
     assert sign.notes == ("symbol 4: é is left out: is no symbol of HamNoSys 4",)
+    assert bare(sign) == bare(read("finger2 extfingeru palml moveu"))
+
+
+def test_marks_are_left_out_with_a_note() -> None:
+    sign = files.one(code("finger2 extfingeru palml") + "?" + code("moveu"))
+    assert sign.notes == ("symbol 4: ? is left out",)
     assert bare(sign) == bare(read("finger2 extfingeru palml moveu"))
 
 

@@ -43,7 +43,7 @@ def tokens(text: str, reading: Reading) -> list[Token]:
         raise reading.error(f"has {len(words):,} symbols, expected at most {_MOST_SYMBOLS:,}", "", 0)
     found = list[Token]()
     for position, word in enumerate(words, 1):
-        name = symbols.SYMBOLS.get(word)
+        name = symbols.SYMBOLS.get(word) or symbols.PUNCTUATION.get(word)
         if name is None and word[:3].lower() == "ham":
             name = word[3:]
         found += named(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
@@ -55,6 +55,9 @@ def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]
     if name in symbols.ALIASES:
         reading.note(f"ham{name} is read as ham{symbols.ALIASES[name]}", position)
         name = symbols.ALIASES[name]
+    if name in symbols.PUNCTUATION.values():
+        reading.note(f"{shown} is left out", position)
+        return []
     if name not in symbols.NAMES:
         reading.refuse("is no symbol of HamNoSys 4", shown, position)
         return []
@@ -170,6 +173,8 @@ class _Parser(Slots):
         if is_posture(name) or (name in symbols.BRACKETS and self.is_posture_bracket()):
             self.reading.note(f"{t.shown} after the first action is read as hamreplace", t.position)
             return self.posture_change(t)
+        if self.is_location():
+            return Motion("posture")  # to where ``modified`` finds
         self.next()
         if name == "replace":
             return self.posture_change(t)

@@ -37,6 +37,11 @@ def is_posture(name: str) -> bool:
     return name in symbols.SHAPES or name.startswith("extfinger") or name in PALMS
 
 
+def is_action(name: str) -> bool:
+    """Whether a symbol begins an action."""
+    return name.startswith(("move", "circle")) or name in (*symbols.WRISTS, "fingerplay", "nomotion", "replace")
+
+
 class Row:
     """Symbols with balanced brackets, and how far they are read.
 
@@ -83,17 +88,25 @@ class Row:
 
     def is_posture_bracket(self) -> bool:
         """Whether brackets that come next hold slots, not actions."""
-        ahead = 0
-        while (t := self.peek(ahead)) is not None and t.name in (*symbols.BRACKETS, "nondominant"):
-            ahead += 1
-        return t is not None and (is_posture(t.name) or t.name in LOCATION)
+        names = self._bracket()
+        return any(is_posture(name) or name in LOCATION for name in names) and not any(map(is_action, names))
 
     def is_location(self) -> bool:
         """Whether a place, a site or a contact comes next, or brackets of them."""
-        ahead = 0
-        while (t := self.peek(ahead)) is not None and t.name in ("parbegin", "seqbegin"):
-            ahead += 1
-        return t is not None and t.name in LOCATION
+        t = self.peek()
+        if t is None or t.name not in ("parbegin", "seqbegin"):
+            return t is not None and t.name in LOCATION
+        return all(name in LOCATION or name in ("plus", "between", *symbols.BRACKETS) for name in self._bracket())
+
+    def _bracket(self) -> list[str]:
+        """The names of the symbols within the brackets that come next, openers among them; none where none comes."""
+        found, depth = list[str](), 0
+        for t in self.tokens[self._at :]:
+            depth += (t.name in symbols.BRACKETS) - (t.name in symbols.BRACKETS.values())
+            if depth < 1:
+                break
+            found.append(t.name)
+        return found
 
     def slot_follows(self) -> bool:
         """Whether a slot comes after the next symbol."""

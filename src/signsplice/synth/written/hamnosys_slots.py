@@ -127,18 +127,26 @@ class Slots(Row):
     def fingers(self, made: WrittenShape) -> WrittenShape:
         """A handshape with a finger that bends on its own, crosses another, or is selected."""
         digit = symbols.DIGITS[self.next().name]
+        self.left_out_parts()
         t, after = self.peek(), self.peek(1)
         following = after.name if after is not None else ""
         if t is not None and t.name in ("cross", "touch") and following in symbols.DIGITS:
             crossed = self.next().name == "cross"
-            return replace(made, pair=(digit, symbols.DIGITS[self.next().name]), crossed=crossed)
+            other = symbols.DIGITS[self.next().name]
+            self.left_out_parts()
+            if 1 in (digit, other):  # the thumb meets a finger
+                return replace(made, opposed=max(digit, other))
+            return replace(made, pair=(digit, other), crossed=crossed)
         if t is not None and t.name in symbols.BENDS:
             return replace(made, bends=(*made.bends, (digit, symbols.BENDS[self.next().name])))
-        for part in self.take(*symbols.FINGER_PARTS):
-            self.reading.note(f"{part.shown} within a handshape is left out", part.position)
         if digit == 1 and t is not None and (t.name in symbols.THUMBS or t.name == "between"):
             return made
         return replace(made, special=(*made.special, digit))
+
+    def left_out_parts(self) -> None:
+        """Pass over parts of fingers within a handshape: where fingers meet is not made as finely."""
+        for part in self.take(*symbols.FINGER_PARTS):
+            self.reading.note(f"{part.shown} within a handshape is left out", part.position)
 
     # --- places
 

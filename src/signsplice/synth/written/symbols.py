@@ -37,6 +37,8 @@ _ROWS = {
 }  # fmt: skip
 SYMBOLS = {chr(first + n): name for first, row in _ROWS.items() for n, name in enumerate(row.split())}
 """Code point -> name."""
+PUNCTUATION = {" ": "space", "!": "exclaim", ",": "comma", ".": "fullstop", "?": "query"}
+"""Marks that say nothing of a sign's form -> their names."""
 NAMES = frozenset(SYMBOLS.values())
 ALIASES = {
     "pinchopen": "pinch12open", "cee12open": "ceeopen", "flat": "flathand", "movex": "moveX",
