@@ -242,6 +242,7 @@ def test_a_notation_without_symmetry_has_one_hand_unless_it_names_the_other(name
         ("finger2 extfingeru palml parbegin seqbegin moveu parend", "hamseqend is added before hamparend"),
         ("flathand symmlr extfingero palmd moveu", "symbol 2: hamsymmlr is read as if it stood first"),
         ("flathand plus fist extfingero palmd moveu", "symbol 2: hamplus outside brackets"),
+        ("flathand extfingero palmd moveu plus", "symbol 5: hamplus outside brackets"),
         ("flathand extfingero palmd moveu extfingeru", "symbol 5: hamextfingeru after the first action"),
         (
             "finger2 thumb fingertip touch middlefinger extfingeru palml moveu",

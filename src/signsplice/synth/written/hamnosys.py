@@ -142,7 +142,7 @@ class _Parser(Slots):
                     break
                 self.next()
                 self.reading.note("hamplus outside brackets joins the actions beside it", t.position)
-                other = self.action()
+                other = self.action_or_hold(t)
                 found[-1] = Motion("split", parts=(found[-1], other), where=self.where(t))
                 continue
             found.append(self.action())
@@ -163,9 +163,13 @@ class _Parser(Slots):
         if t.name == "nondominant":
             self.next()
             rest = Motion("hold", where=self.where(t))
-            inner = self.action() if self.peek() is not None and not self.at(*_CLOSERS, "plus") else rest
-            return Motion("split", parts=(rest, inner), where=self.where(t))
+            return Motion("split", parts=(rest, self.action_or_hold(t)), where=self.where(t))
         return self.modified(replace(self.core(t), where=self.where(t)))
+
+    def action_or_hold(self, t: Token) -> Motion:
+        """One action, or none where none comes after the symbol."""
+        ends = self.peek() is None or self.at(*_CLOSERS, "plus")
+        return Motion("hold", where=self.where(t)) if ends else self.action()
 
     def core(self, t: Token) -> Motion:
         """An action without what modifies it."""
