@@ -39,13 +39,15 @@ def constructed() -> dict[str, str]:
     add("ENCLOSED", f"fist thumb between indexfinger middlefinger extfingeru palmd {_FORWARD}")
     for name in (n for n in CODES if n.startswith("extfinger")):
         across = "palmd" if name.removeprefix("extfinger") in ("l", "r", "ul", "ur", "dl", "dr", "o", "ol") else "palml"
-        add("FINGERS", f"flathand {name} {across} shoulders close moveu smallmod")
+        place = "stomach" if name in ("extfingerd", "extfingerdl", "extfingerdr") else "shoulders"
+        add("FINGERS", f"flathand {name} {across} {place} close moveu smallmod")
     for name in (n for n in CODES if n.startswith("palm") and n != "palm"):
         add("PALM", f"flathand extfingero {name} chest lrat close moveo smallmod")
     add("MEAN", "flathand extfingerol between extfingero palmd between palmdl chest close moveo")
     for place in symbols.PLACES:
         close = "armextended" if place == "neutralspace" else "touch"
-        add("PLACE", f"{_POINT} {place} {close} moveo smallmod repeatfromstart")
+        hand = "finger2 thumbacrossmod extfingerl palmd" if place == "headtop" else _POINT
+        add("PLACE", f"{hand} {place} {close} moveo smallmod repeatfromstart")
     for side in ("lrat", "lrbeside"):
         add("SIDE", f"{_FLAT} {side} shoulders close moveo smallmod")
         add("SIDE", f"{_FLAT} chest {side} close moveo smallmod")
