@@ -9,9 +9,8 @@ from signsplice.synth.written import symbols
 from signsplice.synth.written.reading import Reading
 from signsplice.synth.written.tree import Where
 
-SIDES = {"lrat": "at", "lrbeside": "beside"}
-SITES = (*symbols.DIGITS, *symbols.FINGER_PARTS, *symbols.HAND_PARTS, *symbols.WRIST_SIDES)
-LOCATION = frozenset((*SIDES, *SITES, *symbols.PLACES, *symbols.CONTACTS, "behind"))
+SITES = (*symbols.DIGITS, *symbols.FINGER_PARTS, *symbols.HAND_PARTS)
+LOCATION = frozenset((*symbols.SIDES, *SITES, *symbols.PLACES, *symbols.CONTACTS, "behind"))
 PALMS = tuple(f"palm{d}" for d in ("u", "ur", "r", "dr", "d", "dl", "l", "ul"))
 
 
@@ -39,7 +38,7 @@ def is_posture(name: str) -> bool:
 
 def is_action(name: str) -> bool:
     """Whether a symbol begins an action."""
-    return name.startswith(("move", "circle")) or name in (*symbols.WRISTS, "fingerplay", "nomotion", "replace")
+    return name.startswith(("move", "circle")) or name in (*symbols.KINDS["wrist"], "fingerplay", "nomotion", "replace")
 
 
 class Row:

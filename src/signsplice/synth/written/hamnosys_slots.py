@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 from signsplice.synth.written import symbols
-from signsplice.synth.written.hamnosys_row import PALMS, SIDES, SITES, Row, Token, is_posture
+from signsplice.synth.written.hamnosys_row import PALMS, SITES, Row, Token, is_posture
 from signsplice.synth.written.reading import merged, with_weak
 from signsplice.synth.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape
 
@@ -188,7 +188,7 @@ class Slots(Row):
 
     def place(self, weak: bool = True) -> WrittenPosture:
         """A place or a site with its side, and the other of two between which it is; empty where a contact comes."""
-        before = self.take(*SIDES)
+        before = self.take(*symbols.SIDES)
         t = self.peek()
         if t is not None and t.name in symbols.PLACES:
             place = Place(symbols.PLACES[self.next().name], self.sided(before))
@@ -208,15 +208,15 @@ class Slots(Row):
 
     def sided(self, before: Sequence[Token]) -> str:
         """The side of a place: a symbol before it says left, one after it right."""
-        after = self.take(*SIDES)
+        after = self.take(*symbols.SIDES)
         if before:
-            return f"left_{SIDES[before[0].name]}"
-        return f"right_{SIDES[after[0].name]}" if after else ""
+            return f"left_{symbols.SIDES[before[0].name]}"
+        return f"right_{symbols.SIDES[after[0].name]}" if after else ""
 
-    def between(self, names: Sequence[str] | dict[str, str]) -> bool:
+    def between(self, names: Container[str]) -> bool:
         """Whether the other of two places or sites follows; hambetween is passed."""
         after = self.peek(1)
-        if self.at("between") and after is not None and (after.name in names or after.name in SIDES):
+        if self.at("between") and after is not None and (after.name in names or after.name in symbols.SIDES):
             self.next()
             return True
         return False
@@ -232,7 +232,7 @@ class Slots(Row):
             elif not part and not digits:
                 part = t.name
             else:
-                side = symbols.HAND_PARTS.get(t.name, "") or symbols.WRIST_SIDES.get(t.name, "")
+                side = symbols.HAND_PARTS[t.name]
         if word := self.sided(before):
             side = "radial" if word.startswith("left") != (weak and not self.mirrored) else "ulnar"
         made = Site(part or "midjoint", tuple(digits[:2]), side)
