@@ -69,6 +69,16 @@ def test_a_refused_sign_is_a_failure_only_on_request(folder: Path, flags: tuple[
         assert set(words) == {"MONARCH", "HELLO"}
 
 
+def test_a_folder_may_hold_both_clips_and_sigml(folder: Path) -> None:
+    shutil.copy(TEN, folder / "clips" / "ten.sigml")
+    (folder / "clips" / "glosses.csv").write_text("file,synonyms\nHELLO.bvh,HI\n")
+    built = written_words.build(["clips"], "lex")
+    assert (built.n_words, built.left_out) == (12, ())
+    with ss.open_lexicon("lex") as words:
+        assert words.entry("HI").gloss == "HELLO"
+        assert "RAIN" in words
+
+
 def test_a_sign_that_is_not_understood_is_left_out_or_read_in_part(folder: Path) -> None:
     Path("odd.txt").write_text(f"A\t{code(KING + ' mime')}\nB\t{code(KING)}\n", encoding="utf-8")
     built = written_words.build(["odd.txt"], "lex")

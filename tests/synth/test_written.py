@@ -372,7 +372,7 @@ def test_tables_lists_and_json_hold_the_same_signs(tmp_path: Path) -> None:
     for name in ("a.csv", "b.txt", "c.json", "d.json"):
         found = files.read(tmp_path / name)
         assert {g: bare(s) for g, s in found.signs.items()} == {g: bare(read(HAM[g])) for g in signs}
-    found = files.read(tmp_path)
+    found = files.read([tmp_path / name for name in ("a.csv", "b.txt", "c.json", "d.json")])
     assert list(found.signs)[:4] == ["KING", "CAR", "KING#2", "CAR#2"]
     assert len(found.signs) == 8
     assert [s.gloss for s in found.signs.values()] == list(found.signs)
@@ -381,7 +381,7 @@ def test_tables_lists_and_json_hold_the_same_signs(tmp_path: Path) -> None:
 def test_a_refused_sign_does_not_lose_the_others(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"gloss,hamnosys\nA,{code(HAM['KING'])}\nB,{code('moveu')}\nC,{code(HAM['CAR'])}\n")
     (tmp_path / "b.sigml").write_text("<sigml>")
-    found = files.read(tmp_path)
+    found = files.read([tmp_path / "a.csv", tmp_path])
     assert list(found.signs) == ["A", "C"]
     assert [str(error).removeprefix(f"{tmp_path}/")[:12] for error in found.refused] == ["a.csv: B: sy", "b.sigml:1: i"]
 

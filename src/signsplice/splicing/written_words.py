@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from signsplice.children import cores, in_order
 from signsplice.errors import InputError
+from signsplice.formats import READ_SUFFIXES
 from signsplice.lexicon import folder as folders
 from signsplice.lexicon.entry import Entry, fold, gloss_of
 from signsplice.lexicon.folder import Built
@@ -90,7 +91,7 @@ def build(
     there is nothing to build.
     """
     written = [path for path in inputs if is_written(path)]
-    clips = [path for path in inputs if path not in written]
+    clips = [path for path in inputs if path not in written or _has_clips(Path(path))]
     words: _Words | tuple[()] = ()
     if written:
         read = files.read(written, lenient)
@@ -105,6 +106,10 @@ def is_written(path: str | Path) -> bool:
     if path.is_dir():
         return any(path.rglob("*.sigml"))
     return path.suffix.lower() in SUFFIXES
+
+
+def _has_clips(path: Path) -> bool:
+    return path.is_dir() and any(file.suffix.lower() in READ_SUFFIXES for file in path.rglob("*"))
 
 
 class WordsWithFallback(WordsWithForms):

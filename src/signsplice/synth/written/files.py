@@ -35,7 +35,7 @@ class WrittenSigns:
 
 
 def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> WrittenSigns:
-    """The signs of a file, of all files of ``SUFFIXES`` below a folder in the order of their names, or of several.
+    """The signs of a file, of all ``.sigml`` files below a folder in the order of their names, or of several.
 
     lenient: leave out what is not understood, with a note in the sign. Raises ``InputError`` where there is no such
     file, no sign, or a file is broken as a whole and no other is read.
@@ -54,10 +54,10 @@ def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> Wri
 
 
 def _below(folder: Path) -> list[Path]:
-    """The files of written signs below a folder."""
-    found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    """The files of SiGML below a folder."""
+    found = sorted(path for path in folder.rglob("*.sigml") if path.is_file())
     if not found:
-        raise InputError(f"{folder}: no written signs in it, expected files that end in {' or '.join(SUFFIXES)}")
+        raise InputError(f"{folder}: no .sigml files in it; name tables of HamNoSys themselves")
     return found
 
 
