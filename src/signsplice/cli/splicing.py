@@ -133,6 +133,7 @@ def splice(
 @click.command(context_settings=_SETTINGS)
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICONS
+@click.option("--fallback", metavar="FILE", help="Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @DROP_FUNCTION_WORDS
@@ -146,6 +147,7 @@ def splice(
 def sentence(
     glosses: tuple[str, ...],
     lexicons: tuple[str, ...],
+    fallback: str | None,
     no_spell: bool,
     no_compounds: bool,
     drop_function_words: bool,
@@ -163,12 +165,12 @@ def sentence(
     from signsplice.splicing import engine
     from signsplice.splicing.face_rules import RULES
 
-    check_outputs(output, report, [roles, avatar, *_networks(**method_options)])
+    check_outputs(output, report, [roles, avatar, fallback, *_networks(**method_options)])
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
     options = _splice_options(**method_options, face_rules=RULES if has_rules else ())
     signer = _signer(avatar, skin)
     began = time.perf_counter()
-    with open_words(*lexicons) as words:
+    with open_words(*lexicons, fallback=fallback) as words:
         for path in (output, report or output):
             check_apart(path, [part.path for part in words.parts])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
