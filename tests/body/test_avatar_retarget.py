@@ -125,7 +125,7 @@ def arm_ends(clip: ss.Clip) -> tuple[np.ndarray, np.ndarray]:
     return posed.wrists, posed.shoulders
 
 
-def test_a_surface_is_the_outermost_skin_and_follows_its_joints() -> None:
+def test_a_surface_is_the_outermost_skin_and_follows_its_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """A square of skin, and one of cloth 5 mm above its left half, on two joints that turn apart."""
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0.0, 0.1, 11), np.linspace(0.0, 0.1, 11)))
     corner = (np.arange(10)[:, None] * 11 + np.arange(10)).ravel()
@@ -149,6 +149,10 @@ def test_a_surface_is_the_outermost_skin_and_follows_its_joints() -> None:
     blend = 10.0 * made.points[:, :1]
     np.testing.assert_allclose(points, (1.0 - blend) * made.points + blend * (made.points @ turn[1] + [0.0, 0.0, 1.0]))
     assert (normals[blend[:, 0] > 0.6] @ [0.0, 0.0, 1.0] < -0.99).all()
+    near, _ = made.posed(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (np.array([0.0, 0.05, 0.0]), 0.02))
+    assert 0 < len(near) == (np.linalg.norm(points - [0.0, 0.05, 0.0], axis=1) < 0.02).sum()
+    monkeypatch.setattr(skin_surface, "_MOST_WEIGHTS", len(points))
+    assert skin_surface.surface(mesh, [0, 1], np.zeros((2, 3)), 0.004) is None, "more than its bound"
 
 
 def test_convert_puts_a_file_onto_an_avatar(folder: Path, tmp_path: Path) -> None:
