@@ -30,20 +30,47 @@ _SIDES = ("Right", "Left")
 """The strong and the weak arm of a right-handed signer."""
 
 
-def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+def steadied(states: FloatArray, signer: Signer, fps: float, exact: bool = False) -> FloatArray:
     """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
-    arm; in plain motion the states themselves.
+    arm; in plain motion the states themselves. ``exact``: elbows go where wrists can turn hands as they are written.
     """
     if not signer.manner.low_elbows:
         return states
     states = _directed(
         states, gaussian_filter1d(_directions(states, signer), _WIDTH_S * fps, axis=0, mode="nearest"), signer
     )
+    if exact:
+        states = _eased(states, signer, fps)
     for which in (0, 1):
         turns = gaussian_filter1d(_clearing(states, which, signer, fps), _CLEARING_S * fps, mode="nearest")
         states = states.copy()
         states[:, pose.TURNS.start + which] += turns
     return states
+
+
+_CANDIDATES = np.deg2rad(np.linspace(-72.0, 48.0, 21))
+_EASY = np.deg2rad([40.0, 26.0])
+"""Turns of an elbow outwards and inwards that cost 1."""
+_MISSED = np.deg2rad(6.0)
+"""Angle by which a hand misses its direction that costs 1."""
+_EASE_SHARPNESS = 2.0
+
+
+def _eased(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) with elbows turned to where hands miss their directions less."""
+    both = pose.hands(states)
+    arm = pose.solve_arm(both[..., pose.WRIST], signer)
+    usual = pose.wrist_angles(arm, both[..., pose.ROTVEC], signer, states[..., pose.TURNS]).swivel
+    if not (pose.missed_angle(arm, both[..., pose.ROTVEC], usual[..., None]) > 0.3 * _MISSED).any():
+        return states
+    missed = pose.missed_angle(arm, both[..., pose.ROTVEC], usual[..., None] + _CANDIDATES)  # (T, 2, 21)
+    turned = _CANDIDATES / np.where(_CANDIDATES < 0.0, *_EASY)
+    cost = np.square(missed / _MISSED) + np.square(turned)
+    weight = np.exp(-_EASE_SHARPNESS * (cost - cost.min(axis=-1, keepdims=True)))
+    turns = (weight * _CANDIDATES).sum(axis=-1) / weight.sum(axis=-1)
+    eased = states.copy()
+    eased[:, pose.TURNS] += gaussian_filter1d(turns, _CLEARING_S * fps, axis=0, mode="nearest")
+    return eased
 
 
 def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:

@@ -30,8 +30,8 @@ _SEGMENTS: dict[str, tuple[tuple[str, ...], float, str]] = {
 }
 """Points of a finger whose mean a part of it is, its thickness over that at the tip, and its usual side."""
 _WRIST = {
-    "palmar": (2.4, (0.0, -1.0, 0.0)),
-    "dorsal": (2.4, (0.0, 1.0, 0.0)),
+    "palmar": (2.8, (0.0, -1.0, 0.0)),
+    "dorsal": (2.8, (0.0, 1.0, 0.0)),
     "radial": (2.8, (0.0, 0.0, 1.0)),
     "ulnar": (2.8, (0.0, 0.0, -1.0)),
 }

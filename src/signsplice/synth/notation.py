@@ -43,7 +43,7 @@ from signsplice.synth.phonology import (
 )
 from signsplice.synth.tables import FOLDER
 
-_POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "skin", "palm", "fingers")
+_POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "touch", "palm", "fingers")
 _ONLY_M = ("path", "w.path", "local", "w.local", "times", "return", "step", "tempo", "keep")
 _KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), *_ONLY_M, "for", "head", "trunk")
 _LIFT_CM = 3.0
@@ -124,7 +124,7 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
         raise first.error(f"{header[:80]!r}, expected GLOSS hands={'|'.join(HANDS)} [kind=sign|letter]")
     gloss, hands, kind = match["gloss"], match["hands"], match["kind"] or "sign"
     _one_of(first, "hands", hands, HANDS)
-    _one_of(first, "kind", kind, ("sign", "letter", "pseudo"))
+    _one_of(first, "kind", kind, ("sign", "letter", "pseudo", "written"))
     notes = {"source": "", "synonyms": ""}
     segments: list[Segment] = []
     for position, content in block[1:]:
@@ -197,14 +197,14 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
         changes |= {
             "location": _composed(line, f"{prefix}at", fields["at"], LOCATIONS, is_location),
             "off": 0.0,
-            "on_skin": False,
+            "touch": False,
         }
     if "shape" in fields:
         changes["shape"] = _composed(line, f"{prefix}shape", fields["shape"], HANDSHAPES, is_handshape)
     if "by" in fields:
         changes["part"] = _composed(line, f"{prefix}by", fields["by"], PARTS, is_part)
-    if "skin" in fields:
-        changes["on_skin"] = _one_of(line, f"{prefix}skin", fields["skin"], ("yes", "no")) == "yes"
+    if "touch" in fields:
+        changes["touch"] = _one_of(line, f"{prefix}touch", fields["touch"], ("yes", "no")) == "yes"
     if "off" in fields:
         changes["off"] = _number(line, f"{prefix}off", fields["off"], -5.0, 60.0)
     if "at" in fields or "shift" in fields:

@@ -32,7 +32,7 @@ def _posture(posture: Posture, before: Posture | None, prefix: str, hands: str) 
     anew = before is None or posture.location != before.location
     old = before or Posture("", "", "palm", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     if anew:
-        old = replace(old, location="", off=0.0, shift=(0.0, 0.0, 0.0), on_skin=False)
+        old = replace(old, location="", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
     lower = lower_cm(posture.location, hands)
     x, y, z = posture.shift
     shift = _numbers((x, y + lower, z))
@@ -44,7 +44,7 @@ def _posture(posture: Posture, before: Posture | None, prefix: str, hands: str) 
         "shift": shift
         if shift != ("0,0,0" if anew else _numbers((old.shift[0], old.shift[1] + lower, old.shift[2])))
         else "",
-        "skin": ("yes" if posture.on_skin else "no") if posture.on_skin != old.on_skin else "",
+        "touch": ("yes" if posture.touch else "no") if posture.touch != old.touch else "",
         "palm": _direction(posture.palm) if posture.palm != old.palm else "",
         "fingers": _direction(posture.fingers) if posture.fingers != old.fingers else "",
     }

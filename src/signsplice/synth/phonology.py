@@ -126,6 +126,7 @@ class Posture:
     off: distance of the part from the body's surface, cm
     shift: displacement from there, cm
     on_skin: whether the hand lies on the skin there, wherever ``shift`` brings it, and no deeper
+    touch: whether the part touches there, as nearly as the rest of the hand, which goes no deeper, allows
     """
 
     shape: str
@@ -136,6 +137,7 @@ class Posture:
     off: float = 0.0
     shift: Vector = (0.0, 0.0, 0.0)
     on_skin: bool = False
+    touch: bool = False
 
 
 @dataclass(frozen=True)

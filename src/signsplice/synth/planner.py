@@ -20,6 +20,7 @@ from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
+from signsplice.synth.placing import placed
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
@@ -84,10 +85,12 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     plan.add_overlays(states, offset)
     gestures.add(states, sign.gestures, events, fps)
     states = add_body_motion(states, events, signer, fps)
-    for _ in range(2):  # a forearm that is turned can meet the other hand
-        states = clear_collisions(elbows.steadied(states, signer, fps), signer)
-    clip = pose.clip(states, signer, fps, sign.gloss)
     segments = tuple(one.later(offset) for one in plan.timed)
+    exact = sign.kind == "written"
+    for _ in range(2):  # a forearm that is turned can meet the other hand
+        states = elbows.steadied(states, signer, fps, exact)
+        states = clear_collisions(placed(states, segments, sign, signer, fps) if exact else states, signer)
+    clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
 
 

@@ -220,6 +220,24 @@ def _split(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return twist, swing[..., 1], swing[..., 2]
 
 
+def missed_angle(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
+    """By how much (..., S), radians, forearm and wrist miss the rotations ``rotvecs`` (..., 3) with elbows at
+    ``swivels`` (..., S), since they keep to their limits.
+    """
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    turned = rotation.multiply(
+        rotation.exp(-swivels[..., None] * axis[..., None, :]), rotation.exp(rotvecs)[..., None, :]
+    )
+    twist, deviation, flexion = _split(turned)
+    limits = ((-FOREARM_LIMIT, FOREARM_LIMIT), *WRIST_LIMITS)
+    kept = [
+        _soft_clip(x, low, high, _MARGIN) for x, (low, high) in zip((twist, deviation, flexion), limits, strict=True)
+    ]
+    swing = rotation.exp(np.stack([np.zeros_like(kept[1]), *kept[1:]], axis=-1))
+    made = rotation.multiply(rotation.exp(kept[0][..., None] * _X), swing)
+    return np.asarray(np.linalg.norm(rotation.log(rotation.multiply(rotation.inverse(made), turned)), axis=-1))
+
+
 def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip:
     """The motion of states (T, 65) as a clip on the signer's skeleton."""
     return Clip(skeleton(signer), *rotations(states, signer), fps, name)

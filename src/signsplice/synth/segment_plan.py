@@ -130,7 +130,7 @@ class SegmentPlan:
             location = segment.strong.location
             if location == REST:
                 strong = resting(self.signer, self.sign.gloss)[:27]
-            elif in_space(location) and not (meets and location.endswith("-mid")) and not segment.strong.on_skin:
+            elif in_space(location) and not (meets and location.endswith("-mid")) and not segment.strong.touch:
                 strong = translated(strong, self.jitter, self.signer)
             pairs.append((strong, strong if meets else weak.hand))
         tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
@@ -236,7 +236,7 @@ def touches(segment: Segment, sign: Sign) -> bool:
     """
     posture = segment.strong
     meets = sign.hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
-    free = in_space(posture.location) and not meets and not posture.on_skin
+    free = in_space(posture.location) and not meets and not posture.touch
     return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
 
 
@@ -267,8 +267,8 @@ def low_passed(
     if not len(centres):
         return np.asarray(smooth)
     radius = max(_REACH * deviation, 2.0)
-    factors = np.linalg.solve(_bump(centres, centres, radius), states[centres] - smooth[centres])
-    return np.asarray(smooth + _bump(frames, centres, radius) @ factors)
+    factors = np.linalg.solve(bump(centres, centres, radius), states[centres] - smooth[centres])
+    return np.asarray(smooth + bump(frames, centres, radius) @ factors)
 
 
 def _deviations(
@@ -286,7 +286,7 @@ def _deviations(
     return np.asarray(out, np.float64)
 
 
-def _bump(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> FloatArray:
+def bump(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> FloatArray:
     """Wendland's function (F, C) of the distance in frames: 1 at 0, 0 from ``radius`` on, twice differentiable, and
     positive definite, so that any values at the centres can be met.
     """

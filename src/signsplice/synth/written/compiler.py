@@ -14,7 +14,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.synth import pose
 from signsplice.synth.avoidance import between_hands
-from signsplice.synth.locations import strong_hand
+from signsplice.synth.locations import WeakArm, strong_hand
 from signsplice.synth.notation import parse
 from signsplice.synth.notation_text import notation_path, notation_text
 from signsplice.synth.phonology import Path, Posture, Segment, Sign, faults, on_base
@@ -22,16 +22,18 @@ from signsplice.synth.signer import STANDARD
 from signsplice.synth.written.directions import plus, unit
 from signsplice.synth.written.faces import body_tracks
 from signsplice.synth.written.hands import KINDS, HandState, checked, palm_point, resting, weak_arm
-from signsplice.synth.written.places import ON_ARM, Spot, part_of_hand, spot
+from signsplice.synth.written.places import ON_ARM, Spot, part_of_hand, point_of, spot
 from signsplice.synth.written.steps import Step, View, common_tempo, spread, steps
 from signsplice.synth.written.tree import Motion, Pair, Place, WrittenPosture, WrittenSign
 
 _GAP_CM = {"close": 3.0, "armextended": 12.0}
 """Between two hands that are a pair; 0 for every other contact."""
 _PAIR_SPACE = "space:0,2,26"
+_PAIR_FORWARD = 24.0
+"""How far before the chest joint two hands that meet before the body are at least, cm."""
 _TEMPO = (0.25, 3.0)
 _RETURN_TEMPO = 1.2
-_WEAK_ARM = WrittenPosture(fingers=("r",), palm=("d",), place=Place("stomach", contact="close"))
+_WEAK_ARM = WrittenPosture(fingers=("or",), palm=("d",), place=Place("stomach", contact="close"))
 """The weak hand of a one-handed sign that is made at it, where nothing is written of it."""
 
 
@@ -75,7 +77,7 @@ def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
         segments = [*segments, Segment("H", segments[-1].strong, segments[-1].weak)]
     else:
         segments = [replace(segments[-1], kind="H")]
-    text = notation_text(Sign(gloss, hands, tuple(segments), _source(sign)))
+    text = notation_text(Sign(gloss, hands, tuple(segments), _source(sign), kind="written"))
     return replace(parse(text)[gloss], gestures=body_tracks(sign))
 
 
@@ -89,13 +91,19 @@ def _same_way(mine: Step, its: Step) -> bool:
     return unit(apart) is None and notation_path(there) == notation_path(its.path)
 
 
+def _of_weak_hand(step: Step) -> Step:
+    """What a step of the strong hand alone says of the weak one, which stays where it is."""
+    target = None if step.target is None else step.target.weak
+    return Step(target=target, literal=True, marks=step.marks, back=step.back)
+
+
 def _source(sign: WrittenSign) -> str:
     return f"compiled from {sign.where.file}" if sign.where.file else "compiled"
 
 
 def _one_move(made: _Compiler) -> bool:
     moves = [s for s in collapsed(made.track) if s.kind == "M"]
-    return len(moves) == 1 and (moves[0].path.kind == "circle" or not moves[0].strong.on_skin)
+    return len(moves) == 1 and (moves[0].path.kind == "circle" or not moves[0].strong.touch)
 
 
 def _alternates(motions: tuple[Motion, ...]) -> bool:
@@ -193,18 +201,15 @@ class _Compiler:
         weak_steps: list[Step] = []
         for n, motion in enumerate(sign.motions):
             mine = steps(motion, View(), 100 + n) if sign.hands != "weak" else []
-            its = (
-                steps(motion, weak_view, 100 + n) if self.hands == "base" and own and self._moves(sign, motion) else []
-            )
+            its: list[Step] = []
+            if self.hands == "base" and own:
+                moves = sign.hands not in ("one", "two") or _splits((motion,))
+                its = steps(motion, weak_view, 100 + n) if moves else [_of_weak_hand(step) for step in mine]
             count = max(len(mine), len(its))
             strong_steps += spread(mine, count)
             weak_steps += spread(its, count)
         for mine_step, its_step in zip(strong_steps, weak_steps, strict=True):
             self._step(mine_step, its_step)
-
-    def _moves(self, sign: WrittenSign, motion: Motion) -> bool:
-        """Whether the weak hand takes part in a motion."""
-        return sign.hands != "one" or _splits((motion,))
 
     def _step(self, mine: Step, its: Step) -> None:
         for k, step in enumerate((mine, its)):
@@ -249,7 +254,7 @@ class _Compiler:
         """Let the hand touch first what it then brushes along."""
         posture = WrittenPosture(place=replace(brushing, contact="touch")) if isinstance(brushing, Place) else (
             WrittenPosture(pair=replace(brushing, contact="touch")))  # fmt: skip
-        if self.strong.made.on_skin:
+        if self.strong.made.touch:
             return
         self.strong = self.strong.written(posture, self.kind)
         self._place(posture, first=False, hands=(True, False))
@@ -294,12 +299,15 @@ class _Compiler:
         if self.hands == "symmetric":
             part = part_of_hand(pair.strong) if pair.strong is not None else "palm"
             here = replace(where, part=part, off=0.5 * gap, touches=False)
-            if where.location.startswith("space:"):
-                y, z = where.location.split(",")[1:]
-                here = replace(here, location=f"space:0,{y},{z}", shift=(0.0, 0.0, 0.0))
+            if where.touches:
+                here = replace(here, off=0.0, shift=(1.5 + 0.5 * gap, 0.0, 0.0))
             else:
-                here = replace(here, off=where.off, shift=(1.5 + 0.5 * gap, 0.0, 0.0))
-            self.strong = self.strong.at(here, False, on_skin=not pair.strong or gap < 1.0)
+                _, up, forward = point_of(where)
+                forward = max(forward, _PAIR_FORWARD)
+                here = replace(here, location=f"space:0,{up:.4g},{forward:.4g}", shift=(0.0, 0.0, 0.0))
+            self.strong = self.strong.at(here, False, touch=gap < 1.0)
+            if pair.strong is None and not where.touches:
+                self.strong = self._apart(gap)
             return
         if self.weak.posture is None:
             raise InputError("hands meet, but the sign has one")
@@ -307,14 +315,29 @@ class _Compiler:
         weak_part = part_of_hand(pair.weak) if pair.weak is not None and not arm else "palm"
         strong_part = part_of_hand(pair.strong) if pair.strong is not None else "palm"
         if pair.place is not None or place is not None or first:
+            if not where.touches:
+                out, up, forward = point_of(where)
+                where = Spot(f"space:{out:.4g},{up:.4g},{max(forward, _PAIR_FORWARD):.4g}")
             self.weak = self.weak.at(replace(where, part=weak_part), False)
         weak = self.weak.made
         if pair.weak is None and pair.strong is None:
             self.strong = self._nearest(weak, gap)
         else:
             self.strong = self.strong.at(
-                Spot(arm or f"base-{weak_part}", gap, part=strong_part), False, on_skin=gap < 1.0
+                Spot(arm or f"base-{weak_part}", gap, part=strong_part), False, touch=gap < 1.0
             )
+
+    def _apart(self, gap: float) -> HandState:
+        """The strong hand so far from the midline that the skins of both hands, which mirror one another, are ``gap``
+        apart.
+        """
+        made = replace(self.strong.made, touch=False)
+        nobody = WeakArm(STANDARD, np.zeros(27))
+        for _ in range(4):
+            state = strong_hand(made, nobody, meets=True)
+            apart = float(between_hands(pose.of_hands(state, state)[None], STANDARD)[0])
+            made = replace(made, off=made.off + 0.5 * (gap - apart))
+        return replace(self.strong, posture=replace(made, touch=gap < 1.0))
 
     def _middle(self, place: Place | None, first: bool) -> Spot:
         """Where a pair is."""

@@ -112,14 +112,14 @@ class HandState:
             place=place or self.place,
         )
 
-    def at(self, where: Spot, one_handed: bool, on_skin: bool | None = None) -> HandState:
+    def at(self, where: Spot, one_handed: bool, touch: bool | None = None) -> HandState:
         """The hand in the posture that it makes at a place."""
         assert self.shape is not None
         along, faces = self.axes
         part = where.part or usual_part(self.shape, where.touches or (one_handed and where.head))
         made = Posture(
             shape_text(self.shape), where.location, part, faces, along, where.off, where.shift,
-            where.touches if on_skin is None else on_skin,
+            touch=where.touches if touch is None else touch,
         )  # fmt: skip
         return replace(self, posture=made)
 
@@ -163,7 +163,7 @@ class HandState:
         if still and formed and old.off < 1.0 and not old.location.startswith("space"):
             return replace(self, posture=turned)
         here = palm_point(old, before, self.meets)
-        turned = replace(turned, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), on_skin=False)
+        turned = replace(turned, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
         shift = plus(plus(here, travel), palm_point(turned, weak), -1.0)
         return replace(self, posture=replace(turned, shift=shift))
 
@@ -171,7 +171,7 @@ class HandState:
         """The hand after a motion away from the other hand."""
         here = plus(palm_point(old, before, self.meets), travel)
         location = "space:" + ",".join(f"{round(c, 2) + 0.0:g}" for c in here)
-        turned = replace(turned, location=location, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), on_skin=False)
+        turned = replace(turned, location=location, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
         return replace(self, posture=turned)
 
 
@@ -216,7 +216,7 @@ def checked(state: HandState, lenient: bool) -> HandState:
 def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool) -> Posture:
     """A posture moved by ``travel``; a short way along the skin that it touches it slides."""
     length = dot(travel, travel) ** 0.5
-    if posture.on_skin and not fast and length <= _SLIDE_CM:
+    if posture.touch and not fast and length <= _SLIDE_CM:
         normal = locations.locate(posture.location, weak_arm(weak)).normal * _AXES
         if normal.any() and abs(float(normal @ np.array(travel))) < _SLIDE_COSINE * length:
             slid = _beside(posture.location, travel)
@@ -224,7 +224,7 @@ def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool)
                 return replace(posture, location=slid)
             if on_arm(posture.location):
                 return replace(posture, shift=plus(posture.shift, travel))
-    return replace(posture, shift=plus(posture.shift, travel), on_skin=False)
+    return replace(posture, shift=plus(posture.shift, travel), touch=False)
 
 
 def _beside(location: str, travel: Vector) -> str:
@@ -249,7 +249,7 @@ def weak_arm(posture: Posture | None) -> WeakArm:
 def palm_point(posture: Posture, weak: Posture | None, meets: bool = False) -> Vector:
     """The middle of the palm (out, up, forward) of a hand of the standard signer, cm."""
     needed = weak_arm(weak) if on_arm(posture.location) else WeakArm(STANDARD, np.zeros(27))
-    if posture.on_skin:
+    if posture.touch:
         wrist = locations.strong_hand(posture, needed, meets)[:3]
         quat = locations.facing(posture.palm, posture.fingers)
     else:

@@ -8,8 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from signsplice.errors import InputError
+from signsplice.synth import locations
+from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import Vector
+from signsplice.synth.signer import STANDARD
+from signsplice.synth.written.directions import plus
 from signsplice.synth.written.tree import Place, Site, WrittenShape
 
 _HEIGHTS = {
@@ -82,25 +88,28 @@ def spot(place: Place, own_side: bool) -> Spot:
     contact = place.contact or place.between.contact
     one = _one(replace(place, side=place.side or place.between.side), contact, own_side)
     other = _one(replace(place.between, side=place.between.side or place.side), contact, own_side)
-    points = [_point(s) for s in (one, other)]
-    if points[0] is not None and points[1] is not None:
-        middle = tuple(0.5 * (a + b) for a, b in zip(*points, strict=True))
+    if one.location.startswith("space:") or other.location.startswith("space:"):
+        middle = tuple(0.5 * (a + b) for a, b in zip(point_of(one), point_of(other), strict=True))
         return Spot(_space(middle), part=part, head=one.head and other.head)
-    shift = tuple(0.5 * (a + b) for a, b in zip(one.shift, other.shift, strict=True))
-    off = 0.5 * (one.off + other.off)
-    names = [s.location for s in (one, other)]
-    if points[0] is not None or points[1] is not None:  # space before the trunk, and a place of the head
-        names = [_skin(p, own_side)[0] for p in (place, place.between)]
-        off = max(one.off, other.off, _HEAD_OFF.get(contact, 0.0), 10.0)
+    a, b, c = (0.5 * (x + y) for x, y in zip(one.shift, other.shift, strict=True))
+    names = [one.location, other.location]
     location = names[0] if names[0] == names[1] else "/".join(names)
-    return Spot(location, off, shift, part, one.touches, one.head or other.head)  # type: ignore[arg-type]
+    return Spot(location, 0.5 * (one.off + other.off), (a, b, c), part, one.touches, one.head or other.head)
+
+
+def point_of(where: Spot) -> Vector:
+    """Where a place on head or trunk, or in space, is of the standard signer (out, up, forward), cm."""
+    found = locations.locate(where.location, WeakArm(STANDARD, np.zeros(27)))
+    x, y, z = (found.point + where.off * found.normal).tolist()
+    return plus((-x, y, z), where.shift)
 
 
 def _one(place: Place, contact: str, own_side: bool) -> Spot:
     """Where a place is, without the other one that it is halfway to."""
     location, beside = _skin(place, own_side)
-    touches = contact in _TOUCHES
     head = place.name not in _TRUNK
+    organ = head and place.name != "head" and not place.side.endswith("beside")
+    touches = contact in _TOUCHES or (organ and not contact)
     in_space = (not head or (place.name == "head" and contact != "close")) and not touches
     if in_space and not place.behind:
         return Spot(_space((_sideways(place, own_side), _HEIGHTS[place.name], _FORWARD[contact])), head=head)
@@ -145,11 +154,6 @@ def _skin(place: Place, own_side: bool) -> tuple[str, float]:
 
 def _space(point: tuple[float, ...]) -> str:
     return "space:" + ",".join(f"{round(c, 2) + 0.0:g}" for c in point)
-
-
-def _point(one: Spot) -> tuple[float, ...] | None:
-    """The point of a place in space; None for one on the skin."""
-    return tuple(map(float, one.location[6:].split(","))) if one.location.startswith("space:") else None
 
 
 def _arm_spot(place: Place) -> Spot:

@@ -1,0 +1,147 @@
+"""Hands of written signs brought to their written places in the motion, on the body as it moves.
+
+What a word goes through (limits of the wrist, elbows that move steadily, head and trunk, hands that keep apart) leaves
+a hand, or a finger that touches, up to some centimetres from where its posture is written. Wrists are moved by what is
+missing at each posture, spread in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.kinematics import rest_positions
+from signsplice.synth import hand, pose
+from signsplice.synth.contact import PosedSigner, posed_signer
+from signsplice.synth.hand_parts import hand_part
+from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
+from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm
+from signsplice.synth.segment_plan import TimedSegment, bump
+from signsplice.synth.signer import JOINTS, Signer, skeleton
+
+_ROUNDS = 3
+_RADIUS_S = 0.3
+"""How far from a posture in time a correction reaches."""
+_LEFT_CM = 0.8
+"""How far from its place a hand that touches nothing may stay."""
+_LEFT_ALONE = ON_ARM | {REST}
+"""Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""
+_MOST_CM = 8.0
+_MOST_TURN = np.deg2rad(25.0)
+"""How far a hand is moved, and turned, at most."""
+_STEADY = 0.1
+"""What keeps corrections at frames beside one another from growing."""
+_SIDES = ("Right", "Left")
+
+
+def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
+    signer = replace(signer, left_handed=False)
+    wanted = [one for one in _postures(segments, sign) if one[2].location not in _LEFT_ALONE]
+    moves, turns = np.zeros((2, len(states), 2, 3))
+    best, quats, moved = (np.inf, states), pose.hand_rotations(states, signer), states
+    for n in range(_ROUNDS + 1):
+        posed = posed_signer(moved, signer)
+        found = [(frame, which, *_missing(posed, frame, which, posture, sign)) for frame, which, posture in wanted]
+        left = sum(float(np.linalg.norm(miss)) for *_, miss, _ in found)
+        if left < best[0]:
+            best = (left, moved)
+        if n == _ROUNDS or left == 0.0:
+            break
+        moves = moves + _spread([one[:3] for one in found], len(states), fps)
+        if n:  # where arms do not reach, hands turn about the wrist for the part that touches
+            lean = [
+                (frame, which, _turn(arm, miss) if posture.touch else np.zeros(3))
+                for (frame, which, miss, arm), (_, _, posture) in zip(found, wanted, strict=True)
+            ]
+            turns = turns + _spread(lean, len(states), fps)
+        moves, turns = (_limited(x, most) for x, most in ((moves, _MOST_CM), (turns, _MOST_TURN)))
+        moved = states.copy()
+        both = pose.hands(moved)
+        both[..., pose.WRIST] += moves
+        turned = rotation.multiply(rotation.exp(turns), quats)
+        both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
+    return best[1]
+
+
+def _turn(arm: FloatArray, miss: FloatArray) -> FloatArray:
+    """The rotation vector (3,) that brings the end of an arm (3,) nearer to what it misses by ``miss`` (3,)."""
+    return np.asarray(np.cross(arm, miss) / max(float(arm @ arm), 4.0))
+
+
+def _limited(vectors: FloatArray, most: float) -> FloatArray:
+    """Vectors (..., 3) of a length of at most ``most``."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors * np.minimum(1.0, most / np.maximum(length, 1e-9)))
+
+
+def _spread(missing: Sequence[tuple[int, int, FloatArray]], n_frames: int, fps: float) -> FloatArray:
+    """Displacements (T, 2, 3) that are what is missing at some frames of each hand, and fade between them."""
+    moves = np.zeros((n_frames, 2, 3))
+    radius = max(3.0, _RADIUS_S * fps)
+    for which in (0, 1):
+        found = {frame: miss for frame, w, miss in missing if w == which}
+        frames = np.array(sorted(found), np.intp)
+        if len(frames):
+            near = bump(frames, frames, radius) + _STEADY * np.eye(len(frames))
+            factors = np.linalg.solve(near, np.array([found[int(frame)] for frame in frames]))
+            moves[:, which] = bump(np.arange(n_frames), frames, radius) @ factors
+    return moves
+
+
+def _postures(segments: Sequence[TimedSegment], sign: Sign) -> Iterator[tuple[int, int, Posture]]:
+    """Frame, hand (0 strong, 1 weak) and posture of each segment's end; of a movement that is made more often, of each
+    time that its posture touches.
+    """
+    mirrored = sign.hands == "symmetric"
+    for one in segments:
+        hands = ((0, one.segment.strong), (1, one.segment.strong if mirrored else one.segment.weak))
+        for which, posture in hands:
+            if posture is not None:
+                ends = [stop for _, stop in one.passes] if posture.touch and one.segment.times > 1 else [one.end]
+                yield from ((frame, which, posture) for frame in ends)
+
+
+def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> tuple[FloatArray, FloatArray]:
+    """What moves the part of a hand from where it is to where a posture puts it, (3,), and the part from its wrist
+    (3,), cm, in the chest's axes, mirrored for the weak hand as its state is.
+    """
+    signer, state = posed.signer, posed.states[frame]
+    chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
+    site, unit = hand_part(posture.part), signer.hands * signer.scale
+    joint = JOINTS[f"{_SIDES[which]}Hand"]
+    mirror = MIRROR if which else np.ones(3)
+    own = state[27 * which : 27 * which + 27]
+    centre = site.centre(hand.points(own[pose.FINGERS])) * unit * mirror
+    arm = mirror * (posed.rotations[frame, joint] @ centre @ chest)
+    here = mirror * ((posed.positions[frame, joint] - origin) @ chest) + arm
+    weak = WeakArm(signer, state[27:54])
+    if on_arm(posture.location):
+        left = [JOINTS[name] for name in ("LeftArm", "LeftForeArm", "LeftHand")]
+        shoulder, elbow, wrist = (posed.positions[frame, left] - origin) @ chest * MIRROR
+        turned = chest.T @ posed.rotations[frame, left[2]]
+        quat = rotation.from_matrix(MIRROR[:, None] * turned * MIRROR)
+        found = on_weak_arm(posture.location, weak, shoulder, elbow, wrist, quat)
+    else:
+        found = locate(posture.location, weak)
+    point, normal = found.point, found.normal
+    if normal.any() and not on_arm(posture.location):  # the body as it is now
+        carrier = JOINTS[on_joint(posture.location)]
+        rest = rest_positions(skeleton(signer))
+        turn = chest.T @ posed.rotations[frame, carrier]
+        place = chest.T @ (posed.positions[frame, carrier] - origin)
+        point = mirror * (place + turn @ (mirror * point + rest[JOINTS["Spine2"]] - rest[carrier]))
+        normal = mirror * (turn @ (mirror * normal))
+    wanted = point + axes(posture.shift) * signer.scale
+    if normal.any():
+        wanted = wanted + (site.skin * unit + posture.off * signer.scale) * normal
+    elif sign.hands == "symmetric" and found.point[0] == 0.0:
+        wanted = wanted + axes((site.skin * unit + posture.off * signer.scale, 0.0, 0.0))
+    missing = wanted - here
+    length = float(np.linalg.norm(missing))
+    left = 0.05 if posture.touch else _LEFT_CM * signer.scale
+    return missing * max(0.0, min(length, _MOST_CM) - left) / max(length, 1e-9), arm
