@@ -23,6 +23,7 @@ import fuzz_mutators
 import fuzz_oracles
 import fuzz_recipes
 import fuzz_seeds
+import fuzz_written
 import signsplice as ss
 from fuzz_clips import unpacked
 from fuzz_seeds import CLASSICAL, N_REPORTED, ROOT, clip
@@ -45,6 +46,7 @@ from signsplice.splicing import report as reports
 from signsplice.splicing.methods.choice import open_learned
 from signsplice.synth import notation, planner
 from signsplice.synth.pairs import KINDS, Pairs
+from signsplice.synth.written import files as written
 
 CORPUS = ROOT / "tests" / "fuzz_corpus"
 
@@ -220,6 +222,10 @@ def _put_recipes(content: bytes, folder: Path) -> Path:
     return _put_as("case.parquet" if content[:4] == b"PAR1" else "case.csv")(content, folder)
 
 
+def _put_written(content: bytes, folder: Path) -> Path:
+    return _put_as("case.sigml" if content.lstrip()[:1] == b"<" else "case.csv")(content, folder)
+
+
 def _load_recipes(path: Path) -> tuple[Path, list[Any]]:
     return path, list(recipes.read(path))
 
@@ -323,6 +329,7 @@ TARGETS = {
         Target("pairs", fuzz_seeds.pairs_seeds, fuzz_folders.of_pairs, _put_folder, Pairs, _use_pairs, _unpacked_npz),
         Target("signs", lambda: [fuzz_seeds.SIGNS], fuzz_mutators.of_text, _put_as("case.signs"), notation.read,
                _use_signs),
+        Target("written", fuzz_written.seeds, fuzz_written.mutated, _put_written, written.read, fuzz_written.use),
         Target("roles", fuzz_seeds.roles_seeds, fuzz_mutators.of_json, _put_as("case.json"), roles_files.read,
                lambda read: use_clip(roles_files.with_roles(clip(4, "other"), read))),
         Target("report", fuzz_seeds.report_seeds, fuzz_mutators.of_json, _put_as("case.json"),

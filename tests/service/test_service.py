@@ -126,6 +126,32 @@ def test_files_are_spliced_in_order(service: httpx.Client, words: dict[str, Clip
     assert base64.b64decode(answer["files"]["bvh"]) == bvh.encode(result.clip)
 
 
+def test_written_signs_are_signed_and_spliced_beside_clips(service: httpx.Client, words: dict[str, Clip]) -> None:
+    sigml = (Path(__file__).parents[1] / "synth" / "written_signs.sigml").read_bytes()
+    files = [("files", ("DEAF.bvh", bvh.encode(words["DEAF"]))), ("files", ("ten.sigml", sigml))]
+    report = service.post("/v1/splice", files=files, data={"options": '{"formats": []}'}).json()["report"]
+    signs = [span["name"] for span in report["spans"] if span["kind"] == "sign"]
+    assert signs == ["DEAF", "RED", "FATHER", "THROW", "DRINK", "KING", "HOUSE", "WORK", "BICYCLE", "CAR", "RAIN"]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"<sigml>", "x.sigml:1: is no well-formed XML"),
+        (b"<sigml/>", "holds no sign"),
+        (b'<sigml><hamgestural_sign gloss="A"><sign_manual/></hamgestural_sign></sigml>', "A: <sign_manual>: is empty"),
+        (b" " * 300_000, "expected at most 262,144 of written signs"),
+        (b"<sigml>" + b'<hns_sign gloss="A"><hamfist/></hns_sign>' * 500 + b"</sigml>", "signs, expected at most"),
+    ],
+)
+def test_written_signs_that_are_broken_or_too_many_are_refused(
+    service: httpx.Client, content: bytes, message: str
+) -> None:
+    answer = service.post("/v1/splice", files={"files": ("x.sigml", content)})
+    assert answer.status_code == 422 or answer.status_code == 400
+    assert message in answer.text
+
+
 def test_a_single_file_is_returned_unchanged(service: httpx.Client, words: dict[str, Clip]) -> None:
     content = bvh.encode(words["DEAF"])
     assert service.post("/v1/splice?file=bvh", files={"files": ("DEAF.bvh", content)}).content == content

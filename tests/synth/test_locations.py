@@ -14,6 +14,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import hand, locations, pose
+from signsplice.synth.hand_parts import HandPart, hand_part
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import WeakArm, resting
 from signsplice.synth.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
@@ -325,5 +326,7 @@ def test_every_part_can_be_at_every_location() -> None:
 def test_parts_of_a_hand_are_points_of_it() -> None:
     points = HANDSHAPES["5"].points
     assert np.array_equal(points, hand.points(HANDSHAPES["5"].angles))
-    assert np.allclose(locations.part_of(points, ("IndexTip",)), points[hand.POINTS.index("IndexTip")])
-    assert np.allclose(locations.part_of(points, ("Wrist", "Middle1")), 0.5 * points[hand.POINTS.index("Middle1")])
+    assert np.allclose(hand_part("index").centre(points), points[hand.POINTS.index("IndexTip")])
+    assert np.allclose(
+        HandPart(("Wrist", "Middle1"), 1.0, None).centre(points), 0.5 * points[hand.POINTS.index("Middle1")]
+    )

@@ -23,7 +23,7 @@ def test_sounds_are_read_with_the_longest_symbol_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"), [("", "has no sound"), (" . ", "has no sound"), ("heLlo", "'L' is no sound")]
+    ("text", "expected"), [("", "has no sound"), (" . ", "has no sound"), ("heWlo", "'W' is no sound")]
 )
 def test_spelling_and_silence_are_no_sounds(text: str, expected: str) -> None:
     with pytest.raises(InputError, match=expected):

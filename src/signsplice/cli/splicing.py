@@ -133,6 +133,7 @@ def splice(
 @click.command(context_settings=_SETTINGS)
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICON
+@click.option("--fallback", metavar="FILE", help="Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @click.option("--no-pauses", is_flag=True, help="Hold no sign at a comma or a full stop.")
@@ -145,6 +146,7 @@ def splice(
 def sentence(
     glosses: tuple[str, ...],
     lexicon: str | None,
+    fallback: str | None,
     no_spell: bool,
     no_compounds: bool,
     no_pauses: bool,
@@ -161,12 +163,12 @@ def sentence(
     from signsplice.splicing import engine
     from signsplice.splicing.face_rules import RULES
 
-    check_outputs(output, report, [roles, avatar, *_networks(**method_options)])
+    check_outputs(output, report, [roles, avatar, fallback, *_networks(**method_options)])
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
     options = _splice_options(**method_options, face_rules=RULES if has_rules else ())
     signer = _signer(avatar, skin)
     began = time.perf_counter()
-    with open_words(lexicon) as words:
+    with open_words(lexicon, fallback) as words:
         for path in (output, report or output):
             check_apart(path, [words.path])
         units = parse(" ".join(glosses), words, spell=not no_spell, compounds=not no_compounds)

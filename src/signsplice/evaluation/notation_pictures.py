@@ -12,8 +12,9 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.render.picture import Image, Scene, around_hand, dotted, draw, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.synth import locations, notation, planner, pose
+from signsplice.synth.hand_parts import PARTS_OF_HAND
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import ON_HEAD, PARTS_OF_HAND, WeakArm
+from signsplice.synth.locations import ON_HEAD, WeakArm
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import HEAD, IN_SPACE, LOCALS, LOCATIONS, ON_ARM, ON_BASE, TRUNK, Posture, Sign, Vector
 from signsplice.synth.signer import JOINTS, STANDARD
@@ -118,11 +119,12 @@ def _hand_at(posture: Posture) -> Image:
 
 def _part(name: str) -> Image:
     """A dot at a part of the open hand, seen from the palm or from the back."""
-    names, skin, out = PARTS_OF_HAND[name]
+    part = PARTS_OF_HAND[name]
     shape = HANDSHAPES["B-open" if name != "pinch" else "F"]
-    palm = _FORWARD if out[1] <= 0.0 else _BACK
+    normal = part.normal(shape.points)
+    palm = _FORWARD if normal[1] <= 0.0 else _BACK
     _, scene = _still(Posture(shape.name, "space", "palm", palm, _UP))
-    point = locations.part_of(shape.points, names) + skin * np.array(out) / np.linalg.norm(out)
+    point = part.centre(shape.points) + part.skin * normal
     scene = around_hand(scene, 0, "right")
     image = draw(scene, 0, _CELL, _CELL, "right")
     return dotted(image, scene, _seen(scene, "RightHand", point * _SIGNER.hands * _SIGNER.scale), DOT, 4.0)

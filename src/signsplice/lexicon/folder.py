@@ -120,7 +120,7 @@ def find_sources(folder: str | Path, signer: str = "", table: str | Path = "") -
 
 
 def build(
-    folder: str | Path,
+    folder: str | Path | Sequence[str | Path],
     output: str | Path,
     *,
     compact: bool = False,
@@ -131,8 +131,9 @@ def build(
     jobs: int | None = 1,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
+    more: Iterable[tuple[PreparedWord | str, GlossRow]] = (),
 ) -> Built:
-    """Build a lexicon at ``output`` from every clip below ``folder``, with few clips in memory at a time.
+    """Build a lexicon at ``output`` from every clip below ``folder``, or several, with few clips in memory at a time.
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each, rather than
@@ -142,14 +143,12 @@ def build(
     also where one of the folders lies in the other; then nothing has changed at ``output``.
     """
     check_target(output)
-    read, made = Path(folder).resolve(), Path(output).resolve()
-    if made.is_relative_to(read) or read.is_relative_to(made):
-        raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
-    sources, left_out = _wanted(Path(folder), recipe, signer)
-    checks = f"`signsplice lexicon check {quote(str(folder))}`"
+    given, made = [folder] if isinstance(folder, (str, Path)) else [*folder], Path(output).resolve()
+    sources, left_out = _gathered(given, output, recipe, signer)
+    checks = " and ".join(f"`signsplice lexicon check {quote(str(one))}`" for one in given)
     if left_out and not recipe:
-        more = f" (and {len(left_out) - 1} more: {checks})" if len(left_out) > 1 else ""
-        raise InputError(left_out[0] + more)
+        others = f" (and {len(left_out) - 1} more: {checks})" if len(left_out) > 1 else ""
+        raise InputError(left_out[0] + others)
     store = made.with_name(f".{made.name}.prepared") if recipe else None
     task = FileTask((), (), "int16" if compact else "float32", roles, limits, store)
     warnings: list[str] = [*left_out]
@@ -171,8 +170,16 @@ def build(
                 checked=row.checked,
             )  # fmt: skip
             n_letters += entry.kind == "letter"
+        for word, row in more:
+            if isinstance(word, str):
+                left_out.append(f"{word}; left out")
+                warnings.append(left_out[-1])
+                continue
+            warnings += word.warnings
+            builder.add_prepared(word, builder.free(row.gloss), signer=row.signer or signer, source=row.source)
         if not builder.n_words:
-            raise InputError(f"{folder}: every clip is broken, the first one: {left_out[0]}")
+            what = "clip" if given else "sign"
+            raise InputError(f"{given[0] if given else output}: every {what} is broken, the first one: {left_out[0]}")
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out))
 
 
@@ -197,6 +204,26 @@ def reasons(lines: Iterable[str]) -> list[tuple[int, str]]:
     """How many of the lines that begin with a file give a reason, and the reason, the most frequent first."""
     counts = Counter(re.sub(r"'[^']*'|\d[\d,.]*", "...", line.partition(": ")[2]) for line in lines)
     return [(count, reason) for reason, count in counts.most_common()]
+
+
+def _gathered(
+    given: Sequence[str | Path], output: str | Path, recipe: str, signer: str
+) -> tuple[list[Source], list[str]]:
+    """What ``_wanted`` finds in all folders, each gloss once. Raises ``InputError`` where one holds the output, or
+    lies in it.
+    """
+    sources, lines, made = list[Source](), list[str](), Path(output).resolve()
+    for one in given:
+        read = Path(one).resolve()
+        if made.is_relative_to(read) or read.is_relative_to(made):
+            raise InputError(f"{output}: lies in {one}, which is read, or contains it; name another folder")
+        found, faults = _wanted(Path(one), recipe, signer)
+        sources, lines = sources + found, lines + faults
+    twice = _duplicates(sources) if len(given) > 1 else []
+    taken = {source for source, _ in twice}
+    return [source for source in sources if source not in taken], [
+        *dict.fromkeys([*lines, *(line for _, line in twice)])
+    ]
 
 
 def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[str]]:

@@ -205,7 +205,8 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
     async def splice(
         call: Request,
         files: Annotated[
-            list[UploadFile], File(min_length=1, description=f"{listed(WIRE_SUFFIXES)}, in the order of signing.")
+            list[UploadFile],
+            File(min_length=1, description=f"{listed((*WIRE_SUFFIXES, '.sigml'))}, in the order of signing."),
         ],
         options: Annotated[str, Form(description="JSON: the dials of a splice, and formats.")] = "{}",
         file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,

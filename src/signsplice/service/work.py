@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from signsplice.body.capsules import Avatar
@@ -27,7 +28,10 @@ from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain
+from signsplice.synth.written.files import SUFFIXES as WRITTEN_SUFFIXES
 
+_MOST_WRITTEN_BYTES = 256 << 10
+"""Size of a file of written signs, each of which takes some 50 ms to sign."""
 _N_CACHED_AVATARS = 8
 _N_CACHED_CLIPS = 256
 """Words that a process keeps in memory, about 0.3 MB each."""
@@ -129,12 +133,27 @@ def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
 
 
 def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Format | None) -> Answer:
-    """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON.
+    """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON. A file of written signs
+    stands for all of its signs.
 
     Raises ``InputError``.
     """
-    limits = _worker.settings.read_limits
-    return _answer([parse_file(content, name, limits) for name, content in files], request, file, ())
+    clips = list[Clip]()
+    for name, content in files:
+        clips += _clips(name, content, _worker.settings.max_glosses - len(clips))
+    return _answer(clips, request, file, ())
+
+
+def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
+    """The clip of a file, or those of at most so many written signs."""
+    if Path(name).suffix.lower() not in WRITTEN_SUFFIXES:
+        yield parse_file(content, name, _worker.settings.read_limits)
+        return
+    from signsplice.synth.written import signing
+
+    if len(content) > _MOST_WRITTEN_BYTES:
+        raise InputError(f"{name}: {len(content):,} bytes, expected at most {_MOST_WRITTEN_BYTES:,} of written signs")
+    yield from signing.clips(content, name, most)
 
 
 def _answer(

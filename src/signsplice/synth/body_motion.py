@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, pose, trajectory
 from signsplice.synth.carrying import Nearness, carried, nearness
-from signsplice.synth.phonology import Segment
+from signsplice.synth.phonology import Local, Segment
 from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
@@ -90,36 +90,44 @@ def _smoothed(values: FloatArray, fps: float, seconds: float) -> FloatArray:
 
 
 def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer) -> None:
-    """Add a segment's local movement to its states (n, 65), in place."""
-    local = segment.local
-    assert local is not None
-    n = len(states)
-    u = np.linspace(0.0, 1.0, n)
-    level = trajectory.window(n, max(1, round(0.18 * n)))
-    for which in (0, 1):
-        if which == 1 and hands not in ("symmetric", "alternating"):
-            continue
-        phase = np.pi if which == 1 and hands == "alternating" else 0.0
+    """Add a segment's local movements to its states (n, 65), in place."""
+    mirrored = hands in ("symmetric", "alternating")
+    for which, local in enumerate((segment.local, segment.local if mirrored else segment.weak_local)):
         hand_states = states[:, 27 * which : 27 * which + 27]  # (n, 27), a view
-        swing = np.sin(2.0 * np.pi * local.cycles * u + phase) * level
-        amplitude = np.deg2rad(local.amplitude)
-        if local.kind == "twist":
-            hand_states[:, 3] += amplitude * swing
-        elif local.kind == "nod":
-            hand_states[:, 5] += amplitude * swing
-        elif local.kind == "tremble":
-            hand_states[:, 0] += local.amplitude * signer.scale * swing
-        fingers = hand_states[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
-        if local.kind == "wiggle":
-            for f in range(4):
-                one = np.sin(2.0 * np.pi * local.cycles * u + phase - 1.2 * f) * level
-                fingers[:, f, 1] += amplitude * one
-                fingers[:, f, 2] += 0.4 * amplitude * (one + level)
-        elif local.kind == "bend":
-            close = 0.5 * (1.0 - np.cos(2.0 * np.pi * local.cycles * u + phase)) * level
-            fingers[:, :, 1] += (amplitude * close)[:, None]
-        angles = hand_states[:, pose.FINGERS]
-        np.clip(angles, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=angles)
+        while local is not None:
+            _add_local(hand_states, local, np.pi if which == 1 and hands == "alternating" else 0.0, signer)
+            local = local.also
+
+
+def _add_local(hand_states: FloatArray, local: Local, phase: float, signer: Signer) -> None:
+    """Add one hand's local movement to its states (n, 27), in place."""
+    n = len(hand_states)
+    angle = 2.0 * np.pi * local.cycles * np.linspace(0.0, 1.0, n) + phase
+    level = trajectory.window(n, max(1, round(0.18 * n)))
+    swing = np.sin(angle) * level
+    amplitude = np.deg2rad(local.amplitude)
+    if local.kind == "twist":
+        hand_states[:, 3] += amplitude * swing
+    elif local.kind == "nod":
+        hand_states[:, 5] += amplitude * swing
+    elif local.kind == "swing":
+        hand_states[:, 4] += amplitude * swing
+    elif local.kind == "stir":
+        hand_states[:, 4] += amplitude * swing
+        hand_states[:, 5] += abs(amplitude) * (1.0 - np.cos(angle)) * level
+    elif local.kind == "tremble":
+        hand_states[:, 0] += local.amplitude * signer.scale * swing
+    fingers = hand_states[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
+    if local.kind == "wiggle":
+        for f in range(4):
+            one = np.sin(angle - 1.2 * f) * level
+            fingers[:, f, 1] += amplitude * one
+            fingers[:, f, 2] += 0.4 * amplitude * (one + level)
+    elif local.kind == "bend":
+        close = 0.5 * (1.0 - np.cos(angle)) * level
+        fingers[:, :, 1] += (amplitude * close)[:, None]
+    angles = hand_states[:, pose.FINGERS]
+    np.clip(angles, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=angles)
 
 
 def add_gesture(states: FloatArray, segment: Segment, begin: int, end: int, fps: float) -> None:

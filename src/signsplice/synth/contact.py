@@ -15,10 +15,10 @@ from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import hand, locations, pose
+from signsplice.synth import hand, pose
 from signsplice.synth.avoidance import between_hands, hand_clearances
-from signsplice.synth.locations import PARTS_OF_HAND
-from signsplice.synth.phonology import ON_ARM, ON_BASE, Posture
+from signsplice.synth.hand_parts import hand_part
+from signsplice.synth.phonology import ON_ARM, Posture, on_arm, on_base
 from signsplice.synth.signer import JOINTS, Signer, skeleton
 
 _NEAR_CM = 1.0
@@ -45,9 +45,8 @@ class PosedSigner:
         """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
         cm, and the unit vector (3,) from there to the part, in the chest's axes.
         """
-        names, skin, _ = PARTS_OF_HAND[posture.part]
-        unit = self.signer.hands * self.signer.scale
-        part = locations.part_of(hand.points(self.states[frame, pose.FINGERS]), names) * unit
+        unit, site = self.signer.hands * self.signer.scale, hand_part(posture.part)
+        part = site.centre(hand.points(self.states[frame, pose.FINGERS])) * unit
         wrist = JOINTS["RightHand"]
         point = self.positions[frame, wrist] + self.rotations[frame, wrist] @ part
         rows = list(_surface(posture.location, self.body))
@@ -58,7 +57,7 @@ class PosedSigner:
         radii = self.body.radii[rows, 0] + along * (self.body.radii[rows, 1] - self.body.radii[rows, 0])
         n = int((lengths - radii).argmin())
         normal = out[n] / max(float(lengths[n]), 1e-9) @ self.rotations[frame, JOINTS["Spine2"]]
-        return float(lengths[n] - radii[n]) - skin * unit, normal
+        return float(lengths[n] - radii[n]) - site.skin * unit, normal
 
 
 def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
@@ -75,7 +74,7 @@ def _surface(location: str, body: BodyCapsules) -> Sequence[int]:
     if location in ON_ARM:
         parts = zip(body.parts, body.sides, strict=True)
         return [n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff")]
-    return body.groups.left if location in ON_BASE else (*body.groups.head, *body.groups.trunk)
+    return body.groups.left if on_base(location) else (*body.groups.head, *body.groups.trunk)
 
 
 def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) -> FloatArray:
@@ -91,6 +90,6 @@ def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) 
     turned = np.concatenate([state[27:54], state[:27], state[54:]])  # the weak hand in the strong one's place
     for which, one in enumerate((state, turned) if meets else (state,)):
         _, out = posed_signer(one[None], signer).distance(posture, 0)
-        gap = hand_clearances(one[None], signer)[0, 2 if posture.location in ON_BASE | ON_ARM else 0]
+        gap = hand_clearances(one[None], signer)[0, 2 if on_arm(posture.location) else 0]
         moves[which] = (max(posture.off, 0.0) * signer.scale - gap) * out
     return moves

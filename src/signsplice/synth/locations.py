@@ -18,9 +18,11 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
-from signsplice.synth.avoidance import hand_clearances
+from signsplice.synth.avoidance import between_hands, hand_clearances
+from signsplice.synth.composed import handshape
+from signsplice.synth.hand_parts import HandPart, hand_part
 from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import ON_ARM, ON_BASE, PLACES, Posture, Vector
+from signsplice.synth.phonology import PLACES, REST, Posture, Vector, on_arm
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, JOINTS, Signer, skeleton
 
@@ -30,18 +32,14 @@ def _vector(text: str) -> Vector:
     return x, y, z
 
 
-def _part(names: str, distance: str, direction: str) -> tuple[tuple[str, ...], float, Vector]:
-    """Joints and tips of a hand, the distance of the skin from their mean position, cm, and the direction out of it."""
-    return tuple(names.split(",")), float(distance), _vector(direction)
-
-
 # words/places.txt tells what each table holds.
 _ON_BODY = {name: (joint, _vector(inside), _vector(out)) for name, joint, inside, out in PLACES["body"]}
 ON_HEAD = frozenset(name for name, (joint, _, _) in _ON_BODY.items() if joint == "Head")
 _IN_SPACE = {name: _vector(point) for name, point in PLACES["space"]}
-PARTS_OF_HAND = {name: _part(*row) for name, *row in PLACES["parts"]}
-_INDEX = {"Wrist": -1} | {name: n for n, name in enumerate(hand.POINTS)}
-_ON_BASE = {name: _part(*row) if len(row) > 1 else PARTS_OF_HAND[row[0]] for name, *row in PLACES["base"]}
+_ON_BASE = {
+    name: HandPart(tuple(row[0].split(",")), float(row[1]), _vector(row[2])) if len(row) > 1 else hand_part(row[0])
+    for name, *row in PLACES["base"]
+}
 _ON_WEAK_ARM = {name: (bone, float(at), float(skin), _vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -103,34 +101,72 @@ def _body_locations(signer: Signer) -> dict[str, Location]:
     return {name: Location(point - chest, normal) for name, point, normal in zip(_ON_BODY, skin, normals, strict=True)}
 
 
-def _skin(origins: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
-    """Points (N, 3) where rays from inside leave head and trunk for good, by sphere tracing from outside."""
+_LIFT_CM = 6.0
+"""From how far outside a composed location is brought to the skin."""
+
+
+def _on_body(text: str, signer: Signer) -> Location:
+    """A composed location on the body: ``A/B`` halfway between two, ``NAME:OUT,UP`` so many cm beside one,
+    ``NAME-weak`` on the other side; its point is the skin's nearest.
+    """
+    named, (solid, chest) = body_locations(signer), _head_and_trunk(signer)
+    ends = []
+    for one in text.split("/"):
+        name, _, offset = one.partition(":")
+        place = named[name] if name in named else named[name.removesuffix("-weak")]
+        mirror = np.ones(3) if name in named else MIRROR
+        beside = axes((*map(float, offset.split(",")), 0.0)) if offset else np.zeros(3)  # type: ignore[arg-type]
+        ends.append((mirror * place.point + beside * signer.scale, mirror * place.normal))
+    point, normal = np.mean(ends, axis=0)
+    point = point + chest + _LIFT_CM * signer.scale * normal / np.linalg.norm(normal)
+    for _ in range(12):
+        outward, gaps = (x[0] for x in _outward(point[None], *solid))
+        nearest = int(gaps.argmin())
+        normal = outward[nearest] / np.linalg.norm(outward[nearest])
+        point = point - gaps[nearest] * normal
+    return Location(point - chest, normal)
+
+
+_Solid = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def _head_and_trunk(signer: Signer) -> tuple[_Solid, FloatArray]:
+    """The capsules of head and trunk at rest: starts and spans (K, 3) of their axes, radii (K, 2); and the chest's
+    position (3,).
+    """
     body = capsules.body_capsules(skeleton(signer))
     wanted = [n for n, part in enumerate(body.parts) if part in ("face", "hair", "nose", "neck", "shirt")]
     rest = rest_positions(skeleton(signer))
-    starts = (rest[body.joints] + body.starts)[wanted]  # (K, 3)
+    starts = (rest[body.joints] + body.starts)[wanted]
     spans = (rest[body.joints] + body.ends)[wanted] - starts
-    radii = body.radii[wanted]  # (K, 2)
+    return (starts, spans, body.radii[wanted]), rest[JOINTS["Spine2"]]
+
+
+def _skin(origins: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
+    """Points (N, 3) where rays from inside leave head and trunk for good, by sphere tracing from outside."""
+    solid, _ = _head_and_trunk(signer)
     points = origins + 30.0 * signer.scale * directions
     for _ in range(60):
-        from_start = points[:, None] - starts  # (N, K, 3)
-        t = np.einsum("nkc,kc->nk", from_start, spans) / (np.einsum("kc,kc->k", spans, spans) + 1e-12)
-        t = np.clip(t, 0.0, 1.0)
-        radius = radii[:, 0] + t * (radii[:, 1] - radii[:, 0])
-        clearance = np.linalg.norm(from_start - t[..., None] * spans, axis=-1) - radius
+        _, clearance = _outward(points, *solid)
         points = points - clearance.min(axis=1)[:, None] * directions
     return np.asarray(points)
+
+
+def _outward(
+    points: FloatArray, starts: FloatArray, spans: FloatArray, radii: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """From capsules' axes to points (N, 3): vectors (N, K, 3), and distances (N, K) from their skin."""
+    from_start = points[:, None] - starts  # (N, K, 3)
+    t = np.einsum("nkc,kc->nk", from_start, spans) / (np.einsum("kc,kc->k", spans, spans) + 1e-12)
+    t = np.clip(t, 0.0, 1.0)
+    radius = radii[:, 0] + t * (radii[:, 1] - radii[:, 0])
+    out = from_start - t[..., None] * spans
+    return out, np.linalg.norm(out, axis=-1) - radius
 
 
 def axes(v: Vector | FloatArray) -> FloatArray:
     """A vector (out, up, forward) in the chest's axes X, Y, Z of a right-handed signer."""
     return np.array([-v[0], v[1], v[2]])
-
-
-def part_of(points: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """The mean position (..., 3) of some joints and tips of hands with ``hand.points`` (..., 20, 3)."""
-    with_wrist = np.concatenate([points, np.zeros((*points.shape[:-2], 1, 3))], axis=-2)
-    return np.asarray(with_wrist[..., [_INDEX[name] for name in names], :].mean(axis=-2))
 
 
 def facing(palm: Vector, fingers: Vector) -> FloatArray:
@@ -154,10 +190,15 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
     wrist, quat, angles = strong_wrist(posture, weak, meets, size)
     signer, normal = weak.signer, locate(posture.location, weak).normal
     hand_state = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), angles])
-    for _ in range(_TOUCH_ROUNDS * (posture.on_skin and normal.any())):
-        gaps = hand_clearances(pose.of_hands(hand_state, weak.hand)[None], signer)[0]
-        gap = gaps[2 if posture.location in ON_ARM | ON_BASE else 0]
-        wrist = wrist + (max(posture.off, 0.0) * signer.scale - gap) * normal
+    meeting = meets and not normal.any() and locate(posture.location, weak).point[0] == 0.0
+    for _ in range(_TOUCH_ROUNDS * (posture.on_skin and bool(meeting or normal.any()))):
+        if meeting:
+            gap = 0.5 * between_hands(pose.of_hands(hand_state, hand_state)[None], signer)[0]
+            wrist = wrist + (posture.off * signer.scale - gap) * np.array([-1.0, 0.0, 0.0])
+        else:
+            gaps = hand_clearances(pose.of_hands(hand_state, weak.hand)[None], signer)[0]
+            gap = gaps[2 if on_arm(posture.location) else 0]
+            wrist = wrist + (max(posture.off, 0.0) * signer.scale - gap) * normal
         hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])
     return hand_state
 
@@ -168,12 +209,11 @@ def strong_wrist(
     """The same as the wrist's position (3,), the hand's rotation (4,) and its angles (21,)."""
     signer = weak.signer
     location = locate(posture.location, weak)
-    shape = HANDSHAPES[posture.shape]
+    shape, hand_site = handshape(posture.shape), hand_part(posture.part)
     size = size * signer.scale
     quat = facing(posture.palm, posture.fingers)
-    names, skin, _ = PARTS_OF_HAND[posture.part]
-    unit = signer.hands * signer.scale
-    part = rotation.rotate(quat, part_of(shape.points, names)) * unit
+    unit, skin = signer.hands * signer.scale, hand_site.skin
+    part = rotation.rotate(quat, hand_site.centre(shape.points)) * unit
     shift = axes(posture.shift) * size
     if location.normal.any():
         target = location.point + (skin * unit + posture.off * signer.scale) * location.normal + shift
@@ -202,19 +242,25 @@ def lifted(posture: Posture, weak: WeakArm) -> FloatArray:
 
 
 def locate(name: str, weak: WeakArm) -> Location:
-    """A location, by its name in ``LOCATIONS``, of the signer of the weak arm."""
+    """A location, by its name in ``LOCATIONS`` or composed (``is_location``), of the signer of the weak arm."""
     signer = weak.signer
     if name in _IN_SPACE:
         return Location(axes(_IN_SPACE[name]) * signer.scale, np.zeros(3))
     if name in _ON_BODY:
         return body_locations(signer)[name]
+    if name.startswith("space:"):
+        return Location(axes(_vector(name[6:])) * signer.scale, np.zeros(3))
+    if name == REST:
+        return Location(resting(signer)[:3], np.zeros(3))
+    if name not in _ON_WEAK_ARM and not name.startswith("base-"):
+        return CACHE.recent(_on_body, name, signer, most=2048)
     shoulder, elbow, wrist, quat = weak.joints
-    if name in _ON_BASE:
-        names, skin, out = _ON_BASE[name]
-        unit = signer.hands * signer.scale
-        centre = wrist + rotation.rotate(quat, part_of(hand.points(weak.hand[pose.FINGERS]), names)) * unit
-        normal = rotation.rotate(quat, np.array(out) / np.linalg.norm(out))
-        return Location((centre + skin * unit * normal) * MIRROR, normal * MIRROR)
+    if name not in _ON_WEAK_ARM:
+        site = _ON_BASE[name] if name in _ON_BASE else hand_part(name[5:])
+        unit, points = signer.hands * signer.scale, hand.points(weak.hand[pose.FINGERS])
+        centre = wrist + rotation.rotate(quat, site.centre(points)) * unit
+        normal = rotation.rotate(quat, site.normal(points))
+        return Location((centre + site.skin * unit * normal) * MIRROR, normal * MIRROR)
     bone, fraction, skin, out = _ON_WEAK_ARM[name]
     start, end = (elbow, wrist) if bone == "forearm" else (shoulder, elbow)
     along = (end - start) / np.linalg.norm(end - start)

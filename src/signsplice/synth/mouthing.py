@@ -20,9 +20,10 @@ from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import MOUTH, VISEMES
 
 _ONE = {
-    "PP": "p b m", "FF": "f v", "TH": "T D", "DD": "t d l 5", "kk": "k g N x h C G ?", "CH": "S Z tS dZ", "SS": "s z",
-    "nn": "n J", "RR": "r R 4", "aa": "a A { V a: A:", "E": "e E @ 3 e: E: 3:", "I": "i I j i:",
-    "O": "o O Q 9 o: O: 2:", "U": "u U y Y w H u: y:",
+    "PP": "p b m", "FF": "f v", "TH": "T D", "DD": "t d l 5 L", "kk": "k g N x h C G ? c X q",
+    "CH": "S Z tS dZ", "SS": "s z", "nn": "n J", "RR": "r R 4", "aa": "a A { V a: A:", "E": "e E @ 3 e: E: 3:",
+    "I": "i I j i:",
+    "O": "o O Q 9 2 o: O: 2: 9:", "U": "u U y Y w H u: y:",
 }  # fmt: skip
 SOUNDS = {
     **{sound: (viseme,) for viseme, sounds in _ONE.items() for sound in sounds.split()},
@@ -33,8 +34,8 @@ SOUNDS = {
 A_SECOND = 6.7
 """Phonemes a second where there is no sign to go with."""
 _SIGNS = re.compile("|".join(re.escape(sound) for sound in sorted(SOUNDS, key=len, reverse=True)))
-_NO_SOUND = re.compile(r"[\s.\"%'_|-]+")
-"""What parts syllables and words, and marks of stress."""
+_NO_SOUND = re.compile(r"[\s.\"%'_|:~-]+")
+"""What parts syllables and words, marks of stress, of length and of nasal sounds."""
 _LENGTHS = {1: 1.0, 2: 0.75}
 """Length of each shape of a sound that has one, or two."""
 _WIDTH = 0.5
@@ -62,21 +63,25 @@ def visemes(sampa: str) -> list[list[str]]:
     return found
 
 
+def shapes(sampa: str) -> list[tuple[str, float]]:
+    """Each viseme of a text in SAMPA with its length in sounds. Raises as ``visemes`` does."""
+    return [(name, _LENGTHS[len(sound)]) for sound in visemes(sampa) for name in sound]
+
+
 def mouthing(sampa: str, fps: float, seconds: float | None = None) -> Face:
     """The mouth that says the sounds of a text in SAMPA, from closed to closed; by default at ``A_SECOND``."""
-    sounds = visemes(sampa)
-    shapes = ["sil", *(name for sound in sounds for name in sound), "sil"]
-    lengths = np.array([0.5, *(_LENGTHS[len(sound)] for sound in sounds for _ in sound), 0.5])  # sounds
-    channels = tuple(name for name in ARKIT_CHANNELS if any(name in VISEMES[shape] for shape in shapes))
-    targets = np.array([[VISEMES[shape].get(name, 0.0) for name in channels] for shape in shapes])  # (S, C)
+    said = [("sil", 0.5), *shapes(sampa), ("sil", 0.5)]
+    lengths = np.array([length for _, length in said])  # sounds
+    channels = tuple(name for name in ARKIT_CHANNELS if any(name in VISEMES[shape] for shape, _ in said))
+    targets = np.array([[VISEMES[shape].get(name, 0.0) for name in channels] for shape, _ in said])  # (S, C)
     seconds = lengths.sum() / A_SECOND if seconds is None else seconds
     n_frames = max(2, round(seconds * fps))
     at = np.linspace(0.0, lengths.sum(), n_frames)  # (T,)
-    return Face(channels, np.clip(_blended(at, lengths, targets), 0.0, 1.0))
+    return Face(channels, np.clip(blended(at, lengths, targets), 0.0, 1.0))
 
 
-def _blended(at: FloatArray, lengths: FloatArray, targets: FloatArray) -> FloatArray:
-    """Targets (S, C) one after another at places (T,) counted in sounds, each eased into the next."""
+def blended(at: FloatArray, lengths: FloatArray, targets: FloatArray) -> FloatArray:
+    """Targets (S, C) one after another at places (T,) in the unit of their lengths (S,), each eased into the next."""
     borders = np.cumsum(lengths)[:-1]
     out = np.tile(targets[0], (len(at), 1))
     for border, before, after, step in zip(borders, lengths[:-1], lengths[1:], np.diff(targets, axis=0), strict=True):

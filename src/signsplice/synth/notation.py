@@ -13,12 +13,14 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
 from signsplice.errors import FormatError
 from signsplice.formats.reading import read_bytes
+from signsplice.synth.composed import is_handshape
+from signsplice.synth.hand_parts import is_part
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import (
     DIRECTIONS,
@@ -37,11 +39,12 @@ from signsplice.synth.phonology import (
     Sign,
     Vector,
     faults,
+    is_location,
 )
 from signsplice.synth.tables import FOLDER
 
-_POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "palm", "fingers")
-_ONLY_M = ("path", "w.path", "local", "times", "return", "step", "tempo", "keep")
+_POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "skin", "palm", "fingers")
+_ONLY_M = ("path", "w.path", "local", "w.local", "times", "return", "step", "tempo", "keep")
 _KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), *_ONLY_M, "for", "head", "trunk")
 _LIFT_CM = 3.0
 """How far a hand is lifted where the notation gives no distance."""
@@ -161,9 +164,8 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
     weak_fields = {key[2:]: value for key, value in fields.items() if key.startswith("w.")}
     if weak_fields and hands != "base":
         raise line.error(f"w.{next(iter(weak_fields))}= needs hands=base, not hands={hands}")
-    lower = 0.0 if hands == "one" else _LOWER_CM
-    strong = _posture(line, fields, before.strong if before else None, "", lower)
-    weak = _posture(line, weak_fields, before.weak if before else None, "w.", lower) if hands == "base" else None
+    strong = _posture(line, fields, before.strong if before else None, "", hands)
+    weak = _posture(line, weak_fields, before.weak if before else None, "w.", hands) if hands == "base" else None
     return Segment(
         kind=kind,
         strong=strong,
@@ -171,6 +173,7 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
         path=_path(line, fields["path"]) if "path" in fields else Path(),
         weak_path=_path(line, fields["w.path"], "w.path") if "w.path" in fields else Path(),
         local=_local(line, fields["local"]) if "local" in fields else None,
+        weak_local=_local(line, fields["w.local"]) if "w.local" in fields else None,
         times=int(_number(line, "times", fields.get("times", "1"), 1, 8, whole=True)),
         lift=_lift(line, fields["return"]) if "return" in fields else 0.0,
         step=_shift(line, "step", fields["step"]) if "step" in fields else (0.0, 0.0, 0.0),
@@ -182,10 +185,8 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
     )
 
 
-def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix: str, lower: float) -> Posture:
-    """The posture of a line. What the line does not give stays as before; a new location resets off and shift. At
-    the places ``_LOWER`` it is ``lower``, cm.
-    """
+def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix: str, hands: str) -> Posture:
+    """The posture of a line. What the line does not give stays as before; a new location resets off and shift."""
     if before is None:
         missing = [key for key in ("shape", "at", "palm", "fingers") if key not in fields]
         if missing:
@@ -194,22 +195,30 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
     changes: dict[str, object] = {}
     if "at" in fields:
         changes |= {
-            "location": _one_of(line, f"{prefix}at", fields["at"], LOCATIONS),
+            "location": _composed(line, f"{prefix}at", fields["at"], LOCATIONS, is_location),
             "off": 0.0,
+            "on_skin": False,
         }
     if "shape" in fields:
-        changes["shape"] = _one_of(line, f"{prefix}shape", fields["shape"], HANDSHAPES)
+        changes["shape"] = _composed(line, f"{prefix}shape", fields["shape"], HANDSHAPES, is_handshape)
     if "by" in fields:
-        changes["part"] = _one_of(line, f"{prefix}by", fields["by"], PARTS)
+        changes["part"] = _composed(line, f"{prefix}by", fields["by"], PARTS, is_part)
+    if "skin" in fields:
+        changes["on_skin"] = _one_of(line, f"{prefix}skin", fields["skin"], ("yes", "no")) == "yes"
     if "off" in fields:
         changes["off"] = _number(line, f"{prefix}off", fields["off"], -5.0, 60.0)
     if "at" in fields or "shift" in fields:
         x, y, z = _shift(line, f"{prefix}shift", fields.get("shift", "0,0,0"))
-        changes["shift"] = (x, y - lower * (changes.get("location", before.location) in _LOWER), z)
+        changes["shift"] = (x, y - lower_cm(str(changes.get("location", before.location)), hands), z)
     for key in ("palm", "fingers"):
         if key in fields:
             changes[key] = _direction(line, fields[key])
     return replace(before, **changes)  # type: ignore[arg-type]
+
+
+def lower_cm(location: str, hands: str) -> float:
+    """How much lower hands of a kind are at a location than one hand is, cm."""
+    return _LOWER_CM if location in _LOWER and hands != "one" else 0.0
 
 
 def _lift(line: _Line, text: str) -> float:
@@ -228,10 +237,12 @@ def _path(line: _Line, text: str, key: str = "path") -> Path:
     _one_of(line, key, kind, PATHS)
     shapes = {"arc": "arc:DIRECTION:CM", "circle": "circle:PLANE:CM:TURNS", "zigzag": "zigzag:DIRECTION:CM:TURNS"}
     expected = shapes.get(kind, kind)
-    if len(rest) != expected.count(":"):
+    if not expected.count(":") <= len(rest) <= expected.count(":") + 2 * (kind == "circle"):
         raise line.error(f"{key}={text}, expected {key}={expected}")
     if kind == "arc":
         return Path(kind, _direction(line, rest[0]), size=_number(line, key, rest[1], 0.5, 40.0))
+    if kind == "circle" and ("," in rest[0] or rest[0].partition("-")[0] in DIRECTIONS):
+        return _circle(line, rest, key, text)
     if kind == "circle":
         plane = _one_of(line, "plane", rest[0], PLANES)
         revolutions = _number(line, key, rest[2], -6.0, 6.0)
@@ -246,14 +257,42 @@ def _path(line: _Line, text: str, key: str = "path") -> Path:
     return Path(kind)
 
 
+def _circle(line: _Line, words: list[str], key: str, text: str) -> Path:
+    """A circle about an axis, AXIS:CM:TURNS[:START[:RATIO]]."""
+    axis = _direction(line, words[0])
+    start = _across(line, _direction(line, words[3]) if len(words) > 3 else (0.0, 1.0, 0.0), axis, text)
+    return Path(
+        "circle",
+        axis,
+        size=_number(line, key, words[1], 0.5, 30.0),
+        revolutions=_number(line, key, words[2], -6.0, 6.0),
+        start=start,
+        ratio=_number(line, key, words[4], 0.1, 10.0) if len(words) > 4 else 1.0,
+    )
+
+
+def _across(line: _Line, vector: Vector, axis: Vector, text: str) -> Vector:
+    """The unit vector at right angles to an axis that is nearest to a vector."""
+    along = sum(a * b for a, b in zip(vector, axis, strict=True))
+    across = [a - along * b for a, b in zip(vector, axis, strict=True)]
+    length = math.sqrt(sum(c * c for c in across))
+    if length < 0.1:
+        raise line.error(f"path={text}: the circle's start lies on its axis, expected a start across it")
+    x, y, z = (c / length for c in across)
+    return x, y, z
+
+
 def _local(line: _Line, text: str) -> Local:
+    if "+" in text:
+        first, rest_of_it = text.split("+", 1)
+        return replace(_local(line, first), also=_local(line, rest_of_it))
     kind, *rest = text.split(":")
     _one_of(line, "local", kind, LOCALS)
     if len(rest) > 2:
         raise line.error(f"local={text}, expected local={kind}[:AMPLITUDE[:CYCLES]]")
     amplitude, cycles = LOCALS[kind]
     if rest:
-        amplitude = _number(line, "local", rest[0], 0.1, 120.0)
+        amplitude = _number(line, "local", rest[0], 0.1 if kind != "stir" else -60.0, 120.0)
     if len(rest) > 1:
         cycles = _number(line, "local", rest[1], 0.5, 10.0)
     return Local(kind, amplitude, cycles)
@@ -261,7 +300,9 @@ def _local(line: _Line, text: str) -> Local:
 
 def _direction(line: _Line, text: str) -> Vector:
     total = [0.0, 0.0, 0.0]
-    for word in text.split("-"):
+    if "," in text:
+        total = list(_shift(line, "direction", text))
+    for word in text.split("-") if "," not in text else ():
         _one_of(line, "direction", word, DIRECTIONS)
         total = [a + b for a, b in zip(total, DIRECTIONS[word], strict=True)]
     length = math.sqrt(sum(c * c for c in total))
@@ -287,6 +328,11 @@ def _number(line: _Line, key: str, text: str, low: float, high: float, whole: bo
     if not low <= value <= high or (whole and value != int(value)):
         raise line.error(f"{key}={text}, expected a {'whole ' if whole else ''}number from {low:g} to {high:g}")
     return value
+
+
+def _composed(line: _Line, key: str, value: str, known: Iterable[str], is_known: Callable[[str], bool]) -> str:
+    """A word that may also be composed."""
+    return value if is_known(value) else _one_of(line, key, value, known)
 
 
 def _one_of(line: _Line, key: str, value: str, known: Iterable[str]) -> str:

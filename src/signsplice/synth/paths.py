@@ -24,7 +24,7 @@ MOVEMENT_PACE = 0.70
 """Duration of a sign's movements, over what the travel law gives."""
 _TOUCH_KNOTS, _TOUCH_ROUNDS = 6, 3
 """Knots of a movement that stays in touch, and how often hands are moved towards the skin at each."""
-CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 0.15}
+CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 0.15, "swing": 0.26, "stir": 0.36}
 """Duration of one cycle of each local movement."""
 
 
@@ -195,9 +195,9 @@ class PathMotion:
         """Duration of one pass: by the travel law along the path, and at least as long as the hand's rotation, the
         change of handshape and the local movement take.
         """
-        local = self.segment.local
-        if self.still and local is not None:
-            return CYCLE_S[local.kind] * local.cycles
+        local = self._local_seconds()
+        if self.still and local:
+            return local
         both = pose.hands(np.array([self.at(0.0), self.at(1.0)]))
         pieces = max(1.0, *(_PIECES.get(path.kind, 0.0) * abs(path.revolutions) for path in self._paths))
         usual_tempo = replace(self.signer, tempo=1.0)
@@ -205,9 +205,13 @@ class PathMotion:
         angle = np.linalg.norm(both[-1, :, pose.ROTVEC] - both[0, :, pose.ROTVEC], axis=-1).max()
         formed = np.abs(both[-1, :, pose.FINGERS] - both[0, :, pose.FINGERS]).max()
         least = max(move, 0.10 + 0.13 * float(angle), 0.0 if formed < 0.1 else 0.12 + 0.06 * float(formed))
-        if local is not None:
-            least = max(least, CYCLE_S[local.kind] * local.cycles)
-        return least
+        return max(least, local)
+
+    def _local_seconds(self) -> float:
+        """Duration of the longest local movement."""
+        locals_ = [self.segment.local, self.segment.weak_local]
+        locals_ += [local.also for local in locals_ if local is not None]
+        return max(CYCLE_S[local.kind] * local.cycles if local is not None else 0.0 for local in locals_)
 
 
 _PIECES = {"circle": 1.0, "zigzag": 2.0}
@@ -225,10 +229,20 @@ _PLANES["horizontal"] = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 
 
 def _circle_offset(path: Path, s: float, phase: float) -> FloatArray:
-    """Displacement (3,) on a circle from its start at the top (horizontal: the front), for unit scale."""
-    top, side = (locations.axes(v) for v in _PLANES[path.plane])
-    angle = 2.0 * np.pi * (path.revolutions * s + phase)
-    return np.asarray(path.size * ((np.cos(angle) - 1.0) * top + np.sin(angle) * side))
+    """Displacement (3,) on a circle from its start, for unit scale: of a plane from the top (horizontal: the front);
+    about an axis from there less what leads straight to its end.
+    """
+    if path.plane:
+        top, side = (locations.axes(v) for v in _PLANES[path.plane])
+    else:
+        top = locations.axes(path.start)
+        side = path.ratio * np.cross(locations.axes(path.direction), top)
+
+    def at(t: float) -> FloatArray:
+        angle = 2.0 * np.pi * (path.revolutions * t + phase)
+        return np.asarray(path.size * ((np.cos(angle) - 1.0) * top + np.sin(angle) * side))
+
+    return at(s) if path.plane else at(s) - s * (at(1.0) - at(0.0))
 
 
 _LEAST_SIZE = 0.6

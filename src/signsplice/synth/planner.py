@@ -14,7 +14,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import elbows, pose, thumbs, trajectory, two_hands
+from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
@@ -82,6 +82,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
         states = thumbs.opened(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     plan.add_overlays(states, offset)
+    gestures.add(states, sign.gestures, events, fps)
     states = add_body_motion(states, events, signer, fps)
     for _ in range(2):  # a forearm that is turned can meet the other hand
         states = clear_collisions(elbows.steadied(states, signer, fps), signer)

@@ -19,7 +19,7 @@ from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, touching
 from signsplice.synth.body_motion import add_gesture, add_local_movement
 from signsplice.synth.locations import ON_HEAD, WeakArm, resting
 from signsplice.synth.paths import PathMotion, drifted, strokes, translated, varied_rounds
-from signsplice.synth.phonology import IN_SPACE, ON_BASE, Posture, Segment, Sign
+from signsplice.synth.phonology import REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.synth.signer import Signer
 from signsplice.synth.timing import Events, hold_pause, tempo_of
 from signsplice.synth.trajectory import Knot
@@ -114,9 +114,8 @@ class SegmentPlan:
         for timed in self.timed:
             add_gesture(states, timed.segment, timed.begin + offset, timed.end + offset, self.fps)
         for timed in self.timed:
-            if timed.segment.local is not None:
-                part = states[timed.begin + offset : timed.end + offset + 1]
-                add_local_movement(part, timed.segment, self.sign.hands, self.signer)
+            part = states[timed.begin + offset : timed.end + offset + 1]
+            add_local_movement(part, timed.segment, self.sign.hands, self.signer)
 
     def _postures(self) -> list[tuple[FloatArray, FloatArray]]:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
@@ -129,7 +128,9 @@ class SegmentPlan:
             weak = arms[segment.weak]
             strong = locations.strong_hand(segment.strong, weak, meets, self.size)
             location = segment.strong.location
-            if location in IN_SPACE and not (meets and location.endswith("-mid")):
+            if location == REST:
+                strong = resting(self.signer, self.sign.gloss)[:27]
+            elif in_space(location) and not (meets and location.endswith("-mid")) and not segment.strong.on_skin:
                 strong = translated(strong, self.jitter, self.signer)
             pairs.append((strong, strong if meets else weak.hand))
         tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
@@ -137,7 +138,7 @@ class SegmentPlan:
         return undershot(pairs, self.sign, touching, rest, tempo, self.signer)
 
     def _weak_hand(self, posture: Posture | None) -> FloatArray:
-        if posture is None:
+        if posture is None or posture.location == REST:
             return resting(self.signer, self.sign.gloss)[27:54]
         return locations.weak_hand(posture, self.signer, self.size)
 
@@ -180,10 +181,10 @@ class SegmentPlan:
         ends = (segment.strong, self.sign.segments[begin].strong)
         lift = None
         if segment.lift:
-            surface = next((end for end in ends if end.location not in IN_SPACE), ends[0])
+            surface = next((end for end in ends if not in_space(end.location)), ends[0])
             weak = WeakArm(self.signer, postures[n][1])
             lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
-        carried = all(end.location in ON_BASE for end in ends)
+        carried = all(on_base(end.location) for end in ends)
         return PathMotion(
             segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift=lift, carried=carried
         )
@@ -212,7 +213,7 @@ class SegmentPlan:
                 passes += list(itertools.pairwise(cuts))
             start += stroke.n_frames
         self._arrive(n, path.of_pass(k, stroke.along(1.0 - self.pace.landing)))
-        if segment.local is not None and path.still:
+        if path.still:
             return ((begin, self.stop),)
         return tuple(passes)
 
@@ -235,7 +236,7 @@ def touches(segment: Segment, sign: Sign) -> bool:
     """
     posture = segment.strong
     meets = sign.hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
-    free = posture.location in IN_SPACE and not meets
+    free = in_space(posture.location) and not meets and not posture.on_skin
     return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
 
 

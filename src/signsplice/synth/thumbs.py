@@ -37,12 +37,12 @@ def opened(states: FloatArray, ends: bool = False) -> FloatArray:
     """
     angles = pose.hands(states)[..., pose.FINGERS]  # (T, 2, 21)
     open_thumb = HANDSHAPES["5"].angles[_THUMB]
-    near = maximum_filter1d(_depth(angles) > _MOST_CM, 2 * _REACH + 1, axis=0, mode="constant")
+    near = maximum_filter1d(thumb_depth(angles) > _MOST_CM, 2 * _REACH + 1, axis=0, mode="constant")
     if not near.any():
         return states
     tried = np.repeat(angles[near][:, None], len(_OPENINGS), axis=1)  # (N, K, 21)
     tried[..., _THUMB] += _OPENINGS[:, None] * (open_thumb - tried[..., _THUMB])
-    depth = _depth(tried)
+    depth = thumb_depth(tried)
     free = depth <= _MOST_CM
     chosen = np.where(free.any(axis=1), free.argmax(axis=1), depth.argmin(axis=1))
     needed, most = np.zeros(near.shape), np.ones(near.shape)
@@ -59,7 +59,7 @@ def opened(states: FloatArray, ends: bool = False) -> FloatArray:
     return states
 
 
-def _depth(angles: FloatArray) -> FloatArray:
+def thumb_depth(angles: FloatArray) -> FloatArray:
     """Depth (...) of the deepest finger in the thumb of hands with ``angles`` (..., 21), cm, negative where free."""
     points = hand.points(angles)
     body = body_capsules(skeleton())

@@ -159,12 +159,13 @@ class Motion:
     size: small, big, or ""; ``size_end``: the size that it grows or shrinks to
     curve, curve_size: letters of the side to which a straight motion bulges, and how far
     zigzag, zigzag_size: wavy, zigzag, or "", and how wide
-    turns: turns of a circle, more than 0; start, end: letters of the places on the circle
+    turns: whole turns of a circle; with ``end``: those beside the way from ``start`` to ``end``, 0 or more
+    start, end: letters of the places on the circle
     ellipse, ellipse_size: letters of the long axis, and small, big, or ""
     digits: fingers of a finger play, or () for its own
     parts: motions of parallel, sequence, fusion; of split: (strong, weak)
     target: posture at the end (a targeted motion)
-    brushing: place that the hand brushes along
+    brushing, brushing_pair: place, or site of the other hand, that the hand brushes along
     repeat: "", fromstart, fromstart_several, manyrandom, continue, continue_several, reverse, tofroto, swap
     shift: letters by which each pass is displaced
     alternating: the weak hand is half a cycle late
@@ -189,6 +190,7 @@ class Motion:
     parts: tuple[Motion, ...] = ()
     target: WrittenPosture | None = None
     brushing: Place | None = None
+    brushing_pair: Pair | None = None
     repeat: str = ""
     shift: str = ""
     alternating: bool = False
@@ -204,6 +206,7 @@ class Tier:
     code: SAMPA of a mouth picture; the code of the tables of gestural SiGML for the rest
     start: place in its tier, from 0; items of one number run together
     amount, speed: factors, 1 as usual
+    lane: items of one lane follow one another by ``start``; lanes run side by side
     """
 
     tier: str
@@ -211,6 +214,7 @@ class Tier:
     start: int = 0
     amount: float = 1.0
     speed: float = 1.0
+    lane: str = ""
 
 
 @dataclass(frozen=True)
@@ -218,8 +222,8 @@ class WrittenSign:
     """A written sign, or one part of a compound.
 
     gloss: the word
-    hands: one, weak (the weak hand alone), mirrored, parallel, up_down (mirrored in height), out_in (in depth), two
-        (each hand by what is written for it)
+    hands: one, weak (the weak hand alone), mirrored, parallel, up_down (mirrored in height), out_in (in depth),
+        point (in all three), two (each hand by what is written for it)
     alternating: the weak hand is half a cycle late
     holdover: the weak hand stays from the part before
     posture: the first posture

@@ -1,0 +1,191 @@
+"""Files of written signs: SiGML, tables and lists of HamNoSys, and folders of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import unicodedata
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from signsplice.errors import FormatError, InputError
+from signsplice.formats.reading import read_bytes
+from signsplice.synth.written import elements, gestural, hamnosys, hns
+from signsplice.synth.written.reading import Reading
+from signsplice.synth.written.tree import WrittenSign
+
+SUFFIXES = (".sigml", ".xml", ".csv", ".json", ".txt", ".tsv")
+"""Suffixes of the files of written signs."""
+_MOST_BYTES, _MOST_SIGNS = 64 << 20, 200_000
+
+
+@dataclass(frozen=True)
+class WrittenSigns:
+    """What is read of files.
+
+    signs: gloss -> sign, in the order of the files; a gloss that comes again is GLOSS#2, then GLOSS#3
+    refused: an error for each sign that is not understood
+    """
+
+    signs: dict[str, WrittenSign]
+    refused: tuple[InputError, ...] = ()
+
+
+def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> WrittenSigns:
+    """The signs of a file, of all files of ``SUFFIXES`` below a folder in the order of their names, or of several.
+
+    lenient: leave out what is not understood, with a note in the sign. Raises ``InputError`` where there is no such
+    file, no sign, or a file is broken as a whole and no other is read.
+    """
+    given = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+    named = [file for path in given for file in (_below(path) if path.is_dir() else [path])]
+    found, refused = list[WrittenSign](), list[InputError]()
+    for file in named:
+        try:
+            _sort(_signs(read_bytes(file, _MOST_BYTES), str(file), lenient), found, refused)
+        except InputError as error:
+            if len(named) == 1:
+                raise
+            refused.append(error)
+    return _numbered(found, refused, str(given[0]))
+
+
+def _below(folder: Path) -> list[Path]:
+    """The files of written signs below a folder."""
+    found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    if not found:
+        raise InputError(f"{folder}: no written signs in it, expected files that end in {' or '.join(SUFFIXES)}")
+    return found
+
+
+def _sort(read: Iterable[WrittenSign | InputError], found: list[WrittenSign], refused: list[InputError]) -> None:
+    """Add what is read to signs and errors."""
+    for item in read:
+        if isinstance(item, InputError):
+            refused.append(item)
+        else:
+            found.append(item)
+
+
+def parse(content: bytes, name: str, lenient: bool = False) -> WrittenSigns:
+    """The signs of a file's content; its suffix says what it is. Raises as ``read`` does."""
+    found, refused = list[WrittenSign](), list[InputError]()
+    _sort(_signs(content, name, lenient), found, refused)
+    return _numbered(found, refused, name)
+
+
+def one(text: str, gloss: str = "SIGN", lenient: bool = False) -> WrittenSign:
+    """The sign of a text of HamNoSys symbols. Raises ``InputError`` that names the symbol and its number."""
+    return _of_text(text, Reading("<text>", gloss, lenient, by_line=False))
+
+
+def _numbered(found: list[WrittenSign], refused: list[InputError], name: str) -> WrittenSigns:
+    if not found and not refused:
+        raise FormatError("holds no sign, expected hamgestural_sign, hns_sign or HamNoSys", file=name)
+    counts = Counter[str]()
+    signs: dict[str, WrittenSign] = {}
+    taken = {_fold(sign.gloss) for sign in found}
+    for sign in found:
+        folded = _fold(sign.gloss)
+        counts[folded] += 1
+        gloss = sign.gloss
+        while counts[folded] > 1 and _fold(gloss := f"{sign.gloss}#{counts[folded]}") in taken:
+            counts[folded] += 1
+        taken.add(_fold(gloss))
+        signs[gloss] = replace(sign, gloss=gloss)
+    return WrittenSigns(signs, tuple(refused))
+
+
+def _fold(gloss: str) -> str:
+    return unicodedata.normalize("NFC", gloss).casefold()
+
+
+def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | InputError]:
+    """Each sign of a file, or the error that refuses it."""
+    suffix = Path(name).suffix.lower()
+    rows: Iterator[tuple[str, str, int]]
+    if suffix in (".sigml", ".xml") or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        yield from _of_xml(content, name, lenient)
+        return
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FormatError(f"is no UTF-8 text ({error.reason} at byte {error.start})", file=name) from error
+    rows = _json_rows(text, name) if suffix == ".json" else _table_rows(text, name, suffix)
+    for n, (gloss, notation, line) in enumerate(rows):
+        if n >= _MOST_SIGNS:
+            raise FormatError(f"holds more than {_MOST_SIGNS:,} signs", file=name)
+        try:
+            reading = Reading(name, _gloss(gloss, name, line), lenient, by_line=False)
+            yield _of_text(notation, reading)
+        except InputError as error:
+            yield error
+
+
+def _of_text(text: str, reading: Reading) -> WrittenSign:
+    return hamnosys.sign(hamnosys.tokens(text, reading), reading)
+
+
+def _of_xml(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | InputError]:
+    root = elements.parse(content, name)
+    for n, element in enumerate(root.named("hamgestural_sign", "hns_sign")):
+        if n >= _MOST_SIGNS:
+            raise FormatError(f"holds more than {_MOST_SIGNS:,} signs", file=name)
+        reader = gestural if element.tag == "hamgestural_sign" else hns
+        try:
+            gloss = element.attributes.get("gloss", "") or f"{Path(name).stem}"
+            yield reader.sign(element, Reading(name, _gloss(gloss, name, element.line), lenient))
+        except InputError as error:
+            yield error
+
+
+def _gloss(text: str, name: str, line: int) -> str:
+    """A gloss with hyphens for blanks. Raises ``FormatError`` where none is left or a character is not printable."""
+    gloss = "-".join(text.split())
+    if not gloss or not gloss.isprintable() or len(gloss) > 200:
+        raise FormatError(f"gloss {text[:40]!r}, expected up to 200 printable characters", file=name, line=line)
+    return gloss
+
+
+def _table_rows(text: str, name: str, suffix: str) -> Iterator[tuple[str, str, int]]:
+    """Gloss, notation and line of a CSV with the columns gloss and hamnosys, or of lines with a tab between them."""
+    if suffix != ".csv":
+        for line, content in enumerate(text.splitlines(), 1):
+            if content.strip():
+                gloss, tab, notation = content.partition("\t")
+                if not tab:
+                    raise FormatError("has no tab, expected GLOSS, a tab and HamNoSys", file=name, line=line)
+                yield gloss, notation, line
+        return
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        head = [cell.strip().lower() for cell in next(reader, [])]
+        if "gloss" not in head or "hamnosys" not in head:
+            raise FormatError("expected a header with the columns gloss and hamnosys", file=name, line=1)
+        columns = head.index("gloss"), head.index("hamnosys")
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                gloss, notation = (cells[k] if k < len(cells) else "" for k in columns)
+                yield gloss, notation, reader.line_num
+    except csv.Error as error:
+        raise FormatError(f"is no table ({error})", file=name, line=reader.line_num) from error
+
+
+def _json_rows(text: str, name: str) -> Iterator[tuple[str, str, int]]:
+    """Gloss and notation of a JSON object of glosses, or of a list of objects with gloss and hamnosys."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"is no JSON ({str(error)[:100]})", file=name) from error
+    pairs: Iterable[tuple[object, object]] | None = content.items() if isinstance(content, dict) else None
+    if isinstance(content, list) and all(isinstance(item, dict) for item in content):
+        pairs = ((item.get("gloss"), item.get("hamnosys")) for item in content)
+    if pairs is None:
+        raise FormatError("expected an object of glosses, or a list of objects with gloss and hamnosys", file=name)
+    for n, (gloss, notation) in enumerate(pairs, 1):
+        if not isinstance(gloss, str) or not isinstance(notation, str):
+            raise FormatError(f"item {n}: expected gloss and hamnosys as texts", file=name)
+        yield gloss, notation, 1

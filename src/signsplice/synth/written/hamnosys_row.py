@@ -1,0 +1,105 @@
+"""A row of HamNoSys symbols that is read from left to right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from signsplice.synth.written import symbols
+from signsplice.synth.written.reading import Reading
+from signsplice.synth.written.tree import Where
+
+SIDES = {"lrat": "at", "lrbeside": "beside"}
+SITES = (*symbols.DIGITS, *symbols.FINGER_PARTS, *symbols.HAND_PARTS, *symbols.WRIST_SIDES)
+LOCATION = frozenset((*SIDES, *SITES, *symbols.PLACES, *symbols.CONTACTS, "behind"))
+PALMS = tuple(f"palm{d}" for d in ("u", "ur", "r", "dr", "d", "dl", "l", "ul"))
+
+
+@dataclass(frozen=True)
+class Token:
+    """A symbol.
+
+    name: without ham
+    position: its number in the text, or its line in a file
+    """
+
+    name: str
+    position: int
+
+    @property
+    def shown(self) -> str:
+        """How errors call it."""
+        return f"ham{self.name}"
+
+
+def is_posture(name: str) -> bool:
+    """Whether a symbol is a handshape or a direction of fingers or palm."""
+    return name in symbols.SHAPES or name.startswith("extfinger") or name in PALMS
+
+
+class Row:
+    """Symbols with balanced brackets, and how far they are read.
+
+    tokens: the symbols
+    reading: of the sign
+    mirrored: the weak hand mirrors the strong one
+    """
+
+    def __init__(self, tokens: Sequence[Token], reading: Reading, mirrored: bool) -> None:
+        self.tokens, self.reading, self.mirrored = tokens, reading, mirrored
+        self._at = 0
+
+    def peek(self, ahead: int = 0) -> Token | None:
+        """The next symbol, or one after it; None at the end."""
+        return self.tokens[self._at + ahead] if self._at + ahead < len(self.tokens) else None
+
+    def at(self, *names: str) -> bool:
+        """Whether the next symbol is one of some."""
+        token = self.peek()
+        return token is not None and token.name in names
+
+    def next(self) -> Token:
+        """The next symbol, which is passed."""
+        self._at += 1
+        return self.tokens[self._at - 1]
+
+    def take(self, *names: str) -> list[Token]:
+        """All next symbols that are of some names; brackets and plus one at a time."""
+        found = list[Token]()
+        while self.at(*names):
+            found.append(self.next())
+            if len(names) == 1:
+                break
+        return found
+
+    def rest(self) -> Iterator[Token]:
+        """All that is left."""
+        while self.peek() is not None:
+            yield self.next()
+
+    def where(self, token: Token) -> Where:
+        """The place of a symbol, for errors."""
+        return self.reading.where(token.shown, token.position)
+
+    def is_posture_bracket(self) -> bool:
+        """Whether brackets that come next hold slots, not actions."""
+        ahead = 0
+        while (t := self.peek(ahead)) is not None and t.name in (*symbols.BRACKETS, "nondominant"):
+            ahead += 1
+        return t is not None and (is_posture(t.name) or t.name in LOCATION)
+
+    def is_location(self) -> bool:
+        """Whether a place, a site or a contact comes next, or brackets of them."""
+        ahead = 0
+        while (t := self.peek(ahead)) is not None and t.name in ("parbegin", "seqbegin"):
+            ahead += 1
+        return t is not None and t.name in LOCATION
+
+    def slot_follows(self) -> bool:
+        """Whether a slot comes after the next symbol."""
+        self._at += 1
+        t = self.peek()
+        bracket = t is not None and t.name == "parbegin" and self.is_posture_bracket()
+        found = t is not None and (is_posture(t.name) or bracket or self.is_location())
+        self._at -= 1
+        return found

@@ -1,0 +1,268 @@
+"""The slots of HamNoSys postures: handshapes, directions of fingers and palm, places, sites and contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from signsplice.synth.written import symbols
+from signsplice.synth.written.hamnosys_row import PALMS, SIDES, SITES, Row, Token, is_posture
+from signsplice.synth.written.reading import merged, with_weak
+from signsplice.synth.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape
+
+
+class Slots(Row):
+    """Reads slots off a row of symbols."""
+
+    def posture(self) -> WrittenPosture:
+        """Slots up to what is none."""
+        found = WrittenPosture()
+        while (t := self.peek()) is not None:
+            if t.name == "orirelative":
+                self.reading.note("hamorirelative is left out", self.next().position)
+            elif t.name == "nondominant":
+                if not self.slot_follows():
+                    break
+                self.next()
+                found = with_weak(found, self.slot(found))
+            elif t.name == "plus":
+                if not self.slot_follows():
+                    break
+                self.reading.note("hamplus outside brackets joins the slots beside it", self.next().position)
+                found = with_weak(found, self.slot(WrittenPosture()))
+            elif is_posture(t.name) or (t.name == "parbegin" and self.is_posture_bracket()) or self.is_location():
+                found = _added(found, self.slot(found))
+            else:
+                break
+        return found
+
+    def slot(self, before: WrittenPosture) -> WrittenPosture:
+        """One slot, or slots in brackets."""
+        t = self.peek()
+        assert t is not None
+        if self.is_location():
+            return self.location()
+        if t.name in symbols.SHAPES:
+            if before.shape is not None:
+                self.reading.refuse(
+                    "is a second handshape, expected hambetween or hamplus before it", t.shown, t.position
+                )
+            return WrittenPosture(shape=self.shape())
+        if t.name.startswith("extfinger"):
+            return WrittenPosture(fingers=self.directions("extfinger"))
+        if t.name in PALMS:
+            return WrittenPosture(palm=self.directions("palm"))
+        return self.split()
+
+    def split(self) -> WrittenPosture:
+        """Slots of the strong hand, plus, slots of the weak one, in brackets."""
+        opener = self.next()
+        halves = [self.inner()]
+        while self.take("plus"):
+            halves.append(self.inner())
+        closer = symbols.BRACKETS[opener.name]
+        while (t := self.peek()) is not None and t.name != closer:
+            self.reading.refuse("stands within a posture", t.shown, self.next().position)
+        self.take(closer)
+        if len(halves) > 2:
+            self.reading.refuse(f"holds {len(halves)} parts, expected two", opener.shown, opener.position)
+        return halves[0] if len(halves) == 1 else with_weak(halves[0], halves[1])
+
+    def inner(self) -> WrittenPosture:
+        """Slots up to a plus or a closing bracket."""
+        found = WrittenPosture()
+        while (t := self.peek()) is not None and t.name != "plus" and t.name not in symbols.BRACKETS.values():
+            if t.name == "nondominant":
+                self.next()
+            elif is_posture(t.name) or self.is_location() or (t.name == "parbegin" and self.is_posture_bracket()):
+                found = _added(found, self.slot(found))
+            else:
+                break
+        return found
+
+    def directions(self, kind: str) -> tuple[str, ...]:
+        """Letters of one direction, or of two whose mean is meant."""
+        names = PALMS if kind == "palm" else tuple(n for n in symbols.NAMES if n.startswith(kind))
+        found = [self.next().name.removeprefix(kind)]
+        while True:
+            t, after = self.peek(), self.peek(1)
+            if t is not None and t.name == "between" and after is not None and after.name in names:
+                self.next()
+            elif t is None or t.name not in names:
+                break
+            t = self.next()
+            if len(found) == 2:
+                self.reading.refuse("is a third direction, expected two at most", t.shown, t.position)
+                continue
+            found.append(t.name.removeprefix(kind))
+        return tuple(found)
+
+    # --- handshapes
+
+    def shape(self) -> WrittenShape:
+        """A handshape with its thumb, bends and fingers."""
+        made = WrittenShape(symbols.SHAPES[self.next().name])
+        while (t := self.peek()) is not None:
+            after = self.peek(1)
+            following = after.name if after is not None else ""
+            if t.name in symbols.THUMBS or t.name in symbols.BENDS:
+                made = _modified(made, self.next().name)
+            elif t.name in symbols.DIGITS:
+                made = self.fingers(made)
+            elif t.name == "between" and following in symbols.SHAPES:
+                self.next()
+                return replace(made, between=self.shape())
+            elif t.name == "between" and (following in symbols.THUMBS or following in symbols.BENDS):
+                self.next()
+                plain = replace(made, bend="" if following in symbols.BENDS else made.bend)
+                return replace(made, between=_modified(plain, self.next().name))
+            elif t.name == "between" and following in symbols.DIGITS:
+                self.next()
+                self.take(*symbols.DIGITS)
+                made = replace(made, thumb_enclosed=True)
+            else:
+                break
+        return made
+
+    def fingers(self, made: WrittenShape) -> WrittenShape:
+        """A handshape with a finger that bends on its own, crosses another, or is selected."""
+        digit = symbols.DIGITS[self.next().name]
+        t, after = self.peek(), self.peek(1)
+        following = after.name if after is not None else ""
+        if t is not None and t.name in ("cross", "touch") and following in symbols.DIGITS:
+            crossed = self.next().name == "cross"
+            return replace(made, pair=(digit, symbols.DIGITS[self.next().name]), crossed=crossed)
+        if t is not None and t.name in symbols.BENDS:
+            return replace(made, bends=(*made.bends, (digit, symbols.BENDS[self.next().name])))
+        for part in self.take(*symbols.FINGER_PARTS):
+            self.reading.note(f"{part.shown} within a handshape is left out", part.position)
+        if digit == 1 and t is not None and (t.name in symbols.THUMBS or t.name == "between"):
+            return made
+        return replace(made, special=(*made.special, digit))
+
+    # --- places
+
+    def location(self, weak: bool = True) -> WrittenPosture:
+        """A place on the body, a site of a hand (``weak`` says which), two hands together, or a contact alone."""
+        found = self.hands_together() if self.at("parbegin") else self.place(weak)
+        contact, own = self.contact()
+        if found.pair is not None or found.place is None:
+            pair = found.pair or Pair()
+            pair = replace(pair, contact=contact or pair.contact, strong=own or pair.strong)
+            return replace(found, pair=pair)
+        place = replace(found.place, contact=contact or found.place.contact, hand=own or found.place.hand)
+        other = found.weak
+        if other is not None and other.place is not None and contact:
+            other = replace(other, place=replace(other.place, contact=other.place.contact or contact))
+        return replace(found, place=place, weak=other)
+
+    def hands_together(self) -> WrittenPosture:
+        """Brackets with two sites (the first on the weak hand), a site and a place, or a place for each hand."""
+        opener = self.next()
+        halves = [self.location() if self.is_location() else WrittenPosture()]
+        while self.take("plus"):
+            halves.append(self.location(weak=False) if self.is_location() else WrittenPosture())
+        while (t := self.peek()) is not None and t.name != "parend":
+            self.reading.refuse("stands within a location", t.shown, self.next().position)
+        self.take("parend")
+        if len(halves) > 2:
+            self.reading.refuse(f"holds {len(halves)} places, expected two", opener.shown, opener.position)
+        if len(halves) == 1:
+            return halves[0]
+        first, second = halves[:2]
+        a, b = first.pair, second.pair
+        if a is not None and b is not None:
+            return WrittenPosture(pair=Pair(a.weak, b.weak, a.contact or b.contact))
+        if a is not None or b is not None:
+            site, place = (a, second.place) if a is not None else (b, first.place)
+            return WrittenPosture(pair=replace(site or Pair(), place=place))
+        return with_weak(first, second)
+
+    def place(self, weak: bool = True) -> WrittenPosture:
+        """A place or a site with its side, and the other of two between which it is; empty where a contact comes."""
+        before = self.take(*SIDES)
+        t = self.peek()
+        if t is not None and t.name in symbols.PLACES:
+            place = Place(symbols.PLACES[self.next().name], self.sided(before))
+            if self.between(symbols.PLACES):
+                other = self.place().place
+                place = replace(place, between=other)
+            behind = bool(self.take("behind"))
+            return WrittenPosture(place=replace(place, behind=behind))
+        if t is not None and t.name in SITES:
+            return WrittenPosture(pair=Pair(weak=self.site(weak, before)))
+        if before:
+            self.reading.note(f"{before[0].shown} without a place is read as right_at the body", before[0].position)
+            return WrittenPosture(place=Place("", "right_at"))
+        for lost in self.take("behind"):
+            self.reading.refuse("says behind what no place says", lost.shown, lost.position)
+        return WrittenPosture()
+
+    def sided(self, before: Sequence[Token]) -> str:
+        """The side of a place: a symbol before it says left, one after it right."""
+        after = self.take(*SIDES)
+        if before:
+            return f"left_{SIDES[before[0].name]}"
+        return f"right_{SIDES[after[0].name]}" if after else ""
+
+    def between(self, names: Sequence[str] | dict[str, str]) -> bool:
+        """Whether the other of two places or sites follows; hambetween is passed."""
+        after = self.peek(1)
+        if self.at("between") and after is not None and (after.name in names or after.name in SIDES):
+            self.next()
+            return True
+        return False
+
+    def site(self, weak: bool, before: Sequence[Token] = ()) -> Site:
+        """A part of a hand: fingers and their part in either order, and a side."""
+        part, side, digits = "", "", list[int]()
+        for t in self.take(*SITES):
+            if t.name in symbols.DIGITS:
+                digits.append(symbols.DIGITS[t.name])
+            elif t.name in symbols.FINGER_PARTS:
+                part = symbols.FINGER_PARTS[t.name]
+            elif not part and not digits:
+                part = t.name
+            else:
+                side = symbols.HAND_PARTS.get(t.name, "") or symbols.WRIST_SIDES.get(t.name, "")
+        if word := self.sided(before):
+            side = "radial" if word.startswith("left") != (weak and not self.mirrored) else "ulnar"
+        made = Site(part or "midjoint", tuple(digits[:2]), side)
+        return replace(made, between=self.site(weak)) if self.between(SITES) else made
+
+    def contact(self) -> tuple[str, Site | None]:
+        """The contact that follows a place, and the part of the moving hand in brackets after it."""
+        names = [t.name for t in self.take(*symbols.CONTACTS)]
+        own: Site | None = None
+        if self.at("seqbegin") and self.is_location():
+            self.next()
+            names += [t.name for t in self.take(*symbols.CONTACTS)]
+            own = self.site(weak=False) if self.at(*SITES) else None
+            names += [t.name for t in self.take(*symbols.CONTACTS)]
+            while (t := self.peek()) is not None and t.name != "seqend":
+                self.reading.refuse("stands within a part of the hand", t.shown, self.next().position)
+            self.take("seqend")
+        for strongest in ("interlock", "cross", "brushing"):
+            if strongest in names:
+                return strongest, own
+        return names[-1] if names else "", own
+
+
+def _modified(made: WrittenShape, name: str) -> WrittenShape:
+    """A handshape with a bend or a place of the thumb."""
+    if name in symbols.BENDS:
+        return replace(made, bend=symbols.BENDS[name])
+    if name == "thumbopenmod" and made.base.startswith("cee"):
+        return replace(made, opening=0.6)
+    return replace(made, thumb=symbols.THUMBS[name])
+
+
+def _added(before: WrittenPosture, after: WrittenPosture) -> WrittenPosture:
+    """A posture with a slot more; a place beside a pair of hands says where the pair is."""
+    found = merged(before, after) or before
+    if found.pair is not None and found.place is not None:
+        if found.pair == Pair(contact=found.pair.contact):
+            contact = found.place.contact or found.pair.contact
+            return replace(found, pair=None, place=replace(found.place, contact=contact))
+        return replace(found, place=None, pair=replace(found.pair, place=found.place))
+    return found
