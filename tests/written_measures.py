@@ -27,6 +27,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth.locations import body_locations
 from signsplice.synth.signer import JOINTS, STANDARD
+from signsplice.synth.written import signing
 
 LETTERS = {"u": (0, 1, 0), "d": (0, -1, 0), "l": (1, 0, 0), "r": (-1, 0, 0), "o": (0, 0, 1), "i": (0, 0, -1)}
 HEIGHT = {"neck": 21.0, "shouldertop": 19.0, "shoulders": 14.0, "chest": 5.0, "stomach": -10.0, "belowstomach": -22.0}
@@ -260,8 +261,8 @@ def missed(what: Asked, seen: Hand) -> dict[str, float]:
 
 
 def clip_of(path: Path) -> Clip:
-    """The motion of a file."""
-    raise NotImplementedError(path)
+    """The motion of a file's first sign."""
+    return signing.sign(path)
 
 
 def skins(clip: Clip) -> tuple[float, float]:
