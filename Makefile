@@ -7,17 +7,17 @@ BIN := $(VENV)/bin
 NODE := viewer/node_modules/.package-lock.json
 PAGE := src/signsplice/service/page/index.html
 PAGE_SOURCES := $(shell find viewer/src) $(wildcard viewer/*.json) viewer/build.mjs
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
 ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
 PLACES := src tests attacks examples research viewer conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer wheel try-wheel lock bench fuzz words corpus measured smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer player wheel try-wheel lock bench fuzz words corpus measured smoke paper weights clean
 
-demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet and a report in out/demo
-	$(BIN)/signsplice demo --out out/demo
+demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet, a report and an avatar in out/demo
+	@$(BIN)/signsplice demo --out out/demo
 
 test: lint types unit          ## style, types and the fast tests: minutes on two cores
 
@@ -33,6 +33,10 @@ types: $(VENV)/.dev            ## mypy --strict
 
 viewer: $(PAGE)                ## the browser viewer's page, built into the package (needs Node 20 or newer)
 
+player: $(NODE)                ## the package of <sign-player>, the web component, in out (needs Node)
+	mkdir -p out
+	cd viewer && npm run --silent player && npm pack --silent --pack-destination ../out
+
 wheel: $(VENV)/.dev $(PAGE)    ## wheel and source archive in out/dist, with their hashes and what they were made of
 	$(BIN)/python runs/release.py
 
@@ -45,6 +49,8 @@ lock: | $(VENV)/bin/python     ## requirements/*.lock anew from pyproject.toml; 
 	$(COMPILE) pyproject.toml --extra dev --no-emit-package torch --output-file requirements/dev.lock
 	echo hatchling | $(COMPILE) pyproject.toml - --extra video --constraint requirements/dev.lock \
 		--output-file requirements/demo.lock
+	echo hatchling | $(COMPILE) pyproject.toml - --extra serve --constraint requirements/dev.lock \
+		--output-file requirements/serve.lock
 
 unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests stay together
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
@@ -88,7 +94,7 @@ clean:                         ## forget the environment and everything made
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
 $(VENV)/bin/python:
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "signsplice needs Python 3.11 or newer; set PYTHON=python3.x")'
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "signsplice needs Python 3.11 or newer; set PYTHON=python3.x")'
 	$(PYTHON) -m venv $(VENV)
 
 $(NODE): viewer/package-lock.json
@@ -100,9 +106,10 @@ $(PAGE): $(NODE) $(PAGE_SOURCES)
 	else echo "no npm: the viewer is not built, nor tested"; fi
 
 $(VENV)/.demo: pyproject.toml requirements/demo.lock | $(VENV)/bin/python
-	$(LOCKED) requirements/demo.lock
-	$(ITSELF)
-	touch $@
+	@echo "installing requirements/demo.lock into $(VENV)"
+	@$(LOCKED) requirements/demo.lock
+	@$(ITSELF)
+	@touch $@
 
 # torch has a build for CPUs and builds for each CUDA, and which one comes depends on the index that pip is set to. So its
 # version is fixed, in pyproject.toml, and its hash is not. What it needs besides CUDA libraries is in the lock.

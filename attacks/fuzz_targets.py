@@ -315,6 +315,8 @@ TARGETS = {
         Target("gltf", fuzz_seeds.gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip,
                oracle=fuzz_oracles.of_gltf),
         Target("fbx", fuzz_seeds.fbx_seeds, fuzz_clips.of_fbx, _put_as("case.fbx"), formats.load, use_clip),
+        Target("fbxavatar", lambda: fuzz_seeds.fbx_seeds()[1:2], fuzz_clips.of_fbx, _put_as("case.fbx"), read_avatar,
+               _use_avatar),
         Target("avatar", lambda: fuzz_avatars.seeds(clip().skeleton), fuzz_clips.of_glb, _put_as("case.vrm"),
                read_avatar, _use_avatar, oracle=fuzz_oracles.of_avatar),
         Target("lexicon", fuzz_seeds.lexicon_seeds, fuzz_folders.of_lexicon, _put_folder, lexicon.open, _use_lexicon,

@@ -7,11 +7,16 @@ import random
 import re
 from pathlib import Path
 
+import numpy as np
+
 from fuzz_mutators import of_text
-from signsplice.synth.written import symbols
+from signsplice.errors import InputError
+from signsplice.synth.written import compile_sign, signing, symbols
 from signsplice.synth.written.files import WrittenSigns
 
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "synth"
+MOST_SECONDS, MOST_STEP_DEG = 60.0, 90.0
+"""What no sign exceeds: its length, and how far a joint turns in a frame of 30 a second."""
 _SYMBOLS = tuple(symbols.SYMBOLS)
 
 
@@ -64,11 +69,32 @@ def _of_xml(text: str, rng: random.Random) -> str:
 
 
 def use(read: WrittenSigns) -> None:
-    """What a lexicon makes of signs that were read."""
+    """What a lexicon makes of signs that were read: some are compiled, and one is signed."""
     for error in itertools.islice(read.refused, 20):
-        assert 0 < len(str(error)) < 1500
-        assert len(str(error).splitlines()) == 1, str(error)
-        assert "case" in str(error), str(error)
+        _check(error, "case")
     for gloss, sign in read.signs.items():
         assert gloss == sign.gloss
         assert all(len(note.splitlines()) == 1 for note in sign.notes), sign.notes
+    made = None
+    for sign in random.Random(len(read.signs)).sample(list(read.signs.values()), min(len(read.signs), 12)):
+        try:
+            compile_sign(sign)
+            made = sign
+        except InputError as error:
+            _check(error, sign.gloss)
+    if made is None:
+        return
+    clip = signing.signed(made)
+    assert np.isfinite(clip.local_rotations).all()
+    assert np.isfinite(clip.root_positions).all()
+    assert clip.seconds < MOST_SECONDS, f"{made.gloss}: {clip.seconds:.0f} s"
+    dots = np.abs((clip.local_rotations[1:] * clip.local_rotations[:-1]).sum(axis=-1))
+    step_deg = np.rad2deg(2.0 * np.arccos(np.minimum(dots, 1.0))).max()
+    assert step_deg < MOST_STEP_DEG, f"{made.gloss}: a joint turns by {step_deg:.0f} degrees in a frame"
+
+
+def _check(error: InputError, name: str) -> None:
+    text = str(error)
+    assert 0 < len(text) < 1500
+    assert len(text.splitlines()) == 1, text
+    assert name in text, text

@@ -145,6 +145,11 @@ def _ask_a_service() -> None:
             client.post("/v1/sentence?file=bvh", json={"glosses": list(WORDS[:3])}).raise_for_status()
             files = [("files", (name, Path(name).read_bytes())) for name in ("a.bvh", "b.bvh")]
             client.post("/v1/splice?file=glb", files=files).raise_for_status()
+            client.post("/v1/sentence", json={"text": "how are you", "mesh": False}).raise_for_status()
+            form = {"options": json.dumps({"text": "hello", "formats": ["vrma"]})}
+            client.post(
+                "/v1/fit", files={"avatar": ("a.glb", Path("a.glb").read_bytes())}, data=form
+            ).raise_for_status()
         with connect(address.replace("http", "ws", 1) + "/v1/stream", proxy=None, open_timeout=300.0) as stream:
             for message in ({"type": "open", "paced": False}, {"type": "word", "gloss": WORDS[0]}, {"type": "end"}):
                 stream.send(json.dumps(message))
@@ -307,7 +312,7 @@ def tried(name: str, folder: Path, switch: str | None = None) -> Seen:
     from signsplice.formats import save
 
     with shipped() as words:
-        for file, gloss in (("a.bvh", "HELLO"), ("b.bvh", "SIGN")):
+        for file, gloss in (("a.bvh", "HELLO"), ("b.bvh", "SIGN"), ("a.glb", "HELLO")):
             save(words.clip(gloss), folder / file)
     return watched(COMMANDS[name], folder, switch)
 

@@ -181,12 +181,17 @@ _EAR = ((0.70, 0.10), (0.40, 0.27))
 """Height and depth of the middle of an ear, and how far it reaches, dm."""
 
 
-def above_hairline(points: Floats) -> Floats:
+_STANDS_OUT = 0.05
+"""Skin so far outside of the mannequin, dm, is that of an ear."""
+
+
+def above_hairline(points: Floats, mannequin: Mannequin) -> Floats:
     """How far points (N, 3) lie above the hairline and outside of the ears, dm."""
     depth, height = np.array(_HAIRLINE).T
     middle, reach = np.array(_EAR)
     around = 0.3 * (np.linalg.norm((points[:, 1:] - middle) / reach, axis=1) - 1.0)
-    return np.minimum(points[:, 1] - np.interp(points[:, 2], depth, height), around)
+    low = np.minimum(around, 10.0 * (_STANDS_OUT - mannequin.depth(points)))
+    return np.minimum(points[:, 1] - np.interp(points[:, 2], depth, height), low)
 
 
 _LIPS = (0.303, 0.235, 0.105, 0.095)
@@ -228,8 +233,17 @@ def split(triangles: Index, above: Floats) -> tuple[Index, Index, Index, Floats]
     return np.array(sides[0], np.intp), np.array(sides[1], np.intp), pairs, first / (first - second)
 
 
-_TUCKED = 0.12
-"""How far the skin of the lower neck lies within the mannequin's neck, dm."""
+_TUCKED, _NECK_DEPTH = 0.16, -0.1
+"""How far the skin of the lower neck lies within the mannequin's neck, and the depth of that one's middle, dm."""
+
+
+def tucked(points: Floats) -> Floats:
+    """Points (N, 3) whose lowest, at the throat and from the hair down at the nape, lie within the mannequin's neck."""
+    begin = np.interp(points[:, 2], [-0.5, 0.2], [0.02, -0.25])
+    away = (points - [0.0, 0.0, _NECK_DEPTH]) * [1.0, 0.0, 1.0]
+    far = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+    inward = np.minimum(_TUCKED * np.clip((begin - points[:, 1]) / 0.15, 0.0, 1.0), far) / far
+    return points - inward[:, None] * away
 
 
 def rim_of(triangles: Index, edge: set[int]) -> Index:
@@ -335,7 +349,7 @@ def build(folder: Path) -> dict[str, Any]:
     moves = {}
     for name, (index, delta) in head.units.items():
         moves[name] = np.zeros_like(flat)
-        moves[name][index] = delta * stretch[index] * (_BLINK if "Blink" in name else 1.0)
+        moves[name][index] = delta * stretch[index] * _strength(name)
     flat += sum(_SMILE * moves[f"mouthSmile{side}"] for side in ("Left", "Right"))
     groups = {name: triangles_of(faces) for name, faces in head.groups.items() if not name.startswith("joint")}
     skin = groups["body"]
@@ -358,8 +372,7 @@ def build(folder: Path) -> dict[str, Any]:
     for name, rows in (("skin", guides),):
         away = 10.0 * STATURE_DM / 16.535 * mannequin.depth(at[rows]) * 10.0
         print(name, "mm from the mannequin, 2.5 50 97.5 %", np.percentile(away, [2.5, 50, 97.5]).round(1))
-    tucked = _TUCKED * np.clip((-0.25 - at[:, 1]) / 0.3, 0.0, 1.0)
-    at -= tucked[:, None] * mannequin.outward(at)
+    at = tucked(at)
     pieces = Pieces()
     hidden = mannequin.depth(at) < -0.45
     skin = skin[~hidden[skin].all(axis=1)]
@@ -367,7 +380,7 @@ def build(folder: Path) -> dict[str, Any]:
     skin, lip, pairs, alpha = split(skin, within_lips(at))
     at, weight = with_line(at, pairs, alpha), with_line(weight, pairs, alpha)
     moves = {name: with_line(m, pairs, alpha) for name, m in moves.items()}
-    skin, scalp, pairs, alpha = split(skin, above_hairline(at))
+    skin, scalp, pairs, alpha = split(skin, above_hairline(at, mannequin))
     at, weight = with_line(at, pairs, alpha), with_line(weight, pairs, alpha)
     moves = {name: with_line(m, pairs, alpha) for name, m in moves.items()}
     hair = at + _HAIR * mannequin.outward(at)
@@ -410,10 +423,18 @@ def build(folder: Path) -> dict[str, Any]:
     return stored(pieces)
 
 
-_EYE, _EYE_BACK, _SMILE, _BLINK = 0.147, 0.016, 0.12, 0.6
-"""Radius of an eye, and how far it lies back, dm; the smile that a
-face at rest has, which else looks stern; how much of a blink's way closes these eyes.
-"""
+_EYE, _EYE_BACK, _SMILE = 0.147, 0.016, 0.12
+"""Radius of an eye, and how far it lies back, dm; the smile that a face at rest has, which else looks stern."""
+_STRENGTHS = {"eyeBlink": 0.6, "brow": 1.5, "cheekPuff": 2.0}
+"""How a unit is scaled: so far these eyes close, and brows and cheeks are seen in a picture of a whole signer."""
+
+
+def _strength(unit: str) -> float:
+    return next((factor for name, factor in _STRENGTHS.items() if unit.startswith(name)), 1.0)
+
+
+_SEEN = 0.005
+"""A unit moves the vertices that it moves by more, dm: half a millimetre is not seen."""
 
 
 def stored(pieces: Pieces) -> dict[str, Any]:
@@ -426,7 +447,7 @@ def stored(pieces: Pieces) -> dict[str, Any]:
         which = [np.zeros(0, np.intp)]
         for start, moves in zip(starts, pieces.moves, strict=False):
             if name in moves:
-                own = np.flatnonzero(np.abs(moves[name]).max(axis=1) > 0.002)
+                own = np.flatnonzero(np.abs(moves[name]).max(axis=1) > _SEEN)
                 which.append(own + start)
                 rows.append(moves[name][own])
         counts.append(sum(map(len, which)))

@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-LOCKS = ("requirements/dev.lock", "requirements/demo.lock", "viewer/package-lock.json")
+LOCKS = ("requirements/dev.lock", "requirements/demo.lock", "requirements/serve.lock", "viewer/package-lock.json")
 """What fixes the versions of everything that is installed for a build."""
 
 

@@ -17,6 +17,15 @@ Keys = Sequence[tuple[float, float]]
 
 
 @dataclass(frozen=True)
+class Over:
+    """A layer over the first: the moves of its nodes, and its properties (``Weight``, ``BlendMode``, ...) by name."""
+
+    nodes: Sequence[Node]
+    more: Mapping[str, float] = field(default_factory=dict)
+    weights: Keys = ()
+
+
+@dataclass(frozen=True)
 class Node:
     """A model; ``moves``: (T, R or S, axis) -> keys of time and value; ``more``: other properties by name."""
 
@@ -93,8 +102,10 @@ def text_7(
     span: tuple[float, float] = (0.0, 1.0),
     flags: int = 4,
     attributes: str = "0,0,0,0",
+    over: Sequence[Over] = (),
 ) -> bytes:
-    """A text file of version 7.4; ``takes``: name -> nodes whose moves it has, by default one of ``nodes``' own.
+    """A text file of version 7.4; ``takes``: name -> nodes whose moves it has, by default one of ``nodes``' own;
+    ``over``: layers of the first take over its first one.
 
     ``flags``, ``attributes``: of all keys, by default straight lines.
     """
@@ -128,23 +139,44 @@ def text_7(
         lines += ["\t\t}", "\t\tShading: Y", "\t}"]
         links.append(f'C: "OO",{own},{ids.get(node.parent, 0)}')
     for number, (take, moving) in enumerate((takes or {"Take 001": nodes}).items()):
-        stack, layer = 10 + number, 30 + number
-        for node in moving:
-            for n, move in enumerate("TRS"):
-                axes = [axis for kind, axis in node.moves if kind == move]
-                if axes:
-                    at = 100_000 * (1 + number) + 10 * (10 * ids[node.name] + n)
-                    lines += _curve_node(at, node, move)
-                    links += [f'C: "OO",{at},{layer}', f'C: "OP",{at},{ids[node.name]}, "{MOVES[move]}"']
-                for axis in axes:
-                    lines += _curve(at + axis + 1, node.moves[move, axis], flags, attributes.split(","))
-                    links.append(f'C: "OP",{at + axis + 1},{at}, "d|{"XYZ"[axis]}"')
+        stack, layers = 10 + number, [Over(moving), *(over if number == 0 else ())]
+        for level, layer in enumerate(layers):
+            made, links_made = _layer(30 + number + 10 * level, layer, ids, flags, attributes.split(","), stack)
+            lines, links = lines + made, links + links_made
         lines += [f'\tAnimationStack: {stack}, "AnimStack::{take}", "" {{', "\t\tProperties70:  {"]
         for name, seconds in (("LocalStart", span[0]), ("LocalStop", span[1])):
             lines.append(f'\t\t\tP: "{name}", "KTime", "Time", "",{round(seconds * TICKS)}')
-        lines += ["\t\t}", "\t}", f'\tAnimationLayer: {layer}, "AnimLayer::BaseLayer", "" {{', "\t}"]
-        links.append(f'C: "OO",{layer},{stack}')
+        lines += ["\t\t}", "\t}"]
     return _with_definitions([*lines, "}", "Connections:  {", *(f"\t{link}" for link in links), "}"])
+
+
+def _layer(
+    key: int, layer: Over, ids: Mapping[str, int], flags: int, attributes: Sequence[str], stack: int
+) -> tuple[list[str], list[str]]:
+    """The objects of a layer, and their connections."""
+    lines, links = [f'\tAnimationLayer: {key}, "AnimLayer::{key}", "" {{', "\t\tProperties70:  {"], []
+    for name, value in layer.more.items():
+        kind = {"Weight": '"Number", ""', "Mute": '"bool", ""'}.get(name, '"enum", ""')
+        lines.append(f'\t\t\tP: "{name}", {kind}, "A",{value}')
+    lines += ["\t\t}", "\t}"]
+    links.append(f'C: "OO",{key},{stack}')
+    for node in layer.nodes:
+        for n, move in enumerate("TRS"):
+            axes = [axis for kind, axis in node.moves if kind == move]
+            at = 100_000 * (key - 29) + 10 * (10 * ids[node.name] + n)
+            if axes:
+                lines += _curve_node(at, node, move)
+                links += [f'C: "OO",{at},{key}', f'C: "OP",{at},{ids[node.name]}, "{MOVES[move]}"']
+            for axis in axes:
+                lines += _curve(at + axis + 1, node.moves[move, axis], flags, attributes)
+                links.append(f'C: "OP",{at + axis + 1},{at}, "d|{"XYZ"[axis]}"')
+    if layer.weights:
+        at = 100_000 * (key - 29)
+        lines += [f'\tAnimationCurveNode: {at}, "AnimCurveNode::Weight", "" {{', "\t\tProperties70:  {",
+                  '\t\t\tP: "d|Weight", "Number", "", "A",100', "\t\t}", "\t}"]  # fmt: skip
+        lines += _curve(at + 1, layer.weights, flags, attributes)
+        links += [f'C: "OO",{at},{key}', f'C: "OP",{at},{key}, "Weight"', f'C: "OP",{at + 1},{at}, "d|Weight"']
+    return lines, links
 
 
 def _kind(name: str, values: Sequence[float]) -> str:

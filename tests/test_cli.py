@@ -21,6 +21,7 @@ from signsplice.cli import main
 from signsplice.cli.terminal import with_option_names
 from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
+from signsplice.formats.avatar import read_avatar
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.render import film
@@ -381,11 +382,12 @@ def test_demo_writes_clips_pictures_and_a_report(
     monkeypatch.setattr(film, "GIF_SIZE", (96, 96))
     run = signsplice("demo", "--out", "d")
     assert run.returncode == 0, run.stderr
-    for name in ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "words/SIGN.bvh"):
+    for name in ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "avatar.glb", "words/SIGN.bvh"):
         assert (folder / "d" / name).stat().st_size > 500
     assert " ".join(sentence) in run.stdout
     report = json.loads((folder / "d" / "report.json").read_text())
     assert len(load(folder / "d" / "sentence.bvh")) == report["frames"]
+    assert read_avatar(folder / "d" / "avatar.glb").body is not None
 
 
 INTERRUPTED = """

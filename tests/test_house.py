@@ -128,8 +128,8 @@ def modules_in_strings(path: Path) -> set[str]:
 
 def test_strings_that_name_modules_are_found(tmp_path: Path) -> None:
     file = tmp_path / "a.py"
-    file.write_text('"""signsplice.cli"""\nimport_module("signsplice.service.notebook")\nx = f"{y} splicing.engine"\n')
-    assert modules_in_strings(file) == {"signsplice.service.notebook", "signsplice.splicing.engine"}
+    file.write_text('"""signsplice.cli"""\nimport_module("signsplice.render.notebook")\nx = f"{y} splicing.engine"\n')
+    assert modules_in_strings(file) == {"signsplice.render.notebook", "signsplice.splicing.engine"}
 
 
 @pytest.mark.parametrize(
@@ -215,6 +215,7 @@ def test_other_rooms_need_only_declared_dependencies() -> None:
     paper = tomllib.loads((ROOT / "research" / "pyproject.toml").read_text())["project"]
     of_paper = {entry.split(">")[0] for entry in paper["dependencies"]}
     assert of_paper == {"signsplice", "matplotlib", "pillow"}
+    reporting = {entry.split(">")[0] for entry in paper["optional-dependencies"]["report"]}
     serving = {"fastapi", "starlette", "uvicorn", "pydantic", "prometheus_client", "python_multipart"}
     loading = {"httpx", "psutil", "websockets"}  # what calls the service to measure it
     for path in MODULES:
@@ -225,6 +226,9 @@ def test_other_rooms_need_only_declared_dependencies() -> None:
         if path.parent.name == "cli":
             assert not outside & training or path.name in ("train.py", "training.py"), path
             outside -= training
+        if path.name == "report.py":
+            assert room(module_name(path)).startswith("paper") or not outside & reporting, path
+            outside -= reporting
         if path.name == "service.py":
             assert path.parent.name == "cli", path
             outside -= serving
@@ -285,7 +289,7 @@ def test_a_splice_imports_no_torch_and_no_plotting() -> None:
         "from signsplice.lexicon import shipped\n"
         "words = shipped()\n"
         "ss.splice([words.clip('I'), words.clip('SIGN')])\n"
-        "heavy = {'torch', 'matplotlib', 'PIL', 'onnx', 'click', 'rich', 'pandas'}\n"
+        "heavy = {'torch', 'matplotlib', 'PIL', 'onnx', 'click', 'rich', 'pandas', 'scipy.signal', 'scipy.stats'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
     assert heavy.strip() == "[]"
@@ -322,7 +326,7 @@ def test_import_and_help_are_light() -> None:
 
 
 def test_the_public_names_are_few_and_documented() -> None:
-    assert len(signsplice.__all__) <= 18
+    assert len(signsplice.__all__) <= 19
     for name in signsplice.__all__:
         value = getattr(signsplice, name)
         assert value.__doc__, name

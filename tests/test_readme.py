@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import signsplice as ss
+from signsplice import demo
+from signsplice.cli import service, terminal
+from signsplice.cli.commands import app
+from signsplice.render import film
 
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -22,9 +28,38 @@ def test_the_five_lines_of_python_write_a_sentence(tmp_path: Path, monkeypatch: 
     assert 0 < clip.seconds < words.clip("HELLO").seconds + words.clip("DEAF").seconds
 
 
+@pytest.mark.slow
+def test_the_commands_run_after_the_demo_and_write_what_they_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(film, "GIF_SIZE", (96, 96))
+    demo.run(Path("out/demo"))
+    commands = re.findall(r"^    signsplice (.*)$", README, re.MULTILINE)
+    assert len(commands) >= 4
+    for command in commands:
+        words = shlex.split(command, comments=True)
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, (command, done.output)
+        assert Path(words[words.index("-o") + 1] if "-o" in words else words[2]).stat().st_size > 10_000
+
+
 def test_the_readme_is_short_and_counts_what_ships() -> None:
     assert len(README.split()) <= 700
     letters = [entry for entry in ss.open_lexicon().entries() if entry.gloss.startswith("fs-")]
     assert f"{len(ss.open_lexicon()) - len(letters)} words that ship" in README
-    numbers = {18: "eighteen"}
+    numbers = {18: "eighteen", 19: "nineteen"}
     assert f"{numbers[len(ss.__all__)]} public names" in README
+
+
+def test_a_page_without_the_packages_of_the_service_is_a_drawing_that_moves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(service, "_require_extra", lambda: terminal.require("the viewer needs", "serve", "no_such_one"))
+    ss.save(ss.open_lexicon().clip("HELLO"), tmp_path / "a.bvh")
+    done = CliRunner().invoke(app, ["view", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "a.html")])
+    assert done.exit_code == 0, done.output
+    assert "pip install 'signsplice[serve]'; until then the page is a drawing that moves" in done.stderr
+    assert "<iframe srcdoc=" in (tmp_path / "a.html").read_text()
+    refused = CliRunner().invoke(app, ["view", str(tmp_path / "a.bvh")])
+    assert "pip install 'signsplice[serve]'" in str(refused.exception)

@@ -63,7 +63,7 @@ def asked(texts: Iterable[str]) -> Iterator[Requirement]:
             yield requirement
 
 
-@pytest.mark.parametrize(("name", "extra"), [("dev.lock", "dev"), ("demo.lock", "video")])
+@pytest.mark.parametrize(("name", "extra"), [("dev.lock", "dev"), ("demo.lock", "video"), ("serve.lock", "serve")])
 def test_a_lock_has_what_the_package_asks_for_with_hashes(name: str, extra: str) -> None:
     pins = locked(name)
     for requirement in asked([*PROJECT["dependencies"], *PROJECT["optional-dependencies"][extra], "hatchling"]):
@@ -75,8 +75,23 @@ def test_a_lock_has_what_the_package_asks_for_with_hashes(name: str, extra: str)
     assert "://" not in (ROOT / "requirements" / name).read_text(), "an index's address"
 
 
-def test_the_demo_has_the_versions_of_development() -> None:
-    assert locked("demo.lock").items() <= locked("dev.lock").items()
+@pytest.mark.parametrize("name", ["demo.lock", "serve.lock"])
+def test_users_have_the_versions_of_development(name: str) -> None:
+    assert locked(name).items() <= locked("dev.lock").items()
+
+
+def test_the_container_copies_what_is_there_and_runs_without_rights() -> None:
+    """No test builds it: what can be read of it is checked."""
+    lines = re.sub(r"\\\n *", "", (ROOT / "Dockerfile").read_text()).splitlines()
+    sent = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    copied = [source for line in lines if re.match("COPY (?!--from)", line) for source in line.split()[1:-1]]
+    assert set(copied) == sent
+    assert all((ROOT / source).exists() for source in copied)
+    assert {line.split()[1] for line in lines if line.startswith("FROM ")} == {"python:3.12-slim"}
+    assert not re.search(r"https?://(?!127\.0\.0\.1)", "\n".join(lines)), "nothing is fetched but the locked packages"
+    assert lines.index("USER signsplice") < next(n for n, line in enumerate(lines) if line.startswith("ENTRYPOINT"))
+    assert any(line.startswith("HEALTHCHECK") and "/healthz" in line for line in lines)
+    assert '"127.0.0.1:8000:8000"' in (ROOT / "compose.yaml").read_text()
 
 
 def test_the_viewer_s_packages_have_hashes_and_run_nothing_when_installed() -> None:

@@ -8,6 +8,7 @@ CODES = {name: code for code, name in symbols.SYMBOLS.items()}
 ELSEWHERE = ("coreftag", "corefref", "wristtopulse", "wristtoback", "wristtothumb", "wristtopinky", "mime", "etc")
 """Symbols that are refused."""
 _POINT = "finger2 thumbacrossmod extfingeru palml"
+_HAND_PARTS = ("palm", "handback", "thumbside", "pinkyside", "thumbball", "wristback", "wristpulse")
 _FLAT = "flathand extfingero palmd"
 _FORWARD = "shoulders lrat close moveo"
 
@@ -39,13 +40,15 @@ def constructed() -> dict[str, str]:
     add("ENCLOSED", f"fist thumb between indexfinger middlefinger extfingeru palmd {_FORWARD}")
     for name in (n for n in CODES if n.startswith("extfinger")):
         across = "palmd" if name.removeprefix("extfinger") in ("l", "r", "ul", "ur", "dl", "dr", "o", "ol") else "palml"
-        add("FINGERS", f"flathand {name} {across} shoulders close moveu smallmod")
+        place = "stomach" if name in ("extfingerd", "extfingerdl", "extfingerdr") else "shoulders"
+        add("FINGERS", f"flathand {name} {across} {place} close moveu smallmod")
     for name in (n for n in CODES if n.startswith("palm") and n != "palm"):
         add("PALM", f"flathand extfingero {name} chest lrat close moveo smallmod")
     add("MEAN", "flathand extfingerol between extfingero palmd between palmdl chest close moveo")
     for place in symbols.PLACES:
         close = "armextended" if place == "neutralspace" else "touch"
-        add("PLACE", f"{_POINT} {place} {close} moveo smallmod repeatfromstart")
+        hand = "finger2 thumbacrossmod extfingerl palmd" if place == "headtop" else _POINT
+        add("PLACE", f"{hand} {place} {close} moveo smallmod repeatfromstart")
     for side in ("lrat", "lrbeside"):
         add("SIDE", f"{_FLAT} {side} shoulders close moveo smallmod")
         add("SIDE", f"{_FLAT} chest {side} close moveo smallmod")
@@ -54,7 +57,7 @@ def constructed() -> dict[str, str]:
     for part in (*symbols.FINGER_PARTS, "thumbside", "pinkyside", "handback", "palm"):
         finger = "indexfinger " if part in symbols.FINGER_PARTS else ""
         add("OWN", f"{_POINT} chin seqbegin touch {finger}{part} seqend moveo smallmod")
-    for part in (*symbols.HAND_PARTS, *symbols.WRIST_SIDES):
+    for part in _HAND_PARTS:
         add(
             "SITE",
             f"symmlr parbegin finger2 plus flathand parend extfingero palmd {part} touch moveu smallmod",
@@ -75,18 +78,18 @@ def constructed() -> dict[str, str]:
     for clock in ("clocku", "clockul", "clockl", "clockdl", "clockd", "clockdr", "clockr", "clockur"):
         add("CLOCK", f"{_POINT} shoulders close circleo {clock}")
     add("CLOCK", f"{_POINT} shoulders close circleo clocku clockd clockfull")
-    for ellipse in symbols.ELLIPSES:
+    for ellipse in symbols.KINDS["ellipse"]:
         add("ELLIPSE", f"{_POINT} shoulders close circleo {ellipse} largemod")
-    for arc in symbols.ARCS:
+    for arc in symbols.KINDS["arc"]:
         across = "moveo" if arc in ("arcl", "arcr") else "mover"
         add("ARC", f"{_POINT} shoulders close {across} {arc} largemod")
     for zigzag in ("wavy", "zigzag"):
         add("ZIGZAG", f"{_POINT} shoulders close moveo {zigzag} smallmod")
     for size in ("smallmod", "largemod", "increasing", "decreasing"):
         add("SIZE", f"{_FLAT} chest close circleu {size} repeatfromstartseveral")
-    for manner in symbols.MANNERS:
+    for manner in symbols.KINDS["manner"]:
         add("MANNER", f"{_FLAT} chest close moved {manner}")
-    for wrist in (*symbols.WRISTS, "fingerplay"):
+    for wrist in (*symbols.KINDS["wrist"], "fingerplay"):
         add("LOCAL", f"finger2345 thumboutmod extfingeruo palmd shoulders close {wrist}")
     for crossing in ("movecross", "moveX", "nomotion"):
         add("OTHER", f"{_FLAT} chest close {crossing}")

@@ -28,12 +28,12 @@ from signsplice.body import (
     thumb_contacts,
 )
 from signsplice.formats import FORMATS, gltf_mesh
-from signsplice.rig import proportions, t_pose
+from signsplice.rig import arms, proportions, t_pose
 from signsplice.service import stream_messages, wire
 
 SOURCES = Path(__file__).resolve().parent / "src"
 _BODIES = (
-    *(proportions, t_pose, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
+    *(proportions, t_pose, arms, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
     *(fit, swivel, arm_ik, thumb_contacts, retarget),
 )
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}

@@ -19,14 +19,14 @@ def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_
     folder = DOCS / name
     if not (folder / results.FILE).is_file():
         pytest.skip(f"{folder} holds no results")
+    docs = tmp_path / "docs"
+    shutil.copytree(DOCS.parent / page_template.TEMPLATES, tmp_path / page_template.TEMPLATES)
     for where in ("", "word"):
         if (DOCS / where / results.FILE).is_file():
-            (tmp_path / where).mkdir(exist_ok=True)
-            shutil.copy(DOCS / where / results.FILE, tmp_path / where / results.FILE)
-    for template in DOCS.glob("*.template.md"):
-        shutil.copy(template, tmp_path)
+            (docs / where).mkdir(parents=True, exist_ok=True)
+            shutil.copy(DOCS / where / results.FILE, docs / where / results.FILE)
     found = results.load(folder / results.FILE)
-    written = pages.write(found, tmp_path / name, "cpu") + page_template.write(found, tmp_path / name, "cpu")
+    written = pages.write(found, docs / name, "cpu") + page_template.write(found, docs / name, "cpu")
     assert written
     assert {path.name for path in folder.glob("*.csv")} == {path.name for path in written if path.suffix == ".csv"}
     for path in written:

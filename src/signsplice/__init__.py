@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
     from signsplice.splicing.forms import open_lexicon
     from signsplice.splicing.inbetween import inbetween
+    from signsplice.synth.written.signing import sign
 
 _HOMES = {
     "body.retarget": ("retarget",),
@@ -28,6 +29,7 @@ _HOMES = {
     "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "splice", "stream"),
     "splicing.forms": ("open_lexicon",),
     "splicing.inbetween": ("inbetween",),
+    "synth.written.signing": ("sign",),
 }
 
 __all__ = [
@@ -47,6 +49,7 @@ __all__ = [
     "read_avatar",
     "retarget",
     "save",
+    "sign",
     "splice",
     "stream",
 ]
@@ -67,7 +70,7 @@ def __dir__() -> list[str]:
 
 
 def _notebook_html(clip: "Clip") -> str:
-    from signsplice.service.notebook import html
+    from signsplice.render.notebook import html
 
     return html(clip)
 

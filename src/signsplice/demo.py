@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import concatenate
+from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.render import film
 from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceResult, splice
 
 SENTENCE = ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")
 """The words that the demo splices, chosen for their different locations and handshapes; no grammatical sentence."""
+_FILES = ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "avatar.glb")
+_ARM = 0.85
+"""How long the bones of the avatar's arms are, as a part of the signer's."""
 
 
 def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[str]:
-    """Lines that describe the result, after the words, the sentence, its report, a contact sheet and a film have been
-    written into the folder ``out``.
+    """Lines that describe the result, after the words, the sentence, its report, a contact sheet, a film and an avatar
+    have been written into the folder ``out``.
     """
     try:
         (out / "words").mkdir(parents=True, exist_ok=True)
@@ -32,6 +39,7 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
     result = splice(clips)
     marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
     save(result.clip, out / "sentence.bvh")
+    save(_avatar(clips[0]), out / "avatar.glb")
     report.write(report.describe(result), out / "report.json")
     film.write(result.clip, out / "sentence.png", marks)
     film.write(result.clip, out / "sentence.gif", marks, progress=progress)
@@ -41,8 +49,19 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
         "",
         f"{' '.join(SENTENCE)}: {result.clip.seconds:.2f} s, "
         f"played one after another {one_after_another.seconds:.2f} s",
-        *(f"  {out / name}" for name in ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "words/")),
+        *(f"  {out / name}" for name in (*_FILES, "words/")),
     ]
+
+
+def _avatar(signer: Clip) -> Clip:
+    """One frame of the signer with shorter arms: written as a GLB, an avatar with the figure as its mesh."""
+    offsets = signer.skeleton.offsets.copy()  # (J, 3)
+    for joint, name in enumerate(signer.skeleton.names):
+        if name.endswith(("Arm", "ForeArm", "Hand")):
+            offsets[joint] *= _ARM
+    skeleton = replace(signer.skeleton, offsets=offsets)
+    at_rest = Face(ARKIT_CHANNELS, np.zeros((1, len(ARKIT_CHANNELS))))  # with it the figure has targets for a face
+    return replace(signer[:1], skeleton=skeleton, channels=None, name="avatar", face=at_rest)
 
 
 def seam_table(result: SpliceResult) -> list[str]:

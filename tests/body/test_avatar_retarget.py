@@ -11,10 +11,13 @@ from click.testing import CliRunner
 
 import avatars
 import signsplice as ss
+from signsplice.body import skin_surface
 from signsplice.body.capsules import Avatar, body_capsules
 from signsplice.body.posed import posed_body
 from signsplice.body.relief import Relief
+from signsplice.body.skin_points import SkinPoints
 from signsplice.cli.commands import app
+from signsplice.evaluation import avatars as avatar_measures
 from signsplice.lexicon import shipped
 from signsplice.rig.align import copy_rotations, reference
 
@@ -78,17 +81,78 @@ def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
     """A breastplate of 2 cm over the chest's capsules: the hand of MY comes to lie on it."""
     avatar, clip = ss.read_avatar(folder / "narrow.vrm"), shipped().clip("MY")
     assert avatar.body is not None
-    raised = avatar.body.relief
+    raised, skin = avatar.body.relief, avatar.body.skin
     assert raised is not None
+    assert skin is not None
     plated = replace(raised, points=raised.points + 0.02 * raised.normals)
-    thick = replace(avatar, body=replace(avatar.body, relief=plated))
-    distances = []
-    for onto in (avatar, thick):
+    plate = replace(skin, body=replace(skin.body, points=skin.body.points + 0.02 * skin.body.normals))
+    bodies = {"bare": avatar.body, "relief": replace(avatar.body, relief=plated, skin=None),
+              "skin": replace(avatar.body, skin=plate)}  # fmt: skip
+    distances = {}
+    for name, body in bodies.items():
+        onto = replace(avatar, body=body)
         posed = posed_body(ss.retarget(clip, onto).clip, body_capsules(onto))
         chest, palm = (posed.body.keys.index(key) for key in ("chest1", "rightMiddlePalm"))
         middle = 0.5 * (posed.starts + posed.ends)
-        distances.append(np.linalg.norm(middle[32, palm] - middle[32, chest]))
-    assert 0.012 < distances[1] - distances[0] < 0.03
+        distances[name] = np.linalg.norm(middle[32, palm] - middle[32, chest])
+    assert 0.012 < distances["relief"] - distances["bare"] < 0.03
+    assert 0.009 < distances["skin"] - distances["bare"] < 0.03
+
+
+@pytest.mark.parametrize("gloss", ["PLEASE", "FRIEND"])
+def test_vertices_of_hands_lie_where_skins_met_at_the_source(folder: Path, gloss: str) -> None:
+    rows = avatar_measures.compare([ss.read_avatar(folder / "narrow.vrm")], [shipped().clip(gloss)])
+    assert sum(row.n_touching for row in rows) > 10
+    assert all(row.kept is None or row.kept > 0.95 for row in rows), rows
+    assert max(row.deepest for row in rows) < 0.005
+
+
+def test_skin_moves_hands_smoothly_and_only_where_they_touch(folder: Path) -> None:
+    avatar, clip = ss.read_avatar(folder / "narrow.vrm"), shipped().clip("PLEASE")
+    assert avatar.body is not None
+    plain = replace(avatar, body=replace(avatar.body, skin=None))
+    (on_skin, _), (before, _) = (arm_ends(ss.retarget(clip, onto).clip) for onto in (avatar, plain))
+    moved = np.linalg.norm(on_skin - before, axis=-1)
+    assert 0.002 < moved.max() < 0.03
+    assert moved[[0, -1]].max() < 5e-4, "where arms hang"
+    steps = [np.linalg.norm(np.diff(wrists, 2, axis=0), axis=-1).max() for wrists in (on_skin, before)]
+    assert steps[0] < 1.25 * steps[1]
+
+
+def arm_ends(clip: ss.Clip) -> tuple[np.ndarray, np.ndarray]:
+    """Wrists and shoulders (T, 2, 3)."""
+    posed = posed_body(clip, body_capsules(clip.skeleton))
+    return posed.wrists, posed.shoulders
+
+
+def test_a_surface_is_the_outermost_skin_and_follows_its_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A square of skin, and one of cloth 5 mm above its left half, on two joints that turn apart."""
+    x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0.0, 0.1, 11), np.linspace(0.0, 0.1, 11)))
+    corner = (np.arange(10)[:, None] * 11 + np.arange(10)).ravel()
+    square = np.concatenate(
+        [np.stack([corner, corner + 1, corner + 12], 1), np.stack([corner, corner + 12, corner + 11], 1)]
+    )
+    skin = np.stack([x, y, np.zeros_like(x)], axis=1)
+    cloth = skin * [0.5, 1.0, 1.0] + [0.0, 0.0, 0.005]
+    weights = np.concatenate([np.stack([1.0 - 10.0 * v[:, 0], 10.0 * v[:, 0]], axis=1) for v in (skin, cloth)])
+    mesh = SkinPoints(
+        np.concatenate([skin, cloth]), np.tile([0, 1], (242, 1)), weights, np.concatenate([square, square + 121]),
+        np.zeros(242, bool),
+    )  # fmt: skip
+    made = skin_surface.surface(mesh, [0, 1], np.zeros((2, 3)), 0.004)
+    assert made is not None
+    below = made.points[:, 2] < 0.001
+    assert made.points[below, 0].min() > 0.045
+    assert made.points[~below, 0].max() < 0.05
+    turn = np.stack([np.eye(3), np.diag([1.0, -1.0, -1.0])])
+    points, normals = made.posed(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    blend = 10.0 * made.points[:, :1]
+    np.testing.assert_allclose(points, (1.0 - blend) * made.points + blend * (made.points @ turn[1] + [0.0, 0.0, 1.0]))
+    assert (normals[blend[:, 0] > 0.6] @ [0.0, 0.0, 1.0] < -0.99).all()
+    near, _ = made.posed(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (np.array([0.0, 0.05, 0.0]), 0.02))
+    assert 0 < len(near) == (np.linalg.norm(points - [0.0, 0.05, 0.0], axis=1) < 0.02).sum()
+    monkeypatch.setattr(skin_surface, "_MOST_WEIGHTS", len(points))
+    assert skin_surface.surface(mesh, [0, 1], np.zeros((2, 3)), 0.004) is None, "more than its bound"
 
 
 def test_convert_puts_a_file_onto_an_avatar(folder: Path, tmp_path: Path) -> None:
@@ -102,7 +166,7 @@ def test_convert_puts_a_file_onto_an_avatar(folder: Path, tmp_path: Path) -> Non
     both = CliRunner().invoke(app, ["convert", clip, out, "--avatar", avatar, "--onto", clip])
     assert "--onto and --avatar each name a body, expected one of them" in str(both.exception)
     over = CliRunner().invoke(app, ["convert", clip, avatar.replace(".vrm", ".glb"), "--avatar", clip])
-    assert "is no avatar, expected .vrm, .glb or .gltf" in str(over.exception)
+    assert "is no avatar, expected .vrm, .glb, .gltf or .fbx" in str(over.exception)
 
 
 def test_the_mesh_of_an_avatar_is_written_and_drawn(folder: Path, tmp_path: Path) -> None:

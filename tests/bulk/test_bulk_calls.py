@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -11,6 +13,10 @@ pytest.importorskip("pyarrow")
 
 from signsplice.bulk import recipes
 from signsplice.cli.commands import app
+from signsplice.formats import load
+from signsplice.lexicon import building, shipped
+from signsplice.lexicon.reader import SHIPPED
+from signsplice.splicing.engine import splice
 
 
 def call(*arguments: object) -> Result:
@@ -50,6 +56,31 @@ def test_marks_stay_with_their_glosses_and_can_be_left_out_of_account(tmp_path: 
         assert call("recipes", tmp_path / "lines.txt", "-o", out, *more).exit_code == 0
         (row,) = rows(out)
         assert (row.glosses, row.pauses, row.spell) == (("HELLO,", "DEAF."), pauses, True)
+
+
+def test_function_words_are_left_out_of_lines_where_that_is_wanted(tmp_path: Path) -> None:
+    (tmp_path / "lines.txt").write_text("I am deaf.\n")
+    out = tmp_path / "recipes.csv"
+    for more, glosses in ((), ("I", "fs-AM", "DEAF.")), (("--drop-function-words",), ("I", "DEAF.")):
+        assert call("recipes", tmp_path / "lines.txt", "-o", out, *more).exit_code == 0
+        assert rows(out)[0].glosses == glosses
+
+
+def test_words_may_come_from_several_lexicons_and_stay_those_of_the_first(tmp_path: Path) -> None:
+    own, out = tmp_path / "own", tmp_path / "out"
+    with shipped() as words, building(own) as builder:
+        builder.add(words.clip("BOOK"), "HELLO")
+    (tmp_path / "recipes.csv").write_text("glosses\nHELLO DEAF\n")
+    run = ("sentences", tmp_path / "recipes.csv", "-o", out, "--workers", 1, "--store", "recipes")
+    both = ("--lexicon", own, "--lexicon", "default")
+    assert call(*run, *both).exit_code == 0
+    assert json.loads((out / "job.json").read_text())["lexicon"] == [str(own), str(SHIPPED)]
+    assert call(*run, *both).exit_code == 0
+    assert "was begun with lexicon_sha256" in message(call(*run))
+    assert call("make", out, 0, "-o", tmp_path / "row.bvh").exit_code == 0
+    with shipped() as words:
+        alone = splice([words.clip("BOOK"), words.clip("DEAF")]).clip
+    np.testing.assert_allclose(load(tmp_path / "row.bvh").local_rotations[:20], alone.local_rotations[:20], atol=1e-4)
 
 
 def rows(path: Path) -> list[recipes.SentenceRecipe]:

@@ -249,7 +249,16 @@ def test_every_field_decides_the_hash() -> None:
     one = SentenceRecipe(("YES",))
     other: dict[str, Any] = {"glosses": ("NO",), "signer": "a", "seed": 1, "transition_time": "0.2", "sign_speed": 1.1}
     other |= {"tempo": "0.8", "fps": 25.0, "cutter": "ends", "transition": "linear", "free_hand": "natural"}
-    other |= {"avoid_collisions": True, "spell": False, "pauses": False}
+    other |= {"avoid_collisions": True, "spell": False, "pauses": False, "face_rules": True}
     changed = [replace(one, **{name: value}) for name, value in other.items()]
-    assert len({row.sha256 for row in (one, *changed)}) == 14
+    assert len({row.sha256 for row in (one, *changed)}) == 15
     assert replace(one).sha256 == one.sha256
+
+
+def test_recipes_from_before_a_field_came_are_the_same(tmp_path: Path) -> None:
+    batch = recipes.batch_of([SentenceRecipe(("YES", "NO"))])
+    older = batch.select([name for name in batch.schema.names if name != "face_rules"])
+    with pq.ParquetWriter(tmp_path / "r.parquet", older.schema) as file:
+        file.write_batch(older)
+    assert recipes.is_same(tmp_path / "r.parquet", [batch])
+    assert not recipes.is_same(tmp_path / "r.parquet", [recipes.batch_of([SentenceRecipe(("YES",), face_rules=True)])])

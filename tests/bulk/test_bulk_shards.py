@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tarfile
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -22,16 +22,21 @@ import signsplice as ss
 from bulk_kills import content
 from signsplice import lexicon
 from signsplice.bulk import recipes, run
-from signsplice.bulk.job import BulkJob, BulkOptions, prepare, read_job
+from signsplice.bulk.job import BulkJob, BulkOptions, prepare, progress_of, read_job
 from signsplice.bulk.maker import FailedSentence, MadeSentence, SentenceMaker, motion_sha256
 from signsplice.bulk.recipes import SentenceRecipe
-from signsplice.bulk.shards import make_shard, poses
+from signsplice.bulk.shards import ShardResult, make_shard, poses
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import npz
 from signsplice.formats.json_files import read_json
 from signsplice.lexicon.reader import SHIPPED
+from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
+from signsplice.motion.kinematics import forward
+from signsplice.rig.info import rig_info
 from signsplice.splicing import report as reports
+from signsplice.splicing.engine import splice
+from signsplice.splicing.face_rules import RULES
 
 QUICK = {"cutter": "pose-velocity", "transition": "hermite", "transition_time": "tempo"}
 ROWS = [
@@ -139,6 +144,44 @@ def test_a_run_makes_only_what_is_missing_or_not_whole(made: tuple[Path, BulkJob
     found = content(out)
     assert json.loads(found.pop("summary.json"))["n_failed"] == summary.n_failed == 2
     assert found == whole
+
+
+def test_progress_counts_the_rows_of_shards_that_are_not_whole(
+    made: tuple[Path, BulkJob], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made[0], out)
+    (out / "index" / "000000.parquet").unlink()
+    progress_of(out, 0).write_text("2 rows of a call that was killed")
+
+    def made_slowly(*_: object) -> Iterator[ShardResult | None]:
+        yield None
+        progress_of(out, 0).write_text("1")
+        yield None
+        progress_of(out, 0).unlink()
+        yield None
+        yield make_shard(str(out), 0, 8)
+
+    monkeypatch.setattr(run, "_made", made_slowly)
+    done: list[int] = []
+    run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS)], advance=lambda state: done.append(state.n_done))
+    assert done == [3, 3, 4, 4, 5]
+    assert not list(out.rglob(".*"))
+
+
+def test_rounded_samples_are_smaller_and_nearly_the_same(made: tuple[Path, BulkJob], tmp_path: Path) -> None:
+    out, job = tmp_path / "out", job_of(tmp_path / "out", format="npz32")
+    make(out, job, [0])
+    with tarfile.open(made[0] / "shard-000000.tar") as exact, tarfile.open(out / "shard-000000.tar") as rounded:
+        both = [tar.extractfile("000000000.npz").read() for tar in (exact, rounded)]  # type: ignore[union-attr]
+        assert exact.getnames() == rounded.getnames()
+    assert len(both[1]) < 0.5 * len(both[0])
+    before, after = (npz.parse(content) for content in both)
+    turned = rotation.multiply(rotation.inverse(before.local_rotations), after.local_rotations)
+    assert np.rad2deg(np.linalg.norm(rotation.log(turned), axis=-1)).max() < 0.002
+    places = [forward(clip)[1] * rig_info(clip.skeleton).sizes.unit.metres for clip in (before, after)]
+    assert np.linalg.norm(places[0] - places[1], axis=-1).max() < 1e-4
+    assert index(out)[0]["motion_sha256"] == motion_sha256(before), "the hash is that of the motion before rounding"
 
 
 @pytest.mark.parametrize(
@@ -251,11 +294,11 @@ def test_a_call_that_is_interrupted_leaves_whole_shards_alone(tmp_path: Path) ->
     out = tmp_path / "out"
 
     def interrupt(state: run.Progress) -> None:
-        if state.n_done:
+        if state.n_done >= 2:
             (out / f".signsplice-{0:016x}.tar").write_bytes(b"of a worker that was killed")
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r"2 of 5 rows are kept in .*out; the same command continues"):
         run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS)], workers=1, advance=interrupt)
     assert not [path for path in out.rglob("*") if path.name.startswith(".signsplice-")]
     assert (out / "unfinished").is_dir()
@@ -316,6 +359,18 @@ def test_recipes_pause_and_have_forms_as_sentence_has(words: dict[str, Clip]) ->
     assert np.array_equal(held.result.clip.local_rotations, wanted.clip.local_rotations)
     assert held.result.spans == wanted.spans
     assert plain.result.spans == ss.splice(some).spans
+
+
+def test_recipes_have_faces_by_rule_as_sentence_has() -> None:
+    rows = [SentenceRecipe(("YOU", "WHERE", "BOOK?"), face_rules=face_rules) for face_rules in (True, False)]
+    with ss.open_lexicon() as lex:
+        ruled, plain = SentenceMaker(lex).make(rows)
+        some = [lex.clip(gloss) for gloss in ("YOU", "WHERE", "BOOK")]
+    assert isinstance(ruled, MadeSentence)
+    assert isinstance(plain, MadeSentence)
+    wanted = splice(some, ss.SpliceOptions(face_rules=RULES), (), {2: "?"}, dict.fromkeys(range(3), "furrowed")).clip
+    assert ruled.motion_sha256 == motion_sha256(wanted)
+    assert plain.result.clip.face is None
 
 
 def test_a_signer_signs_on_its_own_body(words: dict[str, Clip], tmp_path: Path) -> None:

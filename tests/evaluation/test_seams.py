@@ -13,6 +13,7 @@ from signing import sign, word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.evaluation import seams
+from signsplice.evaluation.seam_rows import SeamRow
 from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
@@ -26,7 +27,7 @@ SIGNS = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "TH
 PAIRS = seams.word_pairs(12, SIGNS)
 
 
-def row(options: SpliceOptions) -> seams.SeamRow:
+def row(options: SpliceOptions) -> SeamRow:
     return seams.compare(PAIRS, {"this": options})[0]
 
 
@@ -175,3 +176,10 @@ def test_evaluate_refuses_calls_that_it_cannot_measure() -> None:
         run = CliRunner().invoke(app, ["evaluate", *call])
         assert run.exit_code == 2
         assert error in run.output
+
+
+def test_faces_are_measured_and_a_straight_line_cuts_blinks_in_half() -> None:
+    pairs = seams.word_pairs(40, SIGNS)
+    ours, straight = seams.compare(pairs, {"ours": SpliceOptions(cutter="pose-velocity", transition="slerp")})
+    assert (ours.face_jumps, ours.half_blinks) == (0.0, 0.0)
+    assert straight.half_blinks > 0.0

@@ -147,7 +147,7 @@ def test_what_is_no_avatar_is_refused_in_one_line(tmp_path: Path, broad: Avatar)
     legs = {role: unnamed.names[joint] for role, joint in rig_info(broad).roles.joints.items() if "Leg" in role}
     avatars.write(tmp_path / "legs.vrm", unnamed, avatars.tubes(broad), roles=legs, hair=False)
     for name, expected in {
-        "NAME.bvh": "a file with suffix .bvh is no avatar, expected .vrm, .glb or .gltf",
+        "NAME.bvh": "a file with suffix .bvh is no avatar, expected .vrm, .glb, .gltf or .fbx",
         "broken.vrm": "broken.vrm: is glTF 0, expected 2",
         "empty.vrm": "is no avatar: it holds neither a VRM humanoid nor a mesh with a skin",
         "legs.vrm": "no leftUpperArm or leftLowerArm found",
@@ -259,3 +259,59 @@ def test_wide_sleeves_are_no_arms(
     read = cuffs(ss.read_avatar(path, skin=skin).body)
     assert cuffs(broad.body).max() < 0.05
     np.testing.assert_allclose(read, cuffs(broad.body), rtol=0.05 if has_arms else 0.35)
+
+
+def test_a_cuff_over_the_hand_is_no_hand(tmp_path: Path, broad: Avatar) -> None:
+    parts = sleeved(broad, "Tops_CLOTH", has_arms=True)
+    roles = rig_info(broad).roles.joints
+    for n, part in enumerate(parts):
+        if part.name == "Tops_CLOTH":
+            side = "left" if part.vertices[:, 0].mean() > 0.0 else "right"
+            parts[n] = replace(part, joints=np.where(part.weights > 0.0, roles[f"{side}Hand"], part.joints))
+    read = [
+        ss.read_avatar(avatars.write(tmp_path / "a.vrm", broad, some)).body for some in (parts, avatars.tubes(broad))
+    ]
+    spans = []
+    for body in read:
+        assert body is not None
+        assert body.skin is not None
+        spans.append([np.ptp(hand.points, axis=0) for hand in body.skin.hands])
+    np.testing.assert_allclose(spans[0], spans[1], atol=0.005)
+
+
+def test_palms_of_hands_with_metacarpal_bones_are_measured(tmp_path: Path, broad: Avatar) -> None:
+    """Bones from the wrist to the fingers carry the palm in place of the wrist, as in rigs with metacarpals."""
+    named, parents, offsets = list(broad.names), list(broad.parents), list(broad.offsets)
+    moved = {}
+    for side in ("left", "right"):
+        for finger in ("Index", "Middle", "Ring", "Little"):
+            joint = rig_info(broad).roles.joints[f"{side}{finger}Proximal"]
+            named.append(f"{side}{finger}Metacarpal")
+            parents.append(int(broad.parents[joint]))
+            offsets.append(0.2 * np.asarray(broad.offsets[joint]))
+            parents[joint], offsets[joint] = len(named) - 1, 0.8 * np.asarray(broad.offsets[joint])
+            moved[f"{side}{finger}Palm"] = len(named) - 1
+    order = sorted(range(len(named)), key=lambda joint: depth(parents, joint))
+    row = {joint: n for n, joint in enumerate(order)}
+    assert broad.body is not None
+    parts = [
+        replace(part, joints=np.vectorize(row.get)(np.where(part.weights > 0.0, moved.get(key, part.joints), 0)))
+        for part, key in zip(avatars.tubes(broad), broad.body.keys, strict=True)
+    ]
+    rig = Skeleton(
+        tuple(named[joint] for joint in order),
+        np.array([row.get(parents[joint], -1) for joint in order]),
+        np.array([offsets[joint] for joint in order]),
+        roles=broad.roles,
+    )
+    read = ss.read_avatar(avatars.write(tmp_path / "m.vrm", rig, parts, hair=False))
+    assert not read.warnings
+    assert read.body is not None
+    for side in ("left", "right"):
+        ours, true = (body.radii[body.keys.index(f"{side}MiddlePalm")] for body in (read.body, broad.body))
+        np.testing.assert_allclose(ours, true, rtol=0.3)
+
+
+def depth(parents: list[int], joint: int) -> int:
+    """How many joints lie above one."""
+    return 0 if parents[joint] < 0 else 1 + depth(parents, parents[joint])

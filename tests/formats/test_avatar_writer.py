@@ -13,7 +13,7 @@ import pytest
 import avatars
 import signsplice as ss
 from signsplice.errors import InputError
-from signsplice.formats import encode
+from signsplice.formats import encode, vrma
 from signsplice.formats.avatar_writer import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
@@ -152,6 +152,21 @@ def test_a_face_moves_the_targets_that_the_avatar_has(
     for found, wanted in zip(values.reshape(len(BOOK), -1)[7].tolist(), expected, strict=True):
         assert 0.2 < found <= 1.0 if wanted is None else abs(found - wanted) < 0.05
     assert any("its face does not show cheekPuff" in line for line in done.warnings)
+
+
+@pytest.mark.parametrize(
+    ("version", "expressions"), [("1.0", EXPRESSIONS), ("0.x", OLD_EXPRESSIONS), ("1.0", {"jawOpen": {0: 1.0}})]
+)
+def test_an_animation_for_an_avatar_has_the_expressions_of_that_avatar(
+    tmp_path: Path, version: str, expressions: Any
+) -> None:
+    path = avatars.with_face(written(tmp_path, version), ("a", "b"), expressions)
+    face = Face(tuple(FACE), np.tile(list(FACE.values()), (len(BOOK), 1)))
+    clip = ss.retarget(replace(BOOK, face=face), ss.read_avatar(path)).clip
+    found = vrma.document(clip).extensions["VRMC_vrm_animation"]["expressions"]
+    names = {kind: set(rows) for kind, rows in found.items()}
+    own = {"preset": set(), "custom": {"jawOpen"}} if "jawOpen" in expressions else None
+    assert names == (own or {"preset": {"blinkLeft", "aa"}, "custom": set()})
 
 
 def test_a_face_with_a_target_that_does_not_exist_is_refused(tmp_path: Path) -> None:

@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+import face_avatars
 import signsplice as ss
-from face_tracks import random_face, with_random_face
 from gltf_documents import ARM, document, load_document, rotating
 from signsplice.errors import FormatError, LimitError
-from signsplice.formats import glb, live_link
-from signsplice.formats.gltf_face import lost_in, target_names
+from signsplice.evaluation.faces import random_face, with_random_face
+from signsplice.formats import glb, live_link, vrma
+from signsplice.formats.gltf_face import lost_in, target_names, vrm_expressions
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.limits import ReadLimits
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, Face
+from signsplice.motion.face_shapes import shape_of
 
 HEAD = "Timecode,BlendshapeCount," + ",".join(name[0].upper() + name[1:] for name in ARKIT_CHANNELS)
 HEAD += "," + ",".join(live_link.ROTATIONS)
@@ -166,6 +168,27 @@ def test_a_face_comes_back_from_its_file(
     assert face.channels == channels
 
 
+def test_no_two_expressions_of_an_animation_move_the_same(words: dict[str, Clip]) -> None:
+    clip = with_random_face(words["HELLO"], 4)
+    shapes = [shape_of(name) for name, _ in vrm_expressions(vrma.document(clip).to_dict())]
+    moved = [channel for shape in shapes if shape is not None for channel in shape]
+    assert sorted(moved) == sorted(ARKIT_CHANNELS)
+
+
+def test_a_figure_has_only_the_targets_that_move_and_a_coefficient_at_rest_comes_back(
+    words: dict[str, Clip], tmp_path: Path
+) -> None:
+    weights = np.zeros((len(words["HELLO"]), 3))
+    weights[5:9, 1] = 0.5
+    clip = replace(words["HELLO"], face=Face(("eyeBlinkLeft", "jawOpen", "browInnerUp"), weights))
+    ss.save(clip, tmp_path / "clip.glb")
+    made = glb.document(clip)
+    assert [mesh.extras["targetNames"] for mesh in made.meshes if mesh.name == "face"] == [("jawOpen",)]
+    face = face_of(ss.load(tmp_path / "clip.glb"))
+    assert face.channels == face_of(clip).channels
+    assert np.abs(face.weights - weights).max() < 1e-7
+
+
 def test_presets_of_an_animation_are_a_face_where_it_has_no_other(tmp_path: Path) -> None:
     nodes: list[dict[str, Any]] = [*ARM, {"name": "aa"}, {"name": "blinkLeft"}]
     moved = {"path": "translation", "times": [0, 1], "values": [[0.0, 0, 0], [1.0, 0, 0]]}
@@ -263,3 +286,15 @@ def test_a_figure_with_targets_shows_the_face_and_what_it_cannot_show_is_known(
 def lost_in_file(clip: Clip, folder: Path) -> tuple[str, ...]:
     ss.save(clip, folder / "clip.glb")
     return lost_in(folder / "clip.glb", clip)
+
+
+@pytest.mark.parametrize("kind", face_avatars.KINDS[:3])
+def test_the_same_face_comes_back_from_every_kind_of_avatar(kind: str, words: dict[str, Clip], tmp_path: Path) -> None:
+    clip = with_random_face(words["HELLO"][:12], 3)
+    ss.save(clip, tmp_path / "HELLO.bvh")  # and HELLO.csv
+    avatar = ss.read_avatar(face_avatars.write(tmp_path, kind))
+    signed = ss.retarget(ss.load(tmp_path / "HELLO.bvh"), avatar).clip
+    for suffix in (".glb", ".vrma"):
+        ss.save(signed, tmp_path / f"out{suffix}")
+        face = face_of(ss.load(tmp_path / f"out{suffix}"))
+        assert np.abs(face.of(ARKIT_CHANNELS) - face_of(clip).of(ARKIT_CHANNELS)).max() < 1e-6

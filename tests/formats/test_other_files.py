@@ -15,7 +15,8 @@ from conftest import random_clip
 
 from broken_bvh import VALID
 from signsplice.errors import FormatError, InputError
-from signsplice.formats import atomic, bvh, encode, load, save
+from signsplice.formats import atomic, bvh, encode, load, npz, save
+from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import SpliceOptions, splice
 
 
@@ -33,6 +34,22 @@ def test_archives_keep_everything(tmp_path: Path) -> None:
     named = replace(random_clip(1), skeleton=replace(random_clip(1).skeleton, roles={"hips": "joint0"}))
     save(named, tmp_path / "a.npz")
     assert load(tmp_path / "a.npz").skeleton.roles == {"hips": "joint0"}
+
+
+def test_quaternions_of_32_bits_are_unit_again_and_others_refused(words: dict[str, Clip]) -> None:
+    clip = words["HELLO"]
+    back = npz.parse(npz.encode(clip, rounded=True))
+    np.testing.assert_allclose(np.linalg.norm(back.local_rotations, axis=-1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(back.local_rotations, clip.local_rotations, atol=3e-5)
+    np.testing.assert_allclose(back.root_positions, clip.root_positions, atol=2.0**-17)
+    assert np.array_equal(back.skeleton.offsets, clip.skeleton.offsets)
+    with np.load(BytesIO(npz.encode(clip, rounded=True))) as stored:
+        arrays = dict(stored)
+    arrays["local_rotations"] = arrays["local_rotations"] * np.float32(1.001)
+    longer = BytesIO()
+    np.savez(longer, **arrays)
+    with pytest.raises(InputError, match="expected unit quaternions"):
+        npz.parse(longer.getvalue())
 
 
 def test_foreign_archives_are_refused(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,12 @@ from click.testing import CliRunner
 from signsplice import lexicon
 from signsplice.cli.lexicon import lexicon as commands
 from signsplice.errors import InputError
-from signsplice.formats import load, save
+from signsplice.formats import live_link, load, save
 from signsplice.lexicon import preparing
 from signsplice.lexicon.archives import RECIPES, find_recipe
 from signsplice.lexicon.folder import reasons
 from signsplice.motion.clip import Clip
+from signsplice.motion.face import Face
 
 KIND = "SG ASL x No Mesh {}.bvh"
 
@@ -43,6 +45,7 @@ def archive(tmp_path: Path, words: dict[str, Clip]) -> Path:
     for place, kinds in places.items():
         (folder / place).mkdir(parents=True)
         (folder / place / "SG ASL x ReadMe.txt").write_text("Submitted by: nobody\n")
+        (folder / place / "SG ASL x ShapeKeys.txt").write_text(" ".join(["0.5"] * 74) + "\n")
         for kind, gloss in kinds.items():
             save(words[gloss], folder / place / KIND.format(kind))
     (folder / "ASL B/SG ASL Bad 2022-2-4 Upload").mkdir()
@@ -120,6 +123,77 @@ def test_a_table_cuts_a_recording_to_words(tmp_path: Path, words: dict[str, Clip
     assert "9 s to 10 s, expected times in order within its 2.87 s" in built.left_out[1]
 
 
+def faced(clip: Clip, weight: float) -> Clip:
+    weights = np.linspace(0.0, weight, len(clip))[:, None]
+    return replace(clip, face=Face(("jawOpen",), weights))
+
+
+@pytest.mark.parametrize("suffix", [".vrma", ".glb", ".npz"])
+def test_a_word_has_the_face_of_its_file_in_another_format(tmp_path: Path, words: dict[str, Clip], suffix: str) -> None:
+    folder = tmp_path / "clips"
+    folder.mkdir()
+    save(words["HELLO"], folder / "HELLO.bvh")
+    save(faced(words["HELLO"], 0.8), folder / f"HELLO{suffix}")
+    save(words["DEAF"], folder / "DEAF.bvh")
+    lexicon.build(folder, tmp_path / "lex", recipe="flat")
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.clip("DEAF").face is None
+        clip = lex.clip("HELLO")
+        np.testing.assert_allclose(clip.local_rotations, load(folder / "HELLO.bvh").local_rotations, atol=1e-6)
+        assert clip.face is not None
+        expected = np.linspace(0.0, 0.8, len(clip))
+        np.testing.assert_allclose(clip.face.of(("jawOpen",))[:, 0], expected, atol=1e-5)
+
+
+def test_a_table_names_faces_and_cuts_them_with_the_words(tmp_path: Path, words: dict[str, Clip]) -> None:
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    save(words["HELLO"], folder / "long.bvh")
+    save(faced(words["HELLO"], 1.0), folder / "face.glb")
+    (folder / "phone.csv").write_bytes(live_link.encode(faced(words["HELLO"], 0.5)))
+    table = tmp_path / "times.csv"
+    table.write_text(
+        "file,gloss,start,end,face\nlong.bvh,one,0,1,face.glb\nlong.bvh,two,1,2,phone.csv\nlong.bvh,three,2,,\n"
+        "long.bvh,four,0,2,none.csv\n"
+    )
+    built = lexicon.build(folder, tmp_path / "lex", recipe=str(table))
+    slope = 1.0 / (len(words["HELLO"]) - 1)
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert [*lex.glosses] == ["ONE", "THREE", "TWO"]
+        one, two = lex.clip("one").face, lex.clip("two").face
+        assert lex.clip("three").face is None
+        assert one is not None
+        assert two is not None
+        np.testing.assert_allclose(one.of(("jawOpen",))[:, 0], slope * np.arange(30), atol=1e-5)
+        np.testing.assert_allclose(two.of(("jawOpen",))[:, 0], 0.5 * slope * np.arange(30, 60), atol=1e-5)
+    assert any("none.csv: no such file" in line for line in built.left_out)
+
+
+def test_a_build_that_goes_on_reads_a_face_that_has_changed(
+    tmp_path: Path, words: dict[str, Clip], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "clips"
+    folder.mkdir()
+    save(faced(words["HELLO"], 0.2), folder / "HELLO.bvh")
+    save(words["NAME"], folder / "NAME.bvh")
+
+    def stopped(path: Path, *given: object, **options: object) -> Clip:
+        if path.stem == "NAME":
+            raise KeyboardInterrupt
+        return load(path, *given, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(preparing, "load", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        lexicon.build(folder, tmp_path / "lex", recipe="flat")
+    monkeypatch.undo()
+    (folder / "HELLO.csv").write_bytes(live_link.encode(faced(words["HELLO"], 0.9)))
+    lexicon.build(folder, tmp_path / "lex", recipe="flat")
+    with lexicon.open(tmp_path / "lex") as lex:
+        face = lex.clip("HELLO").face
+        assert face is not None
+        assert face.weights.max() == pytest.approx(0.9, abs=1e-5)
+
+
 def test_processes_change_no_byte(archive: Path, tmp_path: Path) -> None:
     for jobs in (1, 2):
         lexicon.build(archive, tmp_path / f"lex{jobs}", recipe="studiogalt", jobs=jobs)
@@ -133,7 +207,7 @@ def test_a_build_that_was_stopped_goes_on_and_reads_what_has_changed(
     lexicon.build(archive, tmp_path / "whole", recipe="studiogalt")
     read: list[Path] = []
 
-    def counted(path: Path, limits: object) -> Clip:
+    def counted(path: Path, limits: object, face: object) -> Clip:
         read.append(path)
         if len(read) == 4:
             raise KeyboardInterrupt
@@ -192,4 +266,5 @@ def test_the_command_prints_a_line_a_word_that_failed_and_a_summary(archive: Pat
     assert done.exit_code == 0, done.output
     assert done.stderr.count("does not fit the recipe") == 1
     assert "     1 left out: holds no clip\n" in done.stdout
+    assert "       6 files ...ShapeKeys.txt not read: no source names their numbers; they stay" in done.stdout
     assert done.stdout.endswith("float32\n")

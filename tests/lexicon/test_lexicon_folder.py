@@ -148,7 +148,7 @@ def test_broken_clips_stop_a_build_or_are_skipped(clips: Path, tmp_path: Path) -
 def test_check_and_build_name_what_a_clip_leaves_out(
     clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preparing, "load", lambda path, limits: replace(load(path, limits), left_out=("a mesh",)))
+    monkeypatch.setattr(preparing, "load", lambda path, limits, face: replace(load(path, limits), left_out=("a mesh",)))
     path = clips / "hello.bvh"
     line = f"{path}: a mesh left out: a clip holds the motion of joints and faces"
     assert line in folders.check(clips).warnings

@@ -10,8 +10,8 @@ from conftest import random_clip
 from hypothesis import given
 from hypothesis import strategies as st
 
-from face_tracks import with_random_face
 from signsplice.errors import InputError
+from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon.frames import FORMS, Shape, decode, encode
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from signsplice.errors import InputError
 from signsplice.lexicon import shipped
-from signsplice.lexicon.sentence import SentenceToken, parse
+from signsplice.lexicon.function_words import without_copula
+from signsplice.lexicon.sentence import SentenceToken, parse, spelled
 
 TABLE = Path(__file__).with_name("newcomers.csv")
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "lexicon.md"
@@ -54,7 +55,9 @@ def outcome(typed: str) -> tuple[str, str]:
         except InputError as error:
             return "nothing", "error: " + str(error).removeprefix(f"{lexicon.path}: ").partition("; `")[0]
     said = [text for token in tokens for text in (token.note, token.warning) if text]
-    return " ".join(filter(None, map(shown, tokens))), re.sub("; write fs-[^ ;]+ to mean that", "", "; ".join(said))
+    return " ".join(filter(None, map(shown, tokens))), re.sub(
+        "; write fs-[^ ;]+ to mean that(, or drop function words)?", "", "; ".join(said)
+    )
 
 
 def test_the_table_is_long_enough() -> None:
@@ -78,3 +81,73 @@ def test_any_text_is_signed_or_refused_in_one_line(typed: str) -> None:
     signed, said = outcome(typed)
     assert (signed == "nothing") == said.startswith("error: ")
     assert len(said.splitlines()) <= 1
+
+
+# --- whole sentences of English ---
+
+SENTENCES = TABLE.with_name("newcomer_sentences.csv")
+
+
+def sentences() -> list[tuple[str, list[str], list[str]]]:
+    """What was typed, what of it is spelled, and what without function words."""
+    with SENTENCES.open(encoding="utf-8", newline="") as file:
+        return [(typed, a.split(), b.split()) for typed, a, b in list(csv.reader(file))[1:]]
+
+
+def test_the_documentation_counts_what_is_spelled() -> None:
+    table = sentences()
+    with shipped() as lexicon:
+        n_tokens = sum(len(parse(typed, lexicon)) for typed, _, _ in table)
+    spelled_before, spelled_after = ([row[k] for row in table if row[k]] for k in (1, 2))
+    counts = [len(spelled_before), sum(map(len, spelled_before)), n_tokens]
+    counts += [len(spelled_after), sum(map(len, spelled_after))]
+    text = " ".join(DOCS.read_text(encoding="utf-8").split())
+    found = re.search(
+        r"40 sentences\S+ as newcomers type them, (\d+) have words that are spelled, (\d+) of (\d+) tokens; "
+        r"without function words (\d+), with (\d+)\.",
+        text,
+    )
+    assert len(table) == 40
+    assert found
+    assert [int(number) for number in found.groups()] == counts
+
+
+@pytest.mark.parametrize(("typed", "as_typed", "without"), sentences())
+def test_what_is_spelled_of_sentences_of_english(typed: str, as_typed: list[str], without: list[str]) -> None:
+    with shipped() as lexicon:
+        tokens = parse(typed, lexicon)
+        assert spelled(tokens) == as_typed
+        assert [token.token for token in tokens if token.warning] == as_typed, "each is warned of"
+        kept = parse(typed, lexicon, drop_function_words=True)
+    assert spelled(kept) == without
+    assert all(token.note for token in kept if not token.glosses), "what is left out is said"
+    assert [token.token for token in kept] == [token.token for token in tokens]
+    for token in tokens:
+        parts = [gloss.split("-") for gloss in token.suggestions]
+        assert all(len(part) <= len(token.token) for words in parts for part in words if len(words) == 1)
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"), [("frend", "FRIEND"), ("helo", "HELLO"), ("wht", "WHAT"), ("tomorow", "TOMORROW")]
+)
+def test_a_missing_letter_is_still_found(word: str, meant: str) -> None:
+    with shipped() as lexicon:
+        assert meant in parse(word, lexicon)[0].suggestions
+
+
+@pytest.mark.parametrize("word", ["how", "do", "and", "other", "any", "are", "were"])
+def test_a_word_of_english_is_no_part_of_a_longer_one(word: str) -> None:
+    with shipped() as lexicon:
+        assert parse(word, lexicon)[0].suggestions == ()
+
+
+def test_function_words_of_a_compound_or_marked_as_spelled_stay() -> None:
+    with shipped() as lexicon:
+        tokens = parse("the fs-the #IS. I do, do you? do", lexicon, drop_function_words=True)
+        assert [shown(token) for token in tokens] == ["", "fs-THE", "fs-IS", "I", "fs-DO", "", "YOU", "fs-DO"]
+        assert [token.pause for token in tokens] == ["", "", ".", "", ",", "", "?", ""]
+        assert [token.note for token in tokens if token.note][:1] == ["'the' has no sign in ASL, and is left out"]
+        assert [shown(token) for token in parse("a the", lexicon, drop_function_words=True)] == ["", ""]
+    assert without_copula("I'm") == "I"
+    assert [without_copula(word) for word in ("youre", "They're", "what's")] == ["you", "They", "what"]
+    assert not any(without_copula(word) for word in ("were", "dog's", "its", "mothers", "whats", "I"))

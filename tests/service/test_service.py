@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import csv
 import json
 import struct
 import subprocess
@@ -18,12 +19,12 @@ from pydantic import TypeAdapter
 from websockets.sync.client import ClientConnection
 
 import generate
-from face_tracks import with_random_face
 from other_rigs import on_other_rig
 from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
+from signsplice.evaluation.faces import with_random_face
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
@@ -114,6 +115,14 @@ def test_dials_are_the_engines_options(service: httpx.Client, dials: dict[str, A
     assert answer.headers["content-disposition"] == 'attachment; filename="HELLO-DEAF.bvh"'
 
 
+def test_a_sentence_is_drawn_as_a_contact_sheet(service: httpx.Client) -> None:
+    answer = service.post("/v1/sentence?file=png", json={"glosses": GLOSSES[:1]})
+    assert answer.headers["content-type"] == "image/png"
+    assert answer.headers["content-disposition"] == 'attachment; filename="HELLO.png"'
+    width, height = (int.from_bytes(answer.content[at : at + 4], "big") for at in (16, 20))
+    assert min(width, height) > 200
+
+
 def test_files_are_spliced_in_order(service: httpx.Client, words: dict[str, Clip]) -> None:
     contents = {gloss: bvh.encode(words[gloss]) for gloss in ("SIGN", "DEAF")}
     files = [("files", (f"{gloss}.bvh", content)) for gloss, content in contents.items()]
@@ -124,6 +133,32 @@ def test_files_are_spliced_in_order(service: httpx.Client, words: dict[str, Clip
     )
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     assert base64.b64decode(answer["files"]["bvh"]) == bvh.encode(result.clip)
+
+
+def test_written_signs_are_signed_and_spliced_beside_clips(service: httpx.Client, words: dict[str, Clip]) -> None:
+    sigml = (Path(__file__).parents[1] / "synth" / "written_signs.sigml").read_bytes()
+    files = [("files", ("DEAF.bvh", bvh.encode(words["DEAF"]))), ("files", ("ten.sigml", sigml))]
+    report = service.post("/v1/splice", files=files, data={"options": '{"formats": []}'}).json()["report"]
+    signs = [span["name"] for span in report["spans"] if span["kind"] == "sign"]
+    assert signs == ["DEAF", "RED", "FATHER", "THROW", "DRINK", "KING", "HOUSE", "WORK", "BICYCLE", "CAR", "RAIN"]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"<sigml>", "x.sigml:1: is no well-formed XML"),
+        (b"<sigml/>", "holds no sign"),
+        (b'<sigml><hamgestural_sign gloss="A"><sign_manual/></hamgestural_sign></sigml>', "A: <sign_manual>: is empty"),
+        (b" " * 300_000, "expected at most 262,144 of written signs"),
+        (b"<sigml>" + b'<hns_sign gloss="A"><hamfist/></hns_sign>' * 500 + b"</sigml>", "signs, expected at most"),
+    ],
+)
+def test_written_signs_that_are_broken_or_too_many_are_refused(
+    service: httpx.Client, content: bytes, message: str
+) -> None:
+    answer = service.post("/v1/splice", files={"files": ("x.sigml", content)})
+    assert answer.status_code == 422 or answer.status_code == 400
+    assert message in answer.text
 
 
 def test_a_single_file_is_returned_unchanged(service: httpx.Client, words: dict[str, Clip]) -> None:
@@ -206,7 +241,7 @@ def test_schemathesis_finds_no_fault(service: httpx.Client, tmp_path: Path) -> N
             "--request-timeout", f"{PATIENCE_S:g}"]  # fmt: skip
     done = subprocess.run(call, capture_output=True, text=True, cwd=tmp_path, timeout=2 * PATIENCE_S)
     assert done.returncode == 0, done.stdout[-4000:]
-    assert "Tested: 6" in done.stdout
+    assert "Tested: 8" in done.stdout
 
 
 # --- streams ---
@@ -219,9 +254,13 @@ def test_a_stream_equals_the_engines_stream(service: httpx.Client) -> None:
         frames(messages), np.concatenate([frames_of(piece.clip) for piece in pieces]).astype("<f4")
     )
     texts = [message for message in messages if isinstance(message, dict)]
-    assert texts[0]["type"] == "skeleton"
-    assert texts[0]["names"] == list(pieces[0].clip.skeleton.names)
-    assert (texts[0]["cutter"], texts[0]["transition"]) == ("learned", "learned")
+    units = [text for text in texts if text["type"] == "unit"]
+    assert [unit["unit"]["glosses"] for unit in units] == [[gloss] for gloss in GLOSSES]
+    texts = [text for text in texts if text["type"] != "unit"]
+    rig = texts[0]
+    assert rig["type"] == "skeleton"
+    assert rig["names"] == list(pieces[0].clip.skeleton.names)
+    assert (rig["cutter"], rig["transition"]) == ("learned", "learned")
     spans = [message["span"] for message in texts if message["type"] == "span"]
     assert [tuple(span["output"]) for span in spans] == [piece.span.output for piece in pieces]
     seams = [message["seam"] for message in texts if message["type"] == "seam"]
@@ -258,7 +297,7 @@ def test_a_face_by_rule_is_in_the_files_of_a_sentence_that_asks_for_it(service: 
 def test_a_stream_sends_a_face_before_its_frames() -> None:
     """Of the words that ship none has a face: what a worker makes of pieces is looked at here."""
     pieces = list(stream([with_random_face(clip, k) for k, clip in enumerate(clips(GLOSSES))]))
-    opened = work._OpenStream(Stream(), SpliceOptions(), True, True)
+    opened = work._OpenStream(Stream(), SpliceOptions(), stream_messages.OpenMessage(type="open"))
     messages = work._messages(opened, pieces)
     faces = [message for message in messages if isinstance(message, dict) and message["type"] == "face"]
     assert [face["first"] for face in faces] == [piece.span.output[0] for piece in pieces]
@@ -293,7 +332,8 @@ def test_frames_come_before_the_sentence_ends(service: httpx.Client) -> None:
         messages = [socket.recv(timeout=PATIENCE_S)]
         while not isinstance(messages[-1], bytes):
             messages.append(socket.recv(timeout=PATIENCE_S))
-        assert json.loads(messages[0])["type"] == "skeleton"
+        types = [json.loads(text)["type"] for text in messages if isinstance(text, str)]
+        assert types == ["unit", "unit", "skeleton", "span"]
         socket.send(json.dumps({"type": "end"}))
         assert any(isinstance(message, dict) and message["type"] == "done" for message in receive_all(socket))
 
@@ -316,6 +356,76 @@ def test_a_stream_goes_on_without_an_unknown_word(service: httpx.Client) -> None
 def test_a_word_message_may_hold_several_glosses(service: httpx.Client) -> None:
     messages = streamed(service, ["HELLO", "MY  NAME\n", "DEAF"])
     np.testing.assert_array_equal(frames(messages), frames(streamed(service, ["HELLO", "MY", "NAME", "DEAF"])))
+
+
+# --- lines of text ---
+
+LINE = "Hi! I love you, do you like the dog? I'm Anna"
+
+
+def test_a_text_is_signed_as_the_command_line_signs_it(service: httpx.Client, tmp_path: Path) -> None:
+    out, report = tmp_path / "line.bvh", tmp_path / "line.json"
+    app(["sentence", LINE, "-o", str(out), "--report", str(report)], standalone_mode=False)
+    written = json.loads(report.read_text())
+    answer = service.post("/v1/sentence", json={"text": LINE}).json()
+    assert base64.b64decode(answer["files"]["bvh"]) == out.read_bytes()
+    assert (answer["units"], answer["spelled"]) == (written["units"], written["spelled"])
+    assert answer["spelled"] == ["do", "the", "I'm", "Anna"]
+    assert answer["units"] == service.post("/v1/sentence", json={"glosses": LINE.split()}).json()["units"]
+
+
+def test_what_is_spelled_of_newcomers_sentences_is_said(service: httpx.Client) -> None:
+    with (Path(__file__).parents[1] / "lexicon" / "newcomer_sentences.csv").open(encoding="utf-8", newline="") as file:
+        table = list(csv.DictReader(file))
+    for row in table:
+        asked: dict[str, Any] = {"text": row["typed"], "formats": [], "drop_function_words": True}
+        answer = service.post("/v1/sentence", json=asked).json()
+        assert answer["spelled"] == row["spelled_without_function_words"].split()
+
+
+def test_a_streams_text_is_read_as_a_sentence(service: httpx.Client) -> None:
+    for dropped in (False, True):
+        asked = {"text": LINE, "drop_function_words": dropped}
+        answer = service.post("/v1/sentence", json=asked).json()
+        with stream_client(service) as socket:
+            socket.send(json.dumps({"type": "open", "paced": False, "drop_function_words": dropped}))
+            for message in ({"type": "text", "text": LINE}, {"type": "end"}):
+                socket.send(json.dumps(message))
+            messages = receive_all(socket)
+        units = [message["unit"] for message in messages if isinstance(message, dict) and message["type"] == "unit"]
+        assert units == answer["units"]
+        assert len(frames(messages)) == answer["report"]["frames"]
+    assert answer["spelled"] == ["Anna"]
+    assert [unit["token"] for unit in units if not unit["glosses"]] == ["do", "the"]
+
+
+def test_glosses_and_text_are_alternatives(service: httpx.Client) -> None:
+    refused: tuple[tuple[dict[str, object], str], ...] = (
+        ({"text": "hello", "glosses": ["HELLO"]}, "both glosses and text, expected one of them"),
+        ({}, "no glosses and text, expected one of them"),
+        ({"text": "the a", "drop_function_words": True}, "ASL has no signs for these words"),
+        ({"text": " "}, "no gloss in the sentence"),
+        ({"text": "hello " * 201}, "201 words, expected at most 200"),
+        ({"text": ""}, "body.text: String should have at least 1 character"),
+    )
+    for asked, error in refused:
+        answer = service.post("/v1/sentence", json=asked)
+        assert answer.status_code == 422
+        assert answer.json()["error"].startswith(error)
+
+
+def test_a_stream_goes_on_after_a_text_that_is_too_long_or_empty(service: httpx.Client) -> None:
+    with stream_client(service) as socket:
+        socket.send(json.dumps({"type": "open", "paced": False, "drop_function_words": True}))
+        for text in ("hello " * 201, "the", "...", "hello"):
+            socket.send(json.dumps({"type": "text", "text": text}))
+        socket.send(json.dumps({"type": "end"}))
+        texts = [message for message in receive_all(socket) if isinstance(message, dict)]
+    assert [text["error"] for text in texts if text["type"] == "error"] == [
+        "201 words, expected at most 200",
+        "no gloss in the sentence, expected at least one",
+    ]
+    assert [text["span"]["name"] for text in texts if text["type"] == "span"] == ["HELLO"]
 
 
 # --- types ---
@@ -366,7 +476,7 @@ def test_typescript_has_a_counterpart_for_every_type() -> None:
     names = " | ".join(f'"{name}"' for name in wire.FORMAT_NAMES)
     assert f"  formats?: ({names})[];" in text
     assert "  body_sense?: boolean | null;" in text
-    assert "export type ClientMessage = OpenMessage | WordMessage | EndMessage;" in text
+    assert "export type ClientMessage = OpenMessage | WordMessage | TextMessage | EndMessage;" in text
     with pytest.raises(TypeError, match="no counterpart"):
         generate._type(complex)
 

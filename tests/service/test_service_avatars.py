@@ -1,31 +1,152 @@
-"""Avatars of a service: named when it starts, asked for by name."""
+"""Avatars of a service: named when it starts and asked for by name, or uploaded."""
 
 from __future__ import annotations
 
 import base64
+import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import httpx
+import numpy as np
 import pytest
 
 import avatars
 from serving import http_client
 from signsplice.cli.commands import app
-from signsplice.errors import InputError
+from signsplice.errors import InputError, LimitError
+from signsplice.formats import glb, vrma
+from signsplice.formats.avatar import avatars_in, parse_avatar, read_avatar
+from signsplice.formats.gltf_document import chunks
+from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.lexicon import shipped
+from signsplice.motion import kinematics
+from signsplice.rig.info import rig_info
 from signsplice.service.settings import Settings
+from signsplice.splicing.engine import splice
+from signsplice.splicing.onto_avatar import onto_avatar
 
 
-def test_a_service_signs_on_its_avatars_and_names_them_where_another_is_asked_for(tmp_path: Path) -> None:
-    narrow = avatars.body("narrow")
-    path = avatars.write(tmp_path / "Ann.vrm", narrow, avatars.tubes(narrow))
-    with http_client("serve", "--workers", "1", "--avatar", str(path)) as client:
-        asked = {"glosses": ["MY", "NAME"], "formats": ["glb"], "avatar": "Ann"}
-        answer = client.post("/v1/sentence", json=asked).json()
-        refused = client.post("/v1/sentence", json={**asked, "avatar": "Bob"})
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with an avatar, beside one with another."""
+    made = tmp_path_factory.mktemp("avatars")
+    for place, name in (("Ann.vrm", "narrow"), ("Eve.vrm", "broad")):
+        avatars.write(made / place, avatars.body(name), avatars.tubes(avatars.body(name)))
+    (made / "named").mkdir()
+    (made / "Ann.vrm").rename(made / "named" / "Ann.vrm")
+    (made / "named" / "notes.txt").write_text("no avatar")
+    return made
+
+
+@pytest.fixture(scope="module")
+def client(folder: Path) -> Iterator[httpx.Client]:
+    with http_client("serve", "--workers", "1", "--avatar", str(folder / "named")) as opened:
+        yield opened
+
+
+def test_a_service_signs_on_its_avatars_and_names_them_where_another_is_asked_for(client: httpx.Client) -> None:
+    asked = {"glosses": ["MY", "NAME"], "formats": ["glb"], "avatar": "Ann"}
+    answer = client.post("/v1/sentence", json=asked).json()
     assert answer["report"]["avatar"]["name"] == "Ann"
     assert answer["report"]["avatar"]["contacts"]
     assert b"VRMC_vrm" in base64.b64decode(answer["files"]["glb"])
+    assert client.get("/v1/avatars").json() == ["Ann"]
+
+
+@pytest.mark.parametrize("name", ["Bob", "Eve", "../Eve", "Ann.vrm", "named/Ann", "/etc/passwd", "notes"])
+def test_names_of_avatars_are_no_paths(client: httpx.Client, name: str) -> None:
+    refused = client.post("/v1/sentence", json={"glosses": ["MY"], "avatar": name})
     assert refused.status_code == 422
-    assert refused.json()["error"] == "avatar 'Bob': expected one of Ann"
+    assert refused.json()["error"] == f"avatar {name!r}: expected one of Ann"
+
+
+def fitted(client: httpx.Client, file: Path, /, query: str = "", **asked: object) -> httpx.Response:
+    upload = {"avatar": (file.name, file.read_bytes())}
+    return client.post(f"/v1/fit{query}", files=upload, data={"options": json.dumps(asked)})
+
+
+def test_motion_is_fitted_to_an_avatar_that_is_uploaded(client: httpx.Client, folder: Path) -> None:
+    answer = fitted(client, folder / "Eve.vrm", text="my name", formats=["vrma", "glb"]).json()
+    with shipped() as words:
+        spliced = splice([words.clip("MY"), words.clip("NAME")])
+    expected = onto_avatar(spliced, read_avatar(folder / "Eve.vrm"))
+    assert base64.b64decode(answer["files"]["vrma"]) == vrma.encode(expected.clip)
+    assert base64.b64decode(answer["files"]["glb"]) == glb.encode(expected.clip)
+    assert answer["report"]["avatar"]["name"] == "Eve"
+    assert [unit["glosses"] for unit in answer["units"]] == [["MY"], ["NAME"]]
+
+
+def test_motion_without_a_mesh_is_the_same_motion(client: httpx.Client, folder: Path) -> None:
+    for avatar in (None, folder / "Eve.vrm"):
+        asked = {"glosses": ["MY", "NAME"]}
+        answers = [
+            client.post("/v1/sentence?file=glb", json={**asked, "mesh": mesh}) if avatar is None
+            else fitted(client, avatar, "?file=glb", mesh=mesh, **asked)
+            for mesh in (True, False)
+        ]  # fmt: skip
+        whole, bare = (glb.parse(answer.content, "a.glb") for answer in answers)
+        assert len(answers[1].content) < len(answers[0].content) / 8
+        assert len(bare) == len(whole)
+        assert rig_info(bare.skeleton).roles.joints.keys() == rig_info(whole.skeleton).roles.joints.keys()
+        hands = [
+            kinematics.forward(clip, [rig_info(clip.skeleton).roles.joints["leftHand"]])[1] for clip in (whole, bare)
+        ]
+        np.testing.assert_allclose(hands[0] - hands[0][0], hands[1] - hands[1][0], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "options", "error"),
+    [
+        ("a.vrm", b"no avatar", {"text": "hi"}, "a.vrm:1: is no JSON"),
+        ("a.bvh", b"", {"text": "hi"}, "a.bvh: a file with suffix .bvh is no avatar, expected .vrm, .glb or .gltf"),
+        ("../../a", b"", {"text": "hi"}, "a: a file with suffix (none) is no avatar"),
+        ("a.vrm", b"", {}, "no glosses and text, expected one of them"),
+        ("a.vrm", b"", {"text": "hi", "avatar": "Ann"}, "options: an avatar is named"),
+        ("a.vrm", b"", {"text": "hi", "files": 1}, "options: files: "),
+        (
+            "a.gltf",
+            b'{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": "named/notes.txt"}], "bufferViews": '
+            b'[{"buffer": 0, "byteLength": 4}], "accessors": [{"bufferView": 0, "componentType": 5121, "count": 4, '
+            b'"type": "SCALAR"}], "nodes": [{"name": "hips"}], "skins": [{"joints": [0], "inverseBindMatrices": 0}]}',
+            {"text": "hi"},
+            "a.gltf: ",
+        ),
+    ],
+)
+def test_what_is_no_avatar_is_refused(
+    client: httpx.Client, name: str, content: bytes, options: dict[str, object], error: str
+) -> None:
+    answer = client.post("/v1/fit", files={"avatar": (name, content)}, data={"options": json.dumps(options)})
+    assert answer.status_code == 422
+    assert answer.json()["error"].startswith(error)
+    assert len(answer.json()["error"].splitlines()) == 1
+
+
+def test_an_uploaded_document_reads_no_other_file(tmp_path: Path, folder: Path) -> None:
+    """The same document is read where its folder is known, so that it is the upload that refuses it."""
+    text, blob = chunks("Eve", (folder / "Eve.vrm").read_bytes())
+    document = json.loads(text)
+    document["buffers"][0]["uri"] = "Eve.bin"
+    (tmp_path / "Eve.bin").write_bytes(blob)
+    (tmp_path / "Eve.gltf").write_text(json.dumps(document))
+    assert len(read_avatar(tmp_path / "Eve.gltf"))
+    with pytest.raises(InputError, match="Eve"):
+        parse_avatar((tmp_path / "Eve.gltf").read_bytes(), str(tmp_path / "Eve.gltf"))
+
+
+def test_an_uploaded_avatar_has_the_limits_of_clips(folder: Path) -> None:
+    content = (folder / "Eve.vrm").read_bytes()
+    with pytest.raises(LimitError, match="bytes, expected at most 1,000"):
+        parse_avatar(content, "Eve.vrm", replace(DEFAULT_LIMITS, file_bytes=1000))
+    with pytest.raises(LimitError, match="joints"):
+        parse_avatar(content, "Eve.vrm", replace(DEFAULT_LIMITS, joints=3))
+
+
+def test_a_folder_without_avatars_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a folder without avatars"):
+        avatars_in(tmp_path)
 
 
 def test_avatars_have_different_names() -> None:

@@ -303,6 +303,7 @@ def test_a_word_of_too_many_frames_is_left_out(tight: httpx.Client) -> None:
     with stream_client(tight) as stream:
         stream.send('{"type": "open", "paced": false, "fps": 240, "sign_speed": 0.1}')
         stream.send('{"type": "word", "gloss": "fs-ABC"}')
+        assert json.loads(stream.recv(timeout=PATIENCE_S))["unit"]["spelled"]
         assert "expected at most 600" in json.loads(stream.recv(timeout=PATIENCE_S))["error"]
         stream.send('{"type": "end"}')
         assert json.loads(stream.recv(timeout=PATIENCE_S)) == {"type": "done", "frames": 0}

@@ -191,6 +191,9 @@ def test_only_allowed_host_names_are_answered(host: str, allowed: tuple[str, ...
         (["--host", "256.1.1.1"], "cannot listen: host 256.1.1.1 is no address of this machine"),
         (["--allow-origin", "foo"], "expected scheme://host"),
         (["--allow-origin", "https://signs.example/page"], "expected scheme://host"),
+        (["--allow-embed", "signs.example"], "expected http(s)://host"),
+        (["--allow-embed", "https://a.example; script-src *"], "expected http(s)://host"),
+        (["--allow-embed", "https://a.example", "--allow-embed", "https://*.b.example"], "expected http(s)://host"),
         (["--limit", "worker_bytes=1"], "worker_bytes is 1, expected at least"),
     ],
 )

@@ -55,6 +55,13 @@ def test_a_client_that_has_the_page_gets_it_once_for_each_encoding(pages: page.P
     assert answer(pages, if_none_match=packed.headers["etag"]).status_code == 200
 
 
+def test_pages_that_are_allowed_to_may_show_it_in_a_frame(pages: page.PageResponses) -> None:
+    assert answer(pages).headers["x-frame-options"] == "DENY"
+    framed = answer(page.PageResponses([], ["https://a.example", "http://b.example:8080"]))
+    assert framed.headers["content-security-policy"] == "frame-ancestors https://a.example http://b.example:8080"
+    assert "x-frame-options" not in framed.headers
+
+
 def test_another_scene_has_another_tag(pages: page.PageResponses) -> None:
     assert answer(page.PageResponses([])).headers["etag"] != answer(pages).headers["etag"]
 

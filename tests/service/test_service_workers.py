@@ -30,7 +30,9 @@ from serving import (
     wait_until_warm,
     workers_of,
 )
+from signsplice.lexicon import building
 from signsplice.lexicon.reader import SHIPPED
+from signsplice.motion.clip import Clip
 from signsplice.service import work
 from signsplice.service.metrics import Metrics
 from signsplice.service.settings import Settings
@@ -47,12 +49,26 @@ class SlowProcess:
         self.ended = asyncio.Event()
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_token:
+        if job is work.read_typed:
             return [("HELLO", True)], []
         await asyncio.sleep(1.0)
         return [{"type": "skeleton"}]
 
     def post(self, job: Callable[..., Any], *args: object) -> None: ...
+
+
+@pytest.mark.parametrize("for_streams", [False, True])
+def test_a_worker_is_warmed_by_whatever_words_its_lexicon_has(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: dict[str, Clip], for_streams: bool
+) -> None:
+    with building(tmp_path / "two") as builder:
+        for gloss in ("SIGN", "DEAF"):
+            builder.add(words[gloss], gloss)
+    state = work._WorkerState(Settings(lexicons=(str(tmp_path / "two"),)))
+    monkeypatch.setattr(work, "_worker", state, raising=False)
+    work.warm_up(for_streams)
+    assert state.clip.cache_info().currsize == 2
+    assert not state.streams
 
 
 class FakeWorker:
@@ -86,7 +102,7 @@ class LongWordProcess(SlowProcess):
     """A worker process that makes a long word at once."""
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_token:
+        if job is work.read_typed:
             return [("HELLO", True)], []
         return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(200)]
 
@@ -134,7 +150,7 @@ class EndlessProcess(SlowProcess):
     """A worker process that ends as soon as frames go out."""
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_token:
+        if job is work.read_typed:
             return [("HELLO", True)], []
         return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(1000)]
 
@@ -251,7 +267,7 @@ def runner() -> Iterator[asyncio.Runner]:
 @pytest.fixture(scope="module")
 def worker(runner: asyncio.Runner) -> Iterator[Worker]:
     async def start() -> Worker:
-        worker = Worker(Settings(), skin=False)
+        worker = Worker(Settings(), for_streams=True)
         await worker.run(os.getpid)
         return worker
 
@@ -326,7 +342,7 @@ from signsplice.service.settings import Settings
 from signsplice.service.workers import Worker
 
 async def work():
-    worker = Worker(Settings(), skin=False)
+    worker = Worker(Settings(), for_streams=True)
     print(await worker.run(os.getpid), flush=True)
     await worker.run(time.sleep, 300.0)
 

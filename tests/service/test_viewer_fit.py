@@ -21,7 +21,9 @@ import pytest
 
 import avatars
 import signsplice as ss
-from signsplice.body.capsules import shaped_capsules
+from browsing import CHROMIUM, VIEWER
+from known_rigs import RIGS, skeleton_of
+from signsplice.body.capsules import Avatar, shaped_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
@@ -34,8 +36,6 @@ from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.service.scene import fit_source
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-VIEWER = Path(__file__).resolve().parents[2] / "viewer"
 CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow"), ("FAMILY", "broad")]
 SENTENCES = [("HELLO MY NAME", "narrow"), ("HELLO MY NAME", "big head")]
 FAR = ("HAT", "too short")
@@ -112,7 +112,15 @@ def page(folder: Path) -> Mapping[tuple[str, str], dict[str, Any]]:
     """What the page makes of each line and body, in Node, and the avatars as Python reads them."""
     cases = [*CASES, *SENTENCES, FAR]
     found = run(folder, cases)
-    return {case: {**one, "avatar": read_avatar(made(folder, case[1]))} for case, one in zip(cases, found, strict=True)}
+    of = {case: without_skin(made(folder, case[1])) for case in cases}
+    return {case: {**one, "avatar": of[case]} for case, one in zip(cases, found, strict=True)}
+
+
+def without_skin(path: Path) -> Avatar:
+    """An avatar as the page has it: capsules and relief, without the last step onto the posed mesh."""
+    avatar = read_avatar(path)
+    assert avatar.body is not None
+    return replace(avatar, body=replace(avatar.body, skin=None))
 
 
 def hands(clip: Clip, points: list[str]) -> FloatArray:
@@ -134,6 +142,40 @@ def test_hands_are_where_python_puts_them(page: Mapping[tuple[str, str], dict[st
         assert away.max() < MOST_M, f"{line} on {body}: {1e3 * away.max():.2f} mm"
         copied = hands(copy_rotations(clip, reference(still(seen["avatar"])))[0], points)
         assert np.linalg.norm(copied - fitted, axis=-1).max() > 0.02, "the fit moves hands by centimetres"
+
+
+@pytest.mark.parametrize("form", ["vrma", "glb"])
+def test_a_file_alone_is_fitted_as_python_fits_it(folder: Path, form: str) -> None:
+    """Without the body of the signer, which a service would send."""
+    cases = [("MY", "broad"), ("HELLO MY NAME", "narrow")]
+    given = [
+        {"avatar": str(made(folder, body)), "scene": {**scene.from_clip(signed(line), None, [form]), "fit": None}}
+        for line, body in cases
+    ]
+    done = checked(folder, given)
+    assert done.returncode == 0, done.stderr[-3000:]
+    for (line, body), printed in zip(cases, done.stdout.splitlines(), strict=True):
+        seen = json.loads(printed)
+        ss.save(signed(line), folder / f"alone.{form}")
+        fitted = retarget(ss.load(folder / f"alone.{form}"), read_avatar(made(folder, body))).clip
+        away = np.linalg.norm(np.array(seen["hands"]) - hands(fitted, seen["points"]), axis=-1)
+        assert away.max() < MOST_M, f"{line} on {body}: {1e3 * away.max():.2f} mm"
+
+
+def test_bones_of_avatars_without_a_vrm_part_are_known_by_name(tmp_path: Path) -> None:
+    named = {"mixamo", "vrm", "unity", "vroid", "unreal", "rigify"}  # as docs/player.md says
+    rigs = {
+        rig: skeleton_of(*chains)
+        for rig, (convention, chains) in RIGS.items()
+        if convention in named and rig != "rigify in three.js"
+    }
+    (tmp_path / "rigs.json").write_text(json.dumps({rig: skeleton.names for rig, (skeleton, _) in rigs.items()}))
+    command = ["node", str(VIEWER / "checks/roles.mjs"), str(tmp_path / "rigs.json")]
+    found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout)
+    for rig, (_, roles) in rigs.items():
+        body = {role: name for role, name in roles.items() if role not in ("jaw", "leftEye", "rightEye")}
+        assert found[rig] == body, rig
+    assert len(rigs) > 12
 
 
 def test_numbers_of_the_fit_stand_in_python_alone() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import signsplice as ss
-from face_tracks import with_random_face
+from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon import sentence as lines
 from signsplice.lexicon.reader import shipped
 from signsplice.motion.clip import Clip, concatenate

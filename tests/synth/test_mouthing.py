@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from face_tracks import random_face
 from signsplice.errors import InputError
+from signsplice.evaluation.faces import random_face
 from signsplice.motion.clip import Clip
 from signsplice.motion.face_shapes import VISEMES
 from signsplice.synth.mouthing import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing

@@ -176,6 +176,16 @@ def test_names_of_symbols_are_read_like_their_characters() -> None:
             "moved handback brushing",
             Motion("straight", ("d",), brushing_pair=Pair(weak=Site("handback"), contact="brushing")),
         ),
+        (
+            "parbegin chest touch moveo parend",
+            Motion(
+                "parallel",
+                parts=(
+                    Motion("posture", target=WrittenPosture(place=Place("chest", contact="touch"))),
+                    Motion("straight", ("o",)),
+                ),
+            ),
+        ),
         ("replace fist", Motion("posture", target=WrittenPosture(shape=WrittenShape("fist")))),
         (
             "parbegin moveu plus moved parend smallmod",
@@ -202,6 +212,8 @@ def test_a_notation_of_a_motion_is_its_tree(names: str, expected: Motion) -> Non
             WrittenShape("flat", bends=((4, "dblbent"), (5, "dblbent"))),
         ),
         ("cee12 thumbopenmod", WrittenShape("cee12", opening=0.6)),
+        ("pinch12 thumb touch middlefinger", WrittenShape("pinch12", opposed=3)),
+        ("finger23 middlefinger cross indexfinger", WrittenShape("finger23", pair=(3, 2), crossed=True)),
         ("ceeopen fingerhookmod", WrittenShape("cee12open", bend="hooked")),
     ],
 )
@@ -230,7 +242,13 @@ def test_a_notation_without_symmetry_has_one_hand_unless_it_names_the_other(name
         ("finger2 extfingeru palml parbegin seqbegin moveu parend", "hamseqend is added before hamparend"),
         ("flathand symmlr extfingero palmd moveu", "symbol 2: hamsymmlr is read as if it stood first"),
         ("flathand plus fist extfingero palmd moveu", "symbol 2: hamplus outside brackets"),
+        ("flathand extfingero palmd moveu plus", "symbol 5: hamplus outside brackets"),
         ("flathand extfingero palmd moveu extfingeru", "symbol 5: hamextfingeru after the first action"),
+        (
+            "finger2 thumb fingertip touch middlefinger extfingeru palml moveu",
+            "symbol 3: hamfingertip within a handshape",
+        ),
+        ("finger2 extfingeru palml parbegin extfingero moveu parend", "symbol 5: hamextfingero after the first action"),
         ("flathand extfingero palmd lrat moveu", "symbol 4: hamlrat without a place"),
     ],
 )
@@ -271,6 +289,12 @@ def test_a_character_that_is_no_symbol_is_refused_or_left_out_on_request() -> No
         files.one(text)
     sign = files.one(text, lenient=True)
     assert sign.notes == ("symbol 4: é is left out: is no symbol of HamNoSys 4",)
+    assert bare(sign) == bare(read("finger2 extfingeru palml moveu"))
+
+
+def test_marks_are_left_out_with_a_note() -> None:
+    sign = files.one(code("finger2 extfingeru palml") + "?" + code("moveu"))
+    assert sign.notes == ("symbol 4: ? is left out",)
     assert bare(sign) == bare(read("finger2 extfingeru palml moveu"))
 
 
@@ -348,7 +372,7 @@ def test_tables_lists_and_json_hold_the_same_signs(tmp_path: Path) -> None:
     for name in ("a.csv", "b.txt", "c.json", "d.json"):
         found = files.read(tmp_path / name)
         assert {g: bare(s) for g, s in found.signs.items()} == {g: bare(read(HAM[g])) for g in signs}
-    found = files.read(tmp_path)
+    found = files.read([tmp_path / name for name in ("a.csv", "b.txt", "c.json", "d.json")])
     assert list(found.signs)[:4] == ["KING", "CAR", "KING#2", "CAR#2"]
     assert len(found.signs) == 8
     assert [s.gloss for s in found.signs.values()] == list(found.signs)
@@ -357,7 +381,7 @@ def test_tables_lists_and_json_hold_the_same_signs(tmp_path: Path) -> None:
 def test_a_refused_sign_does_not_lose_the_others(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"gloss,hamnosys\nA,{code(HAM['KING'])}\nB,{code('moveu')}\nC,{code(HAM['CAR'])}\n")
     (tmp_path / "b.sigml").write_text("<sigml>")
-    found = files.read(tmp_path)
+    found = files.read([tmp_path / "a.csv", tmp_path])
     assert list(found.signs) == ["A", "C"]
     assert [str(error).removeprefix(f"{tmp_path}/")[:12] for error in found.refused] == ["a.csv: B: sy", "b.sigml:1: i"]
 

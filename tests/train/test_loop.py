@@ -72,6 +72,28 @@ def test_a_training_that_is_interrupted_is_kept(tmp_path: Path) -> None:
     assert checkpoint.read(tmp_path)["step"] == 3
 
 
+@pytest.mark.parametrize(("stop", "kept"), [(3, "no step is kept yet"), (5, "step 4 of 6 is kept in ")])
+def test_an_interrupt_says_what_is_kept_and_the_next_call_that_it_continues(
+    tmp_path: Path, stop: int, kept: str
+) -> None:
+    class Interrupted(LoopConfig):
+        def interruption(self, step: int, processes: processes.Processes) -> SignspliceError | None:
+            if step == stop:
+                raise KeyboardInterrupt
+            return None
+
+    def train_again(config: LoopConfig) -> list[tuple[int, int, dict[str, float]]]:
+        task, data, valid = product_toy()
+        calls: list[tuple[int, int, dict[str, float]]] = []
+        train(task, config, data, valid, tmp_path, "toy", ALONE, lambda *call: calls.append(call))
+        return calls
+
+    with pytest.raises(KeyboardInterrupt, match=f"^{kept}.*; the same command continues from there$"):
+        train_again(Interrupted(6, 4, 1e-3, 1, every=4))
+    continues = [(step, n_steps) for step, n_steps, numbers in train_again(LoopConfig(6, 4, 1e-3, 1)) if not numbers]
+    assert continues == ([(4, 6)] if stop == 5 else [])
+
+
 def test_a_training_may_end_by_its_log(tmp_path: Path) -> None:
     class Short(LoopConfig):
         def has_ended(self, folder: Path, step: int, processes: processes.Processes) -> bool:

@@ -15,6 +15,9 @@ export async function launch() {
 export async function watched(browser, options = {}) {
   const context = await browser.newContext({ acceptDownloads: true, locale: 'en-GB', ...options });
   const page = await context.newPage();
+  await page.addInitScript(() => {
+    globalThis.picture = () => (document.querySelector('sign-player')?.shadowRoot ?? document).querySelector('canvas');
+  });
   const faults = [];
   const hosts = new Set();
   page.on('console', (message) => {
@@ -25,7 +28,7 @@ export async function watched(browser, options = {}) {
     const { protocol, host } = new URL(request.url());
     if (['http:', 'https:', 'ws:', 'wss:'].includes(protocol)) hosts.add(host);
   });
-  page.setDefaultTimeout(600_000); // other processes may load the machine
+  page.setDefaultTimeout(Number(process.env.PATIENCE ?? 600_000)); // other processes may load the machine
   return { page, context, faults, hosts };
 }
 
@@ -65,7 +68,7 @@ export async function pause(page) {
 /** Fraction of pixels that are not background, in the left and in the right half of the picture. */
 export function drawn(page) {
   return page.evaluate(() => {
-    const canvas = document.querySelector('#stage canvas');
+    const canvas = globalThis.picture();
     const copy = new OffscreenCanvas(160, 100);
     const pen = copy.getContext('2d');
     pen.drawImage(canvas, 0, 0, 160, 100);

@@ -1,24 +1,23 @@
 // What the page's own code makes of an avatar and a scene; bundled by fit.mjs for Node and for Chromium.
 
-import { VRMLoaderPlugin } from '@pixiv/three-vrm';
 import { VRMAnimationLoaderPlugin } from '@pixiv/three-vrm-animation';
 import { Quaternion, Vector3 } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { decode } from '../src/bytes.ts';
 import { bodyOf, motionOf } from '../src/fit/avatar.ts';
 import { fitMotion } from '../src/fit/fit.ts';
-import { Person } from '../src/person.ts';
+import { readAvatar } from '../src/humanoid.ts';
+import { personOf, sourceOf } from '../src/source.ts';
 
 const FINGERS = ['Thumb', 'Index', 'Middle', 'Ring', 'Little'];
 const POINTS = ['left', 'right'].flatMap((side) => [`${side}Hand`, ...FINGERS.map((finger) => `${side}${finger}Distal`)]);
 
 /** What fit.mjs prints of a .vrm in base64 and a scene. */
 export async function fitted(avatar, scene, timed) {
-  const vrma = decode(scene.files.vrma);
-  const person = await Person.avatar(decode(avatar), vrma, scene.fit);
+  const person = await personOf(sourceOf(scene), decode(avatar));
   const { frames, fps } = scene.report;
   const body = await bodyIn(avatar);
-  const ms = timed ? await time(body, vrma, scene.fit) : null;
+  const ms = timed ? await time(body, decode(scene.files.vrma), scene.fit) : null;
   return { points: POINTS, hands: positions(person, frames, fps), beyond: person.fitted.beyond, capsules: body.capsules, ms };
 }
 
@@ -42,14 +41,13 @@ function positions(person, frames, fps) {
   });
 }
 
-const loader = new GLTFLoader().register((parser) => new VRMLoaderPlugin(parser)).register((parser) => new VRMAnimationLoaderPlugin(parser));
+const loader = new GLTFLoader().register((parser) => new VRMAnimationLoaderPlugin(parser));
 const bodies = new Map();
 
 /** The body of the avatar in a .vrm, as the solver sees it. */
 async function bodyIn(avatar) {
   if (!bodies.has(avatar)) {
-    const file = await loader.parseAsync(decode(avatar).buffer, '');
-    bodies.set(avatar, bodyOf(file, file.userData.vrm));
+    bodies.set(avatar, bodyOf(...(await readAvatar(decode(avatar)))));
   }
   return bodies.get(avatar);
 }

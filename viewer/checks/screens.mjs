@@ -5,7 +5,7 @@ import { join } from 'node:path';
 import { frame, launch, pause, seek, shown, watched } from './browser.mjs';
 
 const SIZES = [
-  [360, 640], [640, 360], [390, 844], [844, 390], [768, 1024], [1024, 768], [1024, 500], [500, 1024], [1280, 720], [720, 1280], [1440, 900],
+  [320, 568], [360, 640], [640, 360], [390, 844], [844, 390], [768, 1024], [1024, 768], [1024, 500], [500, 1024], [1280, 720], [720, 1280], [1440, 900], [2560, 1440],
 ];
 const [address, out] = process.argv.slice(2);
 const browser = await launch();
@@ -144,13 +144,13 @@ for (const [name, step] of Object.entries({ inTime: 0.045, late: 0.07, veryLate:
   await page.evaluate(() => document.querySelector('#play').click());
   const wanted = { inTime: 0, late: 1, veryLate: 2 }[name];
   await page.evaluate(async ([seconds, detail]) => {
-    const [start, canvas] = [performance.now(), document.querySelector('canvas')];
+    const [start, canvas] = [performance.now(), globalThis.picture()];
     let n = 0;
     const enough = () => (detail ? Number(canvas.dataset.detail) >= detail : n >= seconds);
     while (!enough() && performance.now() - start < 300_000) await new Promise((done) => requestAnimationFrame(() => done(n++)));
   }, [Math.ceil(1.5 / step), wanted]);
   await pause(page);
-  const ratio = await page.evaluate(() => document.querySelector('canvas').width / document.querySelector('canvas').clientWidth);
+  const ratio = await page.evaluate(() => globalThis.picture().width / globalThis.picture().clientWidth);
   result[name] = { before, after: await drawnAt(page, 10), ratio };
   if (out) await page.screenshot({ path: join(out, `${name}.png`) });
   if (name === 'late') {
@@ -168,7 +168,7 @@ for (const [name, step] of Object.entries({ inTime: 0.045, late: 0.07, veryLate:
 const skin = (page) =>
   page.evaluate(() => {
     const pen = new OffscreenCanvas(200, 200).getContext('2d');
-    pen.drawImage(document.querySelector('#stage canvas'), 0, 0, 200, 200);
+    pen.drawImage(globalThis.picture(), 0, 0, 200, 200);
     const { data } = pen.getImageData(0, 0, 200, 200);
     let n = 0;
     for (let k = 0; k < data.length; k += 4) if (data[k] > data[k + 2] + 30) n++;
@@ -189,7 +189,7 @@ const state = async () => ({
   signs: await signs(shared),
   values: await Promise.all(['#glosses', '#sign-speed', '#speed', '#cutter', '#transition', '#transition-time', '#tempo', '#free-hand'].map((query) => shared.inputValue(query))),
   isAuto: await shared.isChecked('#transition-auto'),
-  pressed: await shared.locator('[aria-pressed=true]').evaluateAll((all) => all.map((one) => one.dataset.view ?? one.id)),
+  pressed: await shared.locator('[aria-pressed=true]').evaluateAll((all) => all.flatMap((one) => one.dataset.view || one.id || [])),
   title: await shared.title(),
 });
 const odd = encodeURIComponent('"><img src=x onerror="globalThis.hacked=1.5">');

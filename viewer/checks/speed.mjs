@@ -18,7 +18,7 @@ const before = await used();
 const measured = await page.evaluate(async (time) => {
   const play = document.querySelector('#play');
   if (play.textContent === '▶') play.click();
-  const canvas = document.querySelector('canvas');
+  const canvas = globalThis.picture();
   const start = performance.now();
   let frames = 0;
   await new Promise((done) => {

@@ -1,7 +1,7 @@
 /** The page's address: it holds the sentence and what is set, so that it can be shared. Only what is not standard is in it. */
 
 import { find } from './dom.js';
-import type { View } from './stage.js';
+import type { View } from './api.js';
 
 /** Controls whose values are in the address, by their names there: those of the service's dials. */
 const CONTROLS = {

@@ -2,7 +2,7 @@
 
 import { find, option } from './dom.js';
 import { translate } from './languages.js';
-import * as service from './service.js';
+import { own } from './service.js';
 import type { Dials, MethodInfo } from './wire.js';
 
 const auto = () => find<HTMLInputElement>('#transition-auto');
@@ -42,7 +42,7 @@ export function showValues(): void {
 
 /** Fill the lists with the service's methods; the choices stay. */
 export async function listMethods(): Promise<void> {
-  const methods = await service.methods().catch(() => [] as MethodInfo[]);
+  const methods = await own.methods().catch(() => [] as MethodInfo[]);
   const fill = (query: string, options: Node[]) => {
     const kept = value(query);
     find(query).replaceChildren(...options);

@@ -71,7 +71,11 @@ const en = {
   notRead: '{name} cannot be opened; expected {suffixes} or .vrm',
   noVrma: 'This clip has no VRM animation, so no avatar can play it.',
   broken: 'This page cannot show animations here:',
+  flat: 'This browser has no WebGL, so nothing moves here. Turn on graphics acceleration in its settings, or open the page in another browser.',
+  spelled: '; spelled: {words}',
+  typable: 'The lexicon has no {words}. Glosses are typed in Latin letters, such as {examples}; other words as fs- and letters, such as fs-ANNA.',
   lost: 'The service does not answer. Is it still running?',
+  refused: 'The service at {address} does not answer, or does not allow this page: signsplice serve --allow-origin {page}',
   transitionTo: 'transition from {before} to {after}; loop it',
   goTo: 'go to {name}',
   frameValue: 'frame {frame} of {frames}, {caption}',
@@ -154,7 +158,11 @@ const zh: typeof en = {
   notRead: '无法读取 {name}；应为 {suffixes} 或 .vrm',
   noVrma: '此片段没有 VRM 动画，虚拟形象无法播放。',
   broken: '此页面无法在这里显示动画：',
+  flat: '此浏览器没有 WebGL，无法显示动画。请在设置中打开图形加速，或换一个浏览器打开本页。',
+  spelled: '；拼写：{words}',
+  typable: '词库中没有“{words}”。词目用拉丁字母输入，例如 {examples}；其他词可用 fs- 加字母拼写，例如 fs-ANNA。',
   lost: '服务没有响应。它还在运行吗？',
+  refused: '{address} 的服务没有响应，或不允许此页面访问：signsplice serve --allow-origin {page}',
   transitionTo: '从 {before} 到 {after} 的过渡；循环播放',
   goTo: '跳到 {name}',
   frameValue: '第 {frame} 帧，共 {frames} 帧，{caption}',
@@ -190,11 +198,20 @@ export function preferred(): Language {
   return kept === 'en' || kept === 'zh' ? kept : navigator.language.toLowerCase().startsWith('zh') ? 'zh' : 'en';
 }
 
+export function isLanguage(code: string): code is Language {
+  return code in languages;
+}
+
 /** A text in the page's language, with values for its {names}; {suffixes} are those of the formats of clips. */
 export function translate(key: TextKey, values: Record<string, string | number> = {}): string {
+  return translateTo(current, key, values);
+}
+
+/** A text in a language. */
+export function translateTo(language: Language, key: TextKey, values: Record<string, string | number> = {}): string {
   const suffixes = Object.keys(MEDIA_TYPES).map((format) => `.${format}`);
-  values = { suffixes: suffixes.join(current === 'zh' ? '、' : ', '), ...values };
-  return languages[current][key].replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ''));
+  values = { suffixes: suffixes.join(language === 'zh' ? '、' : ', '), ...values };
+  return languages[language][key].replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ''));
 }
 
 /** Show the page in a language. */

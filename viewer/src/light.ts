@@ -2,9 +2,9 @@
 
 import { type Bone, BufferAttribute, type BufferGeometry, type Object3D, type SkinnedMesh, Vector3 } from 'three';
 
-/** Sides of the cells whose vertices become one, as fractions of stature. Fingers carry meaning, so theirs are small. */
-const CELLS = { hand: 0.003, head: 0.008, rest: 0.015 };
-const ACROSS = 4; // cells across a small mesh, such as the eyes, whatever its part
+/** Sides of the cells whose vertices become one, as fractions of stature. Fingers carry meaning, so theirs are small; a face's lids and lips are smaller. */
+const CELLS = { hand: 0.003, head: 0.0015, rest: 0.015 };
+const ACROSS = 16; // cells across a small mesh, such as the lips, whatever its part
 const UV_CELLS = 24; // across a texture, since one triangle must not reach over its seams
 
 /** What a bone carries; parts that none of the given nodes hold are the rest. */

@@ -3,14 +3,15 @@
  */
 
 import * as address from './address.js';
-import { decode } from './bytes.js';
 import * as dials from './dials.js';
 import { FORMATS, SUFFIXES } from './dropping.js';
-import { translate } from './languages.js';
+import { language, translate } from './languages.js';
 import { alert, busy, messageOf } from './messages.js';
-import { Person } from './person.js';
+import { checkAvatar } from './humanoid.js';
+import type { Person } from './person.js';
 import type { SentenceBox } from './sentence.js';
-import * as service from './service.js';
+import { own, ServiceError } from './service.js';
+import { isStill, personOf, sourceOf } from './source.js';
 import type { Spliced } from './wire.js';
 
 /** Where the scene came from, to request it again with other dials. */
@@ -29,6 +30,7 @@ interface Page {
 }
 
 const FIRST_GLOSSES = ['HELLO', 'MY', 'NAME'];
+const MANY = 400; // words of a lexicon, from which examples are taken
 
 export class Loader {
   avatar: { name: string; bytes: Uint8Array<ArrayBuffer> } | null = null;
@@ -78,13 +80,13 @@ export class Loader {
     const suffix = (file: File) => file.name.toLowerCase().replace(/^.*(?=\.)/, '');
     const unreadable = files.find((file) => !SUFFIXES.includes(suffix(file)));
     if (unreadable) return alert(translate('notRead', { name: unreadable.name }));
-    const avatar = files.find((file) => suffix(file) === '.vrm');
+    const avatar = await avatarIn(files);
     const clips = files.filter((file) => file !== avatar);
     if (avatar) await this.loadAvatar(avatar);
     if (!clips.length) return;
     if (!this.isLive) return alert(translate('needsService'));
-    this.box.glosses = [];
     await this.load({ files: clips }, 'new');
+    if (this.source && 'files' in this.source && this.source.files === clips) this.box.glosses = []; // what was typed stays after an error
   }
 
   /** Keep what is shown until ``unlock``. */
@@ -123,8 +125,8 @@ export class Loader {
       await work(task.signal);
     } catch (error) {
       if (task.signal.aborted) return;
-      alert(messageOf(error));
-      this.box.offer(error instanceof service.ServiceError ? Object.entries(error.failure.unknown) : []);
+      alert((await advice(error)) ?? messageOf(error));
+      this.box.offer(error instanceof ServiceError ? Object.entries(error.failure.unknown) : []);
     } finally {
       if (this.task === task) {
         this.task = this.wanted = null;
@@ -169,8 +171,8 @@ export class Loader {
     const scenes = await Promise.all(
       dials.requested().map((options) =>
         'glosses' in source
-          ? service.sentence({ ...options, glosses: source.glosses, formats: FORMATS }, signal)
-          : service.splice(source.files, { ...options, formats: FORMATS }, signal),
+          ? own.sentence({ ...options, glosses: source.glosses, formats: FORMATS }, signal)
+          : own.splice(source.files, { ...options, formats: FORMATS }, signal),
       ),
     );
     await this.show(scenes, signal);
@@ -182,7 +184,7 @@ export class Loader {
   }
 
   private async show(scenes: Spliced[], signal: AbortSignal): Promise<void> {
-    const made = await Promise.allSettled(scenes.map((scene) => this.person(scene)));
+    const made = await Promise.allSettled(scenes.map(async (scene) => this.person(scene)));
     const people = made.flatMap((one) => (one.status === 'fulfilled' ? [one.value] : []));
     const failure = made.find((one) => one.status === 'rejected');
     if (signal.aborted || failure) {
@@ -194,11 +196,9 @@ export class Loader {
     this.page.show(scenes, people);
   }
 
-  private async person(scene: Spliced): Promise<Person> {
-    const { glb, vrma } = scene.files;
-    if (this.avatar && vrma) return Person.avatar(this.avatar.bytes, decode(vrma), scene.fit);
-    if (!glb) throw new Error(translate('noFile', { file: 'GLB' }));
-    return Person.mannequin(decode(glb));
+  private person(scene: Spliced): Promise<Person> {
+    if (!this.avatar && !scene.files.glb) throw new Error(translate('noFile', { file: 'GLB' }));
+    return personOf(sourceOf(scene), this.avatar?.bytes ?? null);
   }
 
   private async loadAvatar(file: File): Promise<void> {
@@ -206,7 +206,7 @@ export class Loader {
     let bytes: Uint8Array<ArrayBuffer>;
     try {
       bytes = new Uint8Array(await file.arrayBuffer());
-      await Person.checkAvatar(bytes);
+      await checkAvatar(bytes);
     } catch (error) {
       return alert(rejected(error));
     }
@@ -227,8 +227,27 @@ export class Loader {
   }
 }
 
+/** On a page in Chinese: what can be typed, where words are Chinese. */
+async function advice(error: unknown): Promise<string | null> {
+  const words = error instanceof ServiceError ? Object.keys(error.failure.unknown).filter((word) => /\p{Script=Han}/u.test(word)) : [];
+  if (language() !== 'zh' || !words.length) return null;
+  const found = await own.words('', MANY).catch(() => null);
+  const examples = found?.words.filter(({ kind }) => kind === 'sign').map(({ gloss }) => gloss) ?? FIRST_GLOSSES;
+  const some = [0, 1, 2, 3, 4].map((k) => examples[Math.floor((k * examples.length) / 5)]!);
+  return translate('typable', { words: words.join('、'), examples: some.join('、') });
+}
+
+/** The file that is an avatar: a .vrm, or a .glb that does not move. */
+async function avatarIn(files: File[]): Promise<File | undefined> {
+  for (const file of files) {
+    const name = file.name.toLowerCase();
+    if (name.endsWith('.vrm') || (name.endsWith('.glb') && isStill(new Uint8Array(await file.arrayBuffer())))) return file;
+  }
+  return undefined;
+}
+
 async function firstGlosses(signal: AbortSignal): Promise<string[]> {
-  const found = await Promise.all(FIRST_GLOSSES.map((gloss) => service.words(gloss, 1, signal)));
+  const found = await Promise.all(FIRST_GLOSSES.map((gloss) => own.words(gloss, 1, signal)));
   if (found.every(({ words }, k) => words[0]?.gloss === FIRST_GLOSSES[k])) return FIRST_GLOSSES;
-  return (await service.words('', 3, signal)).words.map(({ gloss }) => gloss);
+  return (await own.words('', 3, signal)).words.map(({ gloss }) => gloss);
 }

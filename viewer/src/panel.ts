@@ -8,20 +8,10 @@ import type { Format, Spliced } from './wire.js';
 
 export type Download = Format | 'film' | 'report' | 'page';
 
-/** A line for each hand whose places lie beyond the reach of the avatar's arm, by so many metres. */
-export function reachWarnings([left, right]: [number, number]): string[] {
-  const lines = [left && translate('beyondLeft', { cm: Math.round(100 * left) }), right && translate('beyondRight', { cm: Math.round(100 * right) })];
-  return lines.filter((line) => line !== 0);
-}
-
 /** Fill the panel, with ``more`` warnings; ``loop`` is called with the number of a seam that the user chooses. */
 export function show(scenes: Spliced[], more: string[], loop: (seam: number) => void): void {
   const scene = scenes[0]!;
   const all = seams(scene.report);
-  document.querySelectorAll<HTMLElement>('.side').forEach((side, k) => {
-    side.hidden = k >= scenes.length;
-    side.querySelector('.method')!.textContent = scenes.length > 1 && scenes[k] ? sideName(scenes, k) : '';
-  });
   const names = all.map(({ before, after }) => `${before} → ${after}`);
   find('#loop').replaceChildren(
     option('', translate('noLoop')),
@@ -58,7 +48,11 @@ export function show(scenes: Spliced[], more: string[], loop: (seam: number) => 
   }
 }
 
-/** The name of one of two sides: what differs between them. */
+/** The names of two sides, by what differs between them; none for one. */
+export function sideNames(scenes: Spliced[]): string[] {
+  return scenes.length > 1 ? scenes.map((_, side) => sideName(scenes, side)) : [];
+}
+
 function sideName(scenes: Spliced[], side: number): string {
   const { cutter, transition } = scenes[side]!.report;
   const other = scenes[1 - side]!.report;

@@ -1,16 +1,30 @@
 /** The signer on the stage: the clip's mannequin, or an avatar that plays its VRM animation, fitted to its body. */
 
-import { VRMLoaderPlugin, VRMUtils, type VRM } from '@pixiv/three-vrm';
-import { VRMAnimationLoaderPlugin, createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
-import { type AnimationClip, AnimationMixer, Box3, type BufferAttribute, Group, type Object3D, SkinnedMesh, Vector3 } from 'three';
-import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import { type AvatarBody, bodyOf, motionOf, tracksOf } from './fit/avatar.js';
-import { type Fitted, fitMotion, inSlices, type Motion } from './fit/fit.js';
-import { checkTrees } from './fit/mesh.js';
+import { type VRM, VRMUtils } from '@pixiv/three-vrm';
+import { createVRMAnimationClip } from '@pixiv/three-vrm-animation';
+import {
+  AnimationClip,
+  AnimationMixer,
+  Box3,
+  type BufferAttribute,
+  Group,
+  MathUtils,
+  type Object3D,
+  Quaternion,
+  QuaternionKeyframeTrack,
+  SkinnedMesh,
+  Vector3,
+  VectorKeyframeTrack,
+} from 'three';
+import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { type AvatarBody, bodyOf, tracksOf } from './fit/avatar.js';
+import { type Fitted, fitMotion, inSlices } from './fit/fit.js';
+import { readAvatar } from './humanoid.js';
 import { lighter, type Part, partsOf } from './light.js';
-import type { FitSource } from './wire.js';
+import type { Take } from './take.js';
 
 const ROLES = ['leftHand', 'rightHand', 'leftMiddleProximal', 'rightMiddleProximal', 'head'] as const;
+const ARMS = ['left', 'right'].flatMap((side) => ['UpperArm', 'LowerArm', 'Hand'].map((bone) => side + bone));
 const END = 1e-4; // seconds before a clip's end, since a looping action shows its first frame at the end
 /** The bodies of avatars by their files: measuring a mesh takes longer than fitting a sentence. */
 const bodies = new WeakMap<Uint8Array, AvatarBody>();
@@ -18,22 +32,22 @@ const bodies = new WeakMap<Uint8Array, AvatarBody>();
 export class Person {
   readonly root = new Group();
   private readonly mixer: AnimationMixer;
-  private readonly duration: number;
+  private body: AvatarBody | null = null; // of an avatar
   private shown = 0;
   private readonly indices = new Map<SkinnedMesh, [BufferAttribute | null, BufferAttribute | null]>();
   private readonly parts: Map<Object3D, Part>;
   private readonly palms: Object3D[];
 
   private constructor(
-    body: Object3D,
-    clip: AnimationClip,
+    figure: Object3D,
+    private clip: AnimationClip,
     bone: (role: (typeof ROLES)[number]) => Object3D | null,
     private readonly vrm?: VRM,
     /** How the motion was fitted to an avatar; null where it plays as it is. */
     readonly fitted: Fitted | null = null,
   ) {
-    this.root.add(body);
-    body.traverse((node) => {
+    this.root.add(figure);
+    figure.traverse((node) => {
       node.frustumCulled = false; // the bounds of a skinned mesh do not follow its bones
       node.castShadow = node.receiveShadow = true;
     });
@@ -42,10 +56,14 @@ export class Person {
     const knuckles = both('leftMiddleProximal', 'rightMiddleProximal');
     this.palms = knuckles.length ? knuckles : hands;
     this.parts = partsOf(hands, bone('head'));
-    this.mixer = new AnimationMixer(body);
+    this.mixer = new AnimationMixer(figure);
     this.mixer.clipAction(clip).play();
-    this.duration = clip.duration;
     this.at(0);
+  }
+
+  /** Length of the motion, s. */
+  get duration(): number {
+    return this.clip.duration;
   }
 
   /** The mannequin of a .glb. */
@@ -64,28 +82,26 @@ export class Person {
     return new Person(gltf.scene, clip, (role) => bones.get(role) ?? null);
   }
 
-  /** Throws if a file is not an avatar that can be shown. */
-  static async checkAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<void> {
-    VRMUtils.deepDispose((await readAvatar(vrm))[1].scene);
+  /** An avatar (.vrm, or .glb) with a motion, fitted to its body where both have arms; ``known``: that body. */
+  static async avatar(content: Uint8Array<ArrayBuffer>, take: Take, known: AvatarBody | null = null): Promise<Person> {
+    const [file, avatar] = await readAvatar(content);
+    const body = known ?? bodies.get(content) ?? bodyOf(file, avatar);
+    bodies.set(content, body);
+    const [clip, fitted] = await playable(avatar, body, take);
+    VRMUtils.rotateVRM0(avatar);
+    const person = new Person(avatar.scene, clip, (role) => avatar.humanoid.getRawBoneNode(role), avatar, fitted);
+    person.body = body;
+    return person;
   }
 
-  /** An avatar (.vrm) with the motion of a .vrma, fitted to its body where that of the signer is known. */
-  static async avatar(vrm: Uint8Array<ArrayBuffer>, vrma: Uint8Array<ArrayBuffer>, source: FitSource | null): Promise<Person> {
-    const [file, avatar] = await readAvatar(vrm);
-    const motion = await new GLTFLoader()
-      .register((parser) => new VRMAnimationLoaderPlugin(parser))
-      .parseAsync(vrma.slice().buffer, '');
-    const animation = (motion.userData['vrmAnimations'] as VRMAnimation[] | undefined)?.[0];
-    if (!animation) throw new Error('the clip has no VRM animation');
-    const clip = createVRMAnimationClip(animation, avatar);
-    let fitted: Fitted | null = null;
-    if (source) {
-      const body = bodies.get(vrm) ?? bodyOf(file, avatar);
-      bodies.set(vrm, body);
-      fitted = await fitClip(clip, avatar, body, await motionOf(motion, animation, source));
-    }
-    VRMUtils.rotateVRM0(avatar);
-    return new Person(avatar.scene, clip, (role) => avatar.humanoid.getRawBoneNode(role), avatar, fitted);
+  /** Go on with a motion, of which the first ``overlap`` frames are there already and are blended. */
+  async extend(take: Take, overlap: number): Promise<void> {
+    const [clip] = await playable(this.vrm!, this.body!, take);
+    this.mixer.stopAllAction();
+    this.mixer.uncacheClip(this.clip);
+    this.clip = joined(this.clip, clip, overlap);
+    this.mixer.clipAction(this.clip).play();
+    this.at(this.shown);
   }
 
   /** Draw fewer triangles and no shadows on the body, or all again; ``stature`` in metres. */
@@ -124,21 +140,40 @@ export class Person {
   }
 }
 
-/** Give a clip that an avatar plays the rotations that are fitted to the avatar's body. */
-async function fitClip(clip: AnimationClip, avatar: VRM, body: AvatarBody, motion: Motion): Promise<Fitted> {
+/** A motion as a clip that an avatar plays, with the rotations that are fitted to its body. */
+async function playable(avatar: VRM, body: AvatarBody, { animation, motion }: Take): Promise<[AnimationClip, Fitted | null]> {
+  const clip = createVRMAnimationClip(animation, avatar);
+  const hasArms = (bones: { name: string }[]) => ARMS.every((arm) => bones.some(({ name }) => name === arm));
+  if (!hasArms(motion.body.bones) || !hasArms(body.bones)) return [clip, null];
   const fitted = await inSlices(fitMotion(motion, body));
   const tracks = tracksOf(avatar, body, fitted.rotations, motion.times);
   const names = new Set(tracks.map(({ name }) => name));
   clip.tracks = [...clip.tracks.filter(({ name }) => !names.has(name)), ...tracks];
-  return fitted;
+  return [clip, fitted];
 }
 
-async function readAvatar(vrm: Uint8Array<ArrayBuffer>): Promise<[GLTF, VRM]> {
-  const file = await new GLTFLoader()
-    .register(({ json }) => ({ name: 'SIGNSPLICE_trees', beforeRoot: async () => checkTrees(json) })) // a loop of nodes never loads
-    .register((parser) => new VRMLoaderPlugin(parser))
-    .parseAsync(vrm.slice().buffer, '');
-  const avatar = file.userData['vrm'] as VRM | undefined;
-  if (!avatar) throw new Error('it has no VRM part');
-  return [file, avatar];
+const slerpFlat = Quaternion.slerpFlat as unknown as (...all: [...Array<Float32Array | number>, number]) => void; // typed for number[]
+
+/** A clip and one that goes on from it, blended over the frames that both have. */
+function joined(before: AnimationClip, after: AnimationClip, overlap: number): AnimationClip {
+  const tracks = after.tracks.map((track) => {
+    const old = before.tracks.find(({ name }) => name === track.name);
+    if (!old) return track;
+    const size = track.getValueSize();
+    const kept = old.times.length - overlap;
+    const times = new Float32Array(kept + track.times.length);
+    const values = new Float32Array(size * times.length);
+    times.set(old.times.subarray(0, kept));
+    times.set(track.times, kept);
+    values.set(old.values.subarray(0, size * kept));
+    values.set(track.values, size * kept);
+    for (let k = 0; k < overlap; k++) {
+      const at = size * (kept + k);
+      const alpha = (k + 1) / (overlap + 1);
+      if (size === 4) slerpFlat(values, at, old.values, at, track.values, size * k, alpha);
+      else for (let n = 0; n < size; n++) values[at + n] = MathUtils.lerp(old.values[at + n]!, track.values[size * k + n]!, alpha);
+    }
+    return size === 4 ? new QuaternionKeyframeTrack(track.name, times, values) : new VectorKeyframeTrack(track.name, times, values);
+  });
+  return new AnimationClip(before.name, -1, tracks);
 }

@@ -13,6 +13,8 @@ export class Player {
   loop: Loop | null = null;
   fps = 30;
   frames = 1;
+  /** Whether more frames are to come, for which playing waits at the end. */
+  isGrowing = false;
 
   constructor(private readonly changed: () => void) {}
 
@@ -26,14 +28,20 @@ export class Player {
   }
 
   open(frames: number, fps: number): void {
-    Object.assign(this, { frames, fps, time: 0, loop: null, playing: false });
+    Object.assign(this, { frames, fps, time: 0, loop: null, playing: false, isGrowing: false });
+    this.changed();
+  }
+
+  /** Go on to a later last frame; ``isGrowing``: more are to come. */
+  grow(frames: number, isGrowing: boolean): void {
+    Object.assign(this, { frames, isGrowing });
     this.changed();
   }
 
   play(): void {
     const end = this.loop ? this.loop.to : this.duration;
-    if (this.time >= end - 1e-6 || (this.loop && this.time < this.loop.from)) this.time = this.loop?.from ?? 0;
-    this.playing = this.duration > 0;
+    if ((this.time >= end - 1e-6 && !this.isGrowing) || (this.loop && this.time < this.loop.from)) this.time = this.loop?.from ?? 0;
+    this.playing = this.duration > 0 || this.isGrowing;
     this.changed();
   }
 
@@ -70,7 +78,7 @@ export class Player {
       if (this.loop && to > from) this.time = from + ((this.time - from) % (to - from));
       else {
         this.time = to;
-        this.playing = false;
+        this.playing = this.isGrowing;
       }
     }
     this.changed();

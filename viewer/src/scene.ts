@@ -1,5 +1,7 @@
 /** A spliced sentence as the page shows it: its captions and its seams. */
 
+import type { Word } from './api.js';
+import { type Language, translateTo } from './languages.js';
 import type { Report, Span, Spliced } from './wire.js';
 
 export interface SeamAt {
@@ -37,6 +39,25 @@ export function seams(report: Report): SeamAt[] {
     jump: seam.velocity_jump,
     warnings: seam.warnings,
   }));
+}
+
+/** The words of a scene in order. */
+export function words(scene: Spliced): Word[] {
+  const { fps, spans } = scene.report;
+  const found: (Word & { unit: number })[] = [];
+  for (const span of spans) {
+    if (span.kind !== 'sign') continue;
+    const of = unit(scene, span);
+    const [start, end] = span.output.map((frame) => frame / fps) as [number, number];
+    if (of && found.at(-1)?.unit === of.unit) found.at(-1)!.end = end;
+    else found.push({ gloss: of?.text ?? label(span.name ?? ''), start, end, unit: of?.unit ?? -1 });
+  }
+  return found.map(({ gloss, start, end }) => ({ gloss, start, end }));
+}
+
+/** The words that are spelled though they were not typed to be, as they were typed. */
+export function spelled({ units }: Spliced): string[] {
+  return units.filter((one) => one.spelled && !/^fs-/i.test(one.token)).map(({ token }) => token);
 }
 
 export function spanAt(report: Report, frame: number): number {
@@ -91,4 +112,11 @@ function unit(scene: Spliced, span: Span | undefined) {
 /** A caption in one line of text. */
 export function plain({ parts }: Caption): string {
   return parts.join('');
+}
+
+/** A line for each hand whose places lie beyond the reach of the avatar's arm, by so many metres. */
+export function reachWarnings(beyond: readonly [number, number], language: Language): string[] {
+  return (['beyondLeft', 'beyondRight'] as const).flatMap((key, side) =>
+    beyond[side] ? [translateTo(language, key, { cm: Math.round(100 * beyond[side]) })] : [],
+  );
 }

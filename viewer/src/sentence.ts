@@ -1,7 +1,7 @@
 /** The sentence box: a combobox (ARIA 1.2) that completes the gloss at the caret. */
 
 import { translate } from './languages.js';
-import * as service from './service.js';
+import { own } from './service.js';
 
 const MAX_SUGGESTIONS = 8;
 const PAUSE_MS = 120;
@@ -85,7 +85,7 @@ export class SentenceBox {
     if (!prefix || document.activeElement !== this.input) return this.close();
     this.request = new AbortController();
     try {
-      const { words } = await service.words(prefix, MAX_SUGGESTIONS, this.request.signal);
+      const { words } = await own.words(prefix, MAX_SUGGESTIONS, this.request.signal);
       this.list.replaceChildren(
         ...words.map((word, k) => {
           const item = document.createElement('li');

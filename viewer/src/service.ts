@@ -10,36 +10,58 @@ export class ServiceError extends Error {
   }
 }
 
-async function request<Answer>(path: string, init?: RequestInit): Promise<Answer> {
-  const answer = await fetch(path, init).catch((error: unknown) => {
-    if (error instanceof DOMException && error.name === 'AbortError') throw error;
-    throw new ServiceError({ error: translate('lost'), unknown: {} });
-  });
-  if (answer.ok) return (await answer.json()) as Answer;
-  const failure = (await answer.json().catch(() => null)) as Failure | null;
-  throw new ServiceError(failure ?? { error: `${answer.status} ${answer.statusText}`, unknown: {} });
+/** The service at an address. */
+export class Service {
+  private readonly base: string;
+
+  constructor(address: string) {
+    this.base = address.replace(/\/?$/, '/');
+  }
+
+  sentence(body: SentenceRequest, signal: AbortSignal): Promise<Spliced> {
+    return this.request('v1/sentence', this.json(body, signal));
+  }
+
+  /** A contact sheet of a sentence. */
+  async picture(glosses: string[], signal: AbortSignal): Promise<Blob> {
+    return (await this.answer('v1/sentence?file=png', this.json({ glosses }, signal))).blob();
+  }
+
+  splice(files: File[], options: SpliceRequest, signal: AbortSignal): Promise<Spliced> {
+    const form = new FormData();
+    for (const file of files) form.append('files', file, file.name);
+    form.append('options', JSON.stringify(options));
+    return this.request('v1/splice', { method: 'POST', body: form, signal });
+  }
+
+  words(search: string, limit: number, signal?: AbortSignal): Promise<WordList> {
+    return this.request(`v1/lexicon?limit=${limit}&search=${encodeURIComponent(search)}`, signal ? { signal } : undefined);
+  }
+
+  methods(): Promise<MethodInfo[]> {
+    return this.request('v1/methods');
+  }
+
+  private json(body: SentenceRequest, signal: AbortSignal): RequestInit {
+    return { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body), signal };
+  }
+
+  private async request<Answer>(path: string, init?: RequestInit): Promise<Answer> {
+    return (await (await this.answer(path, init)).json()) as Answer;
+  }
+
+  private async answer(path: string, init?: RequestInit): Promise<Response> {
+    const answer = await fetch(this.base + path, init).catch((error: unknown) => {
+      if (error instanceof DOMException && error.name === 'AbortError') throw error;
+      const { origin } = new URL(this.base, location.href);
+      const message = origin === location.origin ? translate('lost') : translate('refused', { address: origin, page: location.origin });
+      throw new ServiceError({ error: message, unknown: {} });
+    });
+    if (answer.ok) return answer;
+    const failure = (await answer.json().catch(() => null)) as Failure | null;
+    throw new ServiceError(failure ?? { error: `${answer.status} ${answer.statusText}`, unknown: {} });
+  }
 }
 
-export function sentence(body: SentenceRequest, signal: AbortSignal): Promise<Spliced> {
-  return request('v1/sentence', {
-    method: 'POST',
-    headers: { 'Content-Type': 'application/json' },
-    body: JSON.stringify(body),
-    signal,
-  });
-}
-
-export function splice(files: File[], options: SpliceRequest, signal: AbortSignal): Promise<Spliced> {
-  const form = new FormData();
-  for (const file of files) form.append('files', file, file.name);
-  form.append('options', JSON.stringify(options));
-  return request('v1/splice', { method: 'POST', body: form, signal });
-}
-
-export function words(search: string, limit: number, signal?: AbortSignal): Promise<WordList> {
-  return request(`v1/lexicon?limit=${limit}&search=${encodeURIComponent(search)}`, signal ? { signal } : undefined);
-}
-
-export function methods(): Promise<MethodInfo[]> {
-  return request('v1/methods');
-}
+/** The service that the page came from. */
+export const own = new Service('.');

@@ -17,14 +17,14 @@ import {
   WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import type { View } from './api.js';
 import type { Person } from './person.js';
 
-export type View = 'front' | 'side' | 'hands';
-
-const BACKGROUND = new Color('#dde3e6');
 const FOV_DEG = 26; // a long lens, for little distortion of hands near the camera
-/** Signing space that has to be visible, as fractions of stature; TOP is its upper end. */
-const SPACE = { width: 0.8, height: 0.6 };
+/** Signing space that has to be visible, head to hips, as fractions of stature; TOP is its upper end. In the words that ship
+ * hands reach 0.2 to either side of the middle, and elbows 0.22 in nine words of ten.
+ */
+const SPACE = { width: 0.52, height: 0.6 };
 const TOP = 1.07;
 const RAISED = 0.58; // height above which a hand is raised
 const HANDS = { width: 0.21, height: 0.17 }; // of one hand, or of two beside one another; hands apart add their distance
@@ -32,7 +32,7 @@ const HANDS = { width: 0.21, height: 0.17 }; // of one hand, or of two beside on
  * apart frames may come before the next is chosen, seconds.
  */
 const DETAILS = [
-  { ratio: 2, isLight: false, late: 1 / 20 },
+  { ratio: 3, isLight: false, late: 1 / 20 },
   { ratio: 1, isLight: true, late: 1 / 10 },
   { ratio: 0.6, isLight: true, late: Infinity },
 ] as const;
@@ -50,7 +50,9 @@ export class Stage {
   private follows = false;
   private isFilming = false; // in the film's size, not the page's
   private detail = 0; // number in DETAILS
+  private readonly background = new Color();
 
+  /** ``changed`` is called when there is something new to draw. Throws where the browser has no WebGL. */
   constructor(private readonly canvas: HTMLCanvasElement, private readonly changed: () => void) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
     this.renderer.shadowMap.enabled = true;
@@ -62,6 +64,21 @@ export class Stage {
     this.controls.maxDistance = 12;
     this.controls.addEventListener('change', changed);
     this.controls.addEventListener('start', () => (this.follows = false));
+    this.isMovable = false;
+  }
+
+  /** Whether the user can turn and move the camera; else the canvas scrolls with its page. */
+  set isMovable(on: boolean) {
+    this.controls.enabled = on;
+    this.canvas.style.touchAction = on ? 'none' : 'auto';
+  }
+
+  /** Free what the renderer and the people hold. */
+  dispose(): void {
+    for (const person of this.people) person.dispose();
+    this.controls.dispose();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
   }
 
   /** Show one person, or two to compare. The camera stays where the user left it if the number and size are the same. */
@@ -71,7 +88,7 @@ export class Stage {
     this.people = people;
     for (const scene of this.scenes) drop(scene);
     this.scenes.length = 0;
-    for (const person of people) this.scenes.push(lit(person));
+    for (const person of people) this.scenes.push(lit(person, this.background));
     const height = new Box3().setFromObject(people[0]!.root, true).max.y;
     const changed = Math.abs(height - this.stature) > 0.1 * this.stature;
     this.stature = Number.isFinite(height) && height > 0.2 ? height : 1.7;
@@ -164,6 +181,7 @@ export class Stage {
   }
 
   draw(): void {
+    this.background.setStyle(getComputedStyle(this.canvas).backgroundColor);
     const size = this.renderer.getSize(new Vector2());
     const wide = size.x / Math.max(1, this.scenes.length);
     this.camera.aspect = wide / size.y;
@@ -204,9 +222,9 @@ function drop(scene: Scene): void {
 }
 
 /** A person in even light from the front, with a shadow that shows how far hands are from the body. */
-function lit(person: Person): Scene {
+function lit(person: Person, background: Color): Scene {
   const scene = new Scene();
-  scene.background = BACKGROUND;
+  scene.background = background;
   scene.add(person.root, new HemisphereLight('#ffffff', '#b9b2a8', 2.1));
   const key = new DirectionalLight('#fff6ea', 1.9);
   key.position.set(-1.3, 3.2, 3.4);

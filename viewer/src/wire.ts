@@ -84,7 +84,7 @@ export interface Dials {
   free_hand?: "transition" | "natural";
 }
 
-/** Glosses to sign, and how. */
+/** What to sign, ``glosses`` or ``text``, and how. */
 export interface SentenceRequest {
   cutter?: string | null;
   transition?: string | null;
@@ -94,12 +94,15 @@ export interface SentenceRequest {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
-  glosses: string[];
+  glosses?: string[] | null;
+  text?: string | null;
   spell?: boolean;
   compounds?: boolean;
+  drop_function_words?: boolean;
   pauses?: boolean;
   face_rules?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
+  mesh?: boolean;
   avatar?: string | null;
 }
 
@@ -114,6 +117,7 @@ export interface SpliceRequest {
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
   formats?: ("bvh" | "glb" | "vrma")[];
+  mesh?: boolean;
   avatar?: string | null;
 }
 
@@ -155,6 +159,7 @@ export interface Spliced {
   report: Report;
   files: Files;
   units: SentenceToken[];
+  spelled: string[];
   fit: FitSource | null;
 }
 
@@ -211,6 +216,8 @@ export interface OpenMessage {
   type: "open";
   paced?: boolean;
   spell?: boolean;
+  compounds?: boolean;
+  drop_function_words?: boolean;
   pauses?: boolean;
 }
 
@@ -218,6 +225,12 @@ export interface OpenMessage {
 export interface WordMessage {
   type: "word";
   gloss: string;
+}
+
+/** A line as it is typed, read as that of a sentence. */
+export interface TextMessage {
+  type: "text";
+  text: string;
 }
 
 /** The last message of a stream's client: no more words follow. */
@@ -257,6 +270,12 @@ export interface FaceMessage {
   weights: number[][];
 }
 
+/** How a word of the client's was read, before its frames; it has no glosses where it was left out. */
+export interface UnitMessage {
+  type: "unit";
+  unit: SentenceToken;
+}
+
 /** A warning to show to the user. */
 export interface WarningMessage {
   type: "warning";
@@ -276,6 +295,6 @@ export interface ErrorMessage {
   unknown: Record<string, string[]>;
 }
 
-export type ClientMessage = OpenMessage | WordMessage | EndMessage;
+export type ClientMessage = OpenMessage | WordMessage | TextMessage | EndMessage;
 
-export type ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | FaceMessage | WarningMessage | DoneMessage | ErrorMessage;
+export type ServiceMessage = SkeletonMessage | UnitMessage | SpanMessage | SeamMessage | FaceMessage | WarningMessage | DoneMessage | ErrorMessage;

@@ -125,10 +125,11 @@ class Ridge:
         """Number of weights and offsets."""
         return sum(one.weights.size + one.offset.size for one in (self.frames, self.count))
 
-    def fill(self, number: int, pre: int, post: int) -> FloatArray:
-        """The transition (n, K) of a pair at a cut."""
+    def fill(self, number: int, pre: int, post: int, count: int | None = None) -> FloatArray:
+        """The transition (n, K) of a pair at a cut; of ``count`` frames where that is given."""
         kept = self._kept(number, pre, post)
-        count = min(max(1, round(float(self.count(self._distances(kept))[0]))), MOST_FRAMES)
+        if count is None:
+            count = min(max(1, round(float(self.count(self._distances(kept))[0]))), MOST_FRAMES)
         made = self.frames(kept.ravel()).reshape(RESAMPLED, -1) + self._line(kept, RESAMPLED)
         return stretched(made, count)
 

@@ -1,6 +1,7 @@
 """Pages written by hand, whose figures a template takes from results.json.
 
-``NAME.template.md`` in a folder of results becomes ``NAME.md``. Between double braces stands what is looked up:
+``templates/NAME.md`` beside a folder of results becomes ``NAME.md`` in it. Between double braces stands
+what is looked up:
 
     {{partner lpt-printed accuracy 3}}                the mean over the seeds, three digits
     {{partner lpt-printed accuracy 3 spread}}         with the least and the largest of the seeds
@@ -23,23 +24,24 @@ from signsplice_paper.lines import SHORT, TableLine, line, written
 from signsplice_paper.pages import OTHER_TRUTH, is_of_other_truth, put
 from signsplice_paper.results import Results
 
-SUFFIX = ".template.md"
+TEMPLATES = "templates"
+"""Folder of templates, beside that of the results."""
 _FIGURE = re.compile(r"\{\{([^{}]+)\}\}")
-_HEAD = "<!-- Made from {name} and results.json by `signsplice-paper tables`: change that. -->\n"
+_HEAD = "<!-- Made from templates/{name} and results.json by `signsplice-paper tables`: change that. -->\n"
 
 
-def filled(text: str, by_truth: Mapping[str, Results], scale: str) -> str:
+def filled(text: str, known: Mapping[str, Results], scale: str) -> str:
     """A template with its figures. Raises ``InputError`` for one that no row has."""
-    return _FIGURE.sub(lambda found: _figure(found[1], by_truth, scale), text)
+    return _FIGURE.sub(lambda found: _figure(found[1], known, scale), text)
 
 
-def _figure(asked: str, by_truth: Mapping[str, Results], scale: str) -> str:
+def _figure(asked: str, known: Mapping[str, Results], scale: str) -> str:
     words = asked.split()
-    if len(words) not in (4, 5) or words[0] not in by_truth or words[4:] not in ([], ["spread"]):
-        raise InputError(f"{{{{{asked}}}}}: expected TRUTH SYSTEM SCORE DIGITS [spread], of {', '.join(by_truth)}")
+    if len(words) not in (4, 5) or words[0] not in known or words[4:] not in ([], ["spread"]):
+        raise InputError(f"{{{{{asked}}}}}: expected TRUTH SYSTEM SCORE DIGITS [spread], of {', '.join(known)}")
     truth, systems, score, places = words[:4]
     digits = SHORT if places == SHORT else int(places)
-    found = [_line(system, by_truth[truth], scale) for system in systems.split("/")]
+    found = [_line(system, known[truth], scale) for system in systems.split("/")]
     values = [one.score(score) for one in found]
     if any(map(math.isnan, values)):
         raise InputError(f"{{{{{asked}}}}}: no row of scale {scale} has it")
@@ -60,17 +62,21 @@ def _line(asked: str, found: Results, scale: str) -> TableLine:
 
 
 def write(found: Results, folder: Path, scale: str) -> list[Path]:
-    """Write the pages whose templates lie in a folder of results, from these and those of its subfolder ``word``; the
-    paths written. None in that subfolder itself.
+    """Write the pages whose templates lie beside a folder of results, from these and those of its subfolder ``word``;
+    the paths written. None in that subfolder itself.
     """
     if is_of_other_truth(folder):
         return []
-    other = results.load(folder / OTHER_TRUTH / results.FILE)
-    by_truth = {next((row.truth for row in each.rows), ""): each for each in (found, other) if each.rows}
+    known = by_truth(found, folder)
     written = []
-    for template in sorted(folder.glob(f"*{SUFFIX}")):
-        text = filled(template.read_text(encoding="utf-8"), by_truth, scale)
-        page = folder / f"{template.name.removesuffix(SUFFIX)}.md"
-        put(page, _HEAD.format(name=template.name) + text)
+    for template in sorted((folder.resolve().parent / TEMPLATES).glob("*.md")):
+        page = folder / template.name
+        put(page, _HEAD.format(name=template.name) + filled(template.read_text(encoding="utf-8"), known, scale))
         written.append(page)
     return written
+
+
+def by_truth(found: Results, folder: Path) -> dict[str, Results]:
+    """The results of a folder and those of its subfolder ``word``, by truth."""
+    other = results.load(folder / OTHER_TRUTH / results.FILE)
+    return {next((row.truth for row in each.rows), ""): each for each in (found, other) if each.rows}

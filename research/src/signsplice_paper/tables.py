@@ -89,6 +89,7 @@ CLASSICAL_IN_TABLE_1 = (
     ("true-positions+hermite", "positions and length"),
 )
 OWN_IN_TABLE_1 = (
+    ("assembled", "nothing"),
     ("true-positions+learned", "positions and length"),
     ("learned-fluent+learned", "nothing"),
     ("signsplice", "nothing"),

@@ -31,6 +31,7 @@ class AvatarFile:
     above: (4, 4) what the root hangs on.
     face: what moves its face.
     n_targets: node -> number of morph targets, of the nodes that the face moves.
+    expressions: names of the expressions of VRM that move a target, presets as VRM 1.0 has them.
     """
 
     content: bytes
@@ -40,3 +41,4 @@ class AvatarFile:
     above: FloatArray
     face: tuple[FaceControl, ...] = ()
     n_targets: Mapping[int, int] = field(default_factory=dict)
+    expressions: tuple[str, ...] = ()

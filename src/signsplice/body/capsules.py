@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from signsplice.body.avatar_file import AvatarFile
 from signsplice.body.mesh_part import MeshPart
 from signsplice.body.relief import Relief
+from signsplice.body.skin_surface import AvatarSkin
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
@@ -121,6 +122,7 @@ class BodyCapsules:
     sides: "left", "right" or "".
     keys: a name of each that the same capsule has on every body ("leftIndexProximal", "chest1", ...).
     relief: how the skin of head and trunk lies above these capsules; None where they are the skin.
+    skin: points of skin that follow the joints; None where there is no mesh.
     """
 
     joints: NDArray[np.intp]
@@ -131,6 +133,7 @@ class BodyCapsules:
     sides: tuple[str, ...]
     keys: tuple[str, ...]
     relief: Relief | None = None
+    skin: AvatarSkin | None = None
 
     @cached_property
     def groups(self) -> CapsuleGroups:

@@ -31,7 +31,7 @@ _COLOURS = {
     "lash": (0.16, 0.11, 0.09),
     "brow": (0.24, 0.17, 0.13),
     "teeth": (0.95, 0.93, 0.88),
-    "tongue": (0.78, 0.42, 0.42),
+    "tongue": (0.56, 0.26, 0.28),
     "hair": (0.27, 0.20, 0.17),
 }
 """Parts in the order of their numbers in the file, and their colours, sRGB 0 to 1."""

@@ -40,12 +40,13 @@ _FREE_M, _FAR_M = 0.06, 0.25
 _SPACE_WEIGHT = 0.15
 _SMOOTHNESS, _FPS = 100.0, 30.0
 """lambda at this frame rate."""
-_CONTACT_WEIGHT, _CONTACT_FADE_M, _LEAST_WEIGHT = 60.0, 0.006, 1e-3
-_TOUCH_M = 0.012
+CONTACT_WEIGHT, CONTACT_FADE_M, _LEAST_WEIGHT = 60.0, 0.006, 1e-3
+"""Weight of a contact; depth at the source over which it falls by a factor e, m; and the least that counts."""
+TOUCH_M = 0.012
 """Skin distance at the source up to which a pair is held at its distance, m."""
-_CLEAR_M = 0.010
+CLEAR_M = 0.010
 """Pairs that are farther apart than this at the source may come as near, not nearer, m."""
-_PRESS_M = 0.002
+PRESS_M = 0.002
 """Up to this depth at the source, m, a touch is one of skin on skin."""
 _MARGIN_M = 0.035
 _STEPS, _STEPS_AGAIN = 4, 2
@@ -197,17 +198,18 @@ class Fit:
         return clearance * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
 
     @property
-    def _smooth(self) -> float:
+    def smoothness(self) -> float:
+        """The weight of smoothness at the clip's frame rate."""
         return _SMOOTHNESS * (self.fps / _FPS) ** 4
 
     def _solve_linear(self) -> FloatArray:
         n, (diagonal, off, right) = self.n_frames, self._linear
         band = np.zeros((5, 2 * n))  # lower form: band[k, i] = A[i + k, i]
         d0, d1, d2 = _second_differences(n)
-        band[0] = (diagonal + self._smooth * d0[:, None]).ravel()
+        band[0] = (diagonal + self.smoothness * d0[:, None]).ravel()
         band[1, 0::2] = off
-        band[2, : 2 * (n - 1)] = np.repeat(self._smooth * d1, 2)
-        band[4, : 2 * max(n - 2, 0)] = np.repeat(self._smooth * d2, 2)
+        band[2, : 2 * (n - 1)] = np.repeat(self.smoothness * d1, 2)
+        band[4, : 2 * max(n - 2, 0)] = np.repeat(self.smoothness * d2, 2)
         return np.asarray(solveh_banded(band, right.reshape(2 * n, 3), lower=True, check_finite=False)).reshape(n, 2, 3)
 
     # --- the contact stage ---
@@ -222,16 +224,7 @@ class Fit:
         block[:, range(6), range(6)] += _DAMPING
         contacts.add(m, block, rhs)
         self._add_reach(m, block, rhs)
-        band = np.zeros((18, 6 * n))
-        for k in range(6):
-            for i in range(6 - k):
-                band[k, i::6] = block[:, i + k, i]
-        d0, d1, d2 = _second_differences(n)
-        band[0] += np.repeat(self._smooth * d0, 6)
-        band[6, : 6 * (n - 1)] += np.repeat(self._smooth * d1, 6)
-        band[12, : 6 * max(n - 2, 0)] += np.repeat(self._smooth * d2, 6)
-        solved = solveh_banded(band, rhs.ravel(), lower=True, check_finite=False)
-        return np.asarray(solved).reshape(n, 2, 3)
+        return solve_blocks(block, rhs, self.smoothness)
 
     def _add_reach(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:
         """Keep wrists within reach: the plane at right angles to the arm, where they are beyond."""
@@ -249,19 +242,35 @@ class Fit:
             rhs[rows, own] += _REACH_WEIGHT * goal[:, None] * n
 
 
+def solve_blocks(block: FloatArray, rhs: FloatArray, smoothness: float) -> FloatArray:
+    """The moves (T, 2, 3) that solve a block (T, 6, 6) and right side (T, 6) for each frame, tied by the squares of
+    their second differences with weight ``smoothness``.
+    """
+    n = len(block)
+    band = np.zeros((18, 6 * n))
+    for k in range(6):
+        for i in range(6 - k):
+            band[k, i::6] = block[:, i + k, i]
+    d0, d1, d2 = _second_differences(n)
+    band[0] += np.repeat(smoothness * d0, 6)
+    band[6, : 6 * (n - 1)] += np.repeat(smoothness * d1, 6)
+    band[12, : 6 * max(n - 2, 0)] += np.repeat(smoothness * d2, 6)
+    return np.asarray(solveh_banded(band, rhs.ravel(), lower=True, check_finite=False)).reshape(n, 2, 3)
+
+
 def _near_contacts(fit: Fit, m: FloatArray) -> Near:
     """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
     source, posed, (source_pairs, target_pairs) = fit.source, fit.carried, fit.pairs
     first, last, sides = _wrist_weights(posed.body)
     shift = m[:, sides]  # (T, C, 3)
     starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
-    touching = near_pairs(source.starts, source.ends, source.radii, source_pairs, _TOUCH_M)
+    touching = near_pairs(source.starts, source.ends, source.radii, source_pairs, TOUCH_M)
     near = near_pairs(starts, ends, posed.radii, target_pairs, _MARGIN_M)
     n = len(target_pairs.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
     then = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
     now = pair_clearances(starts, ends, posed.radii, target_pairs, frames, k).distance
-    kept = (then < _TOUCH_M) | (now < _MARGIN_M)
+    kept = (then < TOUCH_M) | (now < _MARGIN_M)
     return Near(frames[kept], k[kept], then[kept])
 
 
@@ -285,11 +294,11 @@ class _Contacts:
         self._first = first[own], np.where(moves, first[other], 0.0)
         self._more = (last - first)[own], np.where(moves, (last - first)[other], 0.0)
         self._base = base[self.frames]
-        touching = self.then < _TOUCH_M
+        touching = self.then < TOUCH_M
         # A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
-        off = np.maximum(np.abs(self.then + 0.5 * _PRESS_M) - 0.5 * _PRESS_M, 0.0)
-        self._wanted = self._allowed = np.minimum(self.then, _CLEAR_M) + heights
-        self._held = np.where(touching, _CONTACT_WEIGHT * np.exp(-off / _CONTACT_FADE_M), 0.0)
+        off = np.maximum(np.abs(self.then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0.0)
+        self._wanted = self._allowed = np.minimum(self.then, CLEAR_M) + heights
+        self._held = np.where(touching, CONTACT_WEIGHT * np.exp(-off / CONTACT_FADE_M), 0.0)
 
     def add(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:
         """Add this step's residuals to the blocks (T, 6, 6) and right sides (T, 6)."""
@@ -303,7 +312,7 @@ class _Contacts:
             self._v + self._more[1][:, None] * other,
             *self._radii,
         )
-        weight = np.where(now.distance < self._allowed, _CONTACT_WEIGHT, self._held)
+        weight = np.where(now.distance < self._allowed, CONTACT_WEIGHT, self._held)
         rows = np.flatnonzero(weight > _LEAST_WEIGHT)
         if not len(rows):
             return

@@ -39,8 +39,8 @@ CLOTHES = {
     "mouth": (0.66, 0.36, 0.34),
 }
 
-_STEP = {"face": 0.0036, "hair": 0.0060, "shirt": 0.0062, "leg": 0.0100, "shoe": 0.0070, "hand": 0.0020}
-"""Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 3.4 mm by default."""
+_STEP = {"face": 0.0036, "hair": 0.0060, "neck": 0.0100, "shirt": 0.0120, "leg": 0.0200, "shoe": 0.0140}
+"""Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 4.8 mm by default."""
 _COARSEST = 0.06
 """No part needs a smaller distance than this fraction of its thickest capsule."""
 _BLEND = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
@@ -62,7 +62,7 @@ _CUFF_END = 0.90
 _NECK_END, _NECK_WITHIN = 0.65, 0.97
 """Fraction of the neck's capsule that is seen below the figure's head, and its thickness there."""
 _WRIST = (0.0125, 0.0135)
-_CREASE, _CREASE_SHADE = 0.72, 0.84
+_CREASE, _CREASE_SHADE = 0.60, 0.84
 """From which weight of the second of two phalanges, in that of the first, skin is their crease, and how dark it is."""
 _GROWN = {"mouth": 0.0020, "eye": 0.0010}
 """Added to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
@@ -145,14 +145,13 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
             made.ends[cuffs] = made.starts[cuffs] + _CUFF_END * (made.ends[cuffs] - made.starts[cuffs])
         if kind == "face" and has_face:  # the neck below the figure's head, which goes into it
             ends_in = made.starts + _NECK_END * (made.ends - made.starts)
-            made = replace(made, ends=ends_in, radii=_NECK_WITHIN * made.radii)
+            kind, made = "neck", replace(made, ends=ends_in, radii=_NECK_WITHIN * made.radii)
         if kind == "hand":
             made = _with_wrist(made, starts, ends, shape, side, height)
         made = replace(made, radii=made.radii + height * _GROWN.get(kind, 0.0))
         tint = colour(kind if kind in CLOTHES else parts[0], side)
         bends = _bends(made, [part in ("cuff", "leg") for part in parts])
-        name = "neck" if kind == "face" and has_face else f"{side} {kind}".strip()
-        piece = _skin(name, kind, tint, made, height, bends)
+        piece = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
         if bends.any():
             piece = _merged([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
         pieces += _creased(piece, phalanges) if kind == "hand" else [piece]
@@ -259,7 +258,7 @@ def _skin(
 
     margin = own.radii.max() + 2.0 * blend
     low, high = np.minimum(own.starts, own.ends).min(axis=0) - margin, np.maximum(own.starts, own.ends).max(axis=0)
-    step = max(height * _STEP.get(kind, 0.0020), _COARSEST * float(own.radii.max()))
+    step = max(height * _STEP.get(kind, 0.0028), _COARSEST * float(own.radii.max()))
     vertices, normals, triangles = surface(field, low, high + margin, step)
     softness = _SOFT.get(kind, 0.28) * own.radii.mean(axis=1)
     if bends is not None:

@@ -24,6 +24,7 @@ class MeshPart:
     triangles: (F, 3) indices of vertices.
     joints, weights: (V, 4) which joints carry each vertex, and how much; unused ones have weight 0.
     morphs: coefficient of a face -> vertices that it moves (N,), and how far at 1 (N, 3).
+    uvs: (V, 2) texture coordinates, v down; None for none.
     """
 
     name: str
@@ -34,3 +35,4 @@ class MeshPart:
     joints: NDArray[np.int64]
     weights: FloatArray
     morphs: Mapping[str, tuple[NDArray[np.int64], FloatArray]] = field(default_factory=dict)
+    uvs: FloatArray | None = None

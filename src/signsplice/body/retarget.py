@@ -16,6 +16,7 @@ from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.clearance import PART_M, Contact, Near, find_contacts, forearm_pairs, near_pairs, pair_clearances
 from signsplice.body.fit import SIGNS, Fit
 from signsplice.body.posed import PosedBody, posed_body
+from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
@@ -100,7 +101,9 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
         fit = Fit(posed_body(source[part], source_body), posed_body(carried[part], body), source.fps, active[part])
         moved, turned, after = _solved(fit, carried[part], metres)
         beyond = np.maximum(beyond, fit.out_of_reach)
-        contacts += _contacts(fit, after, start)
+        on_skin = None if body.skin is None else SkinFit(fit, body.skin, carried[part], metres, moved)
+        contacts += _contacts(fit, after, start, on_skin)
+        moved = moved if on_skin is None else on_skin.moves
         weight = _fade_in(len(moved), start > 0)
         moves[part] += weight[:, None, None] * (moved - moves[part])
         swivels[part] += weight[:, None] * (turned - swivels[part])
@@ -223,13 +226,14 @@ def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:
     )
 
 
-def _contacts(fit: Fit, posed: PosedBody, start: int) -> list[Contact]:
+def _contacts(fit: Fit, posed: PosedBody, start: int, on_skin: SkinFit | None) -> list[Contact]:
     """The contacts of a window of the source while it signs, from frame ``start`` on, and what became of them."""
     (source_pairs, target_pairs), near = fit.pairs, fit.near
     shown = (near.distance < PART_M) & (fit.active[near.frames, source_pairs.own_side[near.k]] > SIGNS)
     near = Near(near.frames[shown], near.k[shown], near.distance[shown])
     after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, near.frames, near.k).distance
     after -= posed.heights(target_pairs, near)
+    after = after if on_skin is None else on_skin.distances(source_pairs, near, after)
     found = find_contacts(fit.source.body, source_pairs, near, after, fit.n_frames)
     first = _OVERLAP if start else 0  # those before were found in the window before
     return [

@@ -13,7 +13,7 @@ A capsule with too few vertices keeps its usual proportions, scaled as its neigh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,16 +22,19 @@ from signsplice.body.capsules import HEM, BodyCapsules, BodyShape, shaped_capsul
 from signsplice.body.relief import Relief
 from signsplice.body.skin_head import fit_head
 from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile, window
+from signsplice.body.skin_surface import AvatarSkin, surface
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
-from signsplice.motion.kinematics import rest_positions
+from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
+BODY = (*_TRUNK, *_HEAD, "neck")
+"""Roles of the joints whose skin hands are put on."""
 _ARM = ("sleeve", "cuff")
 """Parts whose capsules lie along their bones, from joint to joint, as the fit of clips has them."""
 _LIMBS = {"arms": ("sleeve", "cuff"), "legs": ("leg",), "neck": ("neck",)}
@@ -79,7 +82,34 @@ def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tupl
     fitting.limbs()
     fitting.trunk()
     fitting.head()
-    return fitting.body(), tuple(sorted(fitting.missed, key=lambda what: what not in _LIMBS))
+    return replace(fitting.body(), skin=_skin(skeleton, points)), tuple(
+        sorted(fitting.missed, key=lambda what: what not in _LIMBS)
+    )
+
+
+def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
+    """The skin of hands, head, neck and trunk; None where one of these has none."""
+    info, rest = rig_info(skeleton), rest_positions(skeleton)
+    roles, spacing = info.roles.joints, _STEP * info.sizes.stature
+    body = surface(points, [roles[role] for role in BODY if role in roles], rest, spacing)
+    hands = [
+        surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, spacing, bare=True)
+        for side in SIDES
+        if f"{side}Hand" in roles
+    ]
+    left, right = (*hands, None, None)[:2]
+    return None if body is None or left is None or right is None else AvatarSkin(body, (left, right), points)
+
+
+def _palm_joints(skeleton: Skeleton, roles: Mapping[str, int], side: str) -> list[int]:
+    """The joints that carry a palm: the wrist, and bones between it and the fingers but the thumb."""
+    wrist, found = roles[f"{side}Hand"], {roles[f"{side}Hand"]}
+    for finger in FINGERS[1:]:
+        joint = int(skeleton.parents[roles.get(f"{side}{finger}Proximal", wrist)])
+        while joint > wrist:
+            found.add(joint)
+            joint = int(skeleton.parents[joint])
+    return sorted(found)
 
 
 class _Fitting:
@@ -99,6 +129,7 @@ class _Fitting:
             for up in [np.array([0.0, 1.0, 0.0])]
             if f"{side}Hand" in self.roles
         }
+        self.palms = {side: _palm_joints(skeleton, self.roles, side) for side in SIDES if f"{side}Hand" in self.roles}
         at = self.rest[self.usual.joints]
         self.starts, self.ends = at + self.usual.starts @ self._turn.T, at + self.usual.ends @ self._turn.T
         self.radii = self.usual.radii.copy()
@@ -110,7 +141,7 @@ class _Fitting:
         at = self.rest[self.usual.joints]
         starts, ends, origins = (self.starts - at) @ self._turn, (self.ends - at) @ self._turn, at @ self._turn
         body = replace(self.usual, starts=starts, ends=ends, radii=self.radii)
-        joints = [self.roles[role] for role in (*_TRUNK, *_HEAD, "neck") if role in self.roles]
+        joints = [self.roles[role] for role in BODY if role in self.roles]
         points, normals = self.points.surface(joints, _STEP * self.height)
         cells = np.floor(points / (_STEP * self.height)).astype(np.int64)
         one_each = np.unique(cells, axis=0, return_index=True)[1]
@@ -227,7 +258,7 @@ class _Fitting:
         axis /= length
         up = up - (up @ axis) * axis
         up /= np.linalg.norm(up)
-        since = self.points.of(self.roles[f"{side}Hand"]) - start
+        since = self.points.of(self.palms[side]) - start
         along, height, beside = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
         (lows, long, wide), found, thick = _SLICES, [], _THICK * self.usual.radii[row].max()
         for low in lows:

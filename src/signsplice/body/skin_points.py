@@ -41,35 +41,46 @@ class SkinPoints:
     is_cloth: NDArray[np.bool_]
 
     def of(self, joints: int | Sequence[int]) -> FloatArray:
-        """Positions (N, 3) of the vertices that these joints carry together, by half or more: of bare skin where enough
-        of it is modelled, else of clothes too.
-        """
-        own = self.is_of(joints)
-        bare = own & ~self.is_cloth
-        return np.asarray(self.positions[bare if bare.sum() >= _BARE * MIN_POINTS else own])
+        """Positions (N, 3) of the vertices that these joints carry together: of bare skin where enough is modelled."""
+        return np.asarray(self.positions[self.is_of(joints, bare=True)])
 
-    def is_of(self, joints: int | Sequence[int]) -> NDArray[np.bool_]:
-        """Which vertices (V,) these joints carry together, by half or more."""
-        return np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN)
+    def is_of(self, joints: int | Sequence[int], bare: bool = False) -> NDArray[np.bool_]:
+        """Which vertices (V,) these joints carry together, by half or more; of bare skin alone where enough of it is
+        modelled and it is asked for (``bare``).
+        """
+        own = np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN)
+        skin = own & ~self.is_cloth
+        return skin if bare and skin.sum() >= _BARE * MIN_POINTS else own
 
     def surface(self, joints: Sequence[int], step: float) -> tuple[FloatArray, FloatArray]:
         """Points and normals (S, 3) on the triangles that these joints carry, about ``step`` apart."""
-        corners = self.positions[self.triangles[self.is_of(joints)[self.triangles].all(axis=1)]]  # (F, 3, 3)
+        corners, shares, normals = self.samples(joints, step)
+        return np.einsum("sc,scx->sx", shares, self.positions[corners]), normals
+
+    def samples(
+        self, joints: Sequence[int], step: float, bare: bool = False
+    ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+        """Points on the triangles that these joints carry, about ``step`` apart: the vertices at the corners (S, 3),
+        how much of each is in the point (S, 3), and normals (S, 3); ``bare`` as in ``is_of``.
+        """
+        rows = self.triangles[self.is_of(joints, bare)[self.triangles].all(axis=1)]
+        corners = self.positions[rows]  # (F, 3, 3)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(across, axis=1)
-        corners, across = corners[area > 0.0], across[area > 0.0] / area[area > 0.0, None]
+        rows, corners, across = rows[area > 0.0], corners[area > 0.0], across[area > 0.0] / area[area > 0.0, None]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
         n_rows = np.clip(np.ceil(longest / step), 1, _MOST_ROWS).astype(np.int64)
         if (n_rows * (n_rows + 1) // 2).sum() > _MOST_SAMPLES:
             n_rows[:] = 1
-        points, normals = [np.empty((0, 3))], [np.empty((0, 3))]
+        vertices, shares, normals = [np.empty((0, 3), np.int64)], [np.empty((0, 3))], [np.empty((0, 3))]
         for n in np.unique(n_rows).tolist():  # a triangle in n rows has its points at the middles of small ones
             i, j = (grid.ravel() for grid in np.meshgrid(np.arange(n), np.arange(n)))
             u, v = ((k[i + j < n] + 1.0 / 3.0) / n for k in (i, j))
-            weights = np.stack([1.0 - u - v, u, v], axis=1)
-            points.append((weights @ corners[n_rows == n]).reshape(-1, 3))
-            normals.append(np.repeat(across[n_rows == n], len(weights), axis=0))
-        return np.concatenate(points), np.concatenate(normals)
+            of = n_rows == n
+            vertices.append(np.repeat(rows[of], len(u), axis=0))
+            shares.append(np.tile(np.stack([1.0 - u - v, u, v], axis=1), (int(of.sum()), 1)))
+            normals.append(np.repeat(across[of], len(u), axis=0))
+        return np.concatenate(vertices), np.concatenate(shares), np.concatenate(normals)
 
 
 def quantile(values: FloatArray, fraction: float) -> float:

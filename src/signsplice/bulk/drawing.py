@@ -27,7 +27,7 @@ def signs(lexicon: Lexicon) -> list[str]:
     """The glosses of a lexicon's signs, without letters. Raises ``InputError`` where there are not two."""
     found = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]
     if len(found) < 2:
-        raise InputError(f"{lexicon.path}: {len(found)} signs, expected two or more to draw from")
+        raise InputError(f"{lexicon.where}: {len(found)} signs, expected two or more to draw from")
     return found
 
 
@@ -72,7 +72,7 @@ def dial(name: str, value: float) -> Any:
 
 
 def lines(
-    path: str | Path, lexicon: Lexicon, dials: Mapping[str, Any] | None = None
+    path: str | Path, lexicon: Lexicon, dials: Mapping[str, Any] | None = None, drop_function_words: bool = False
 ) -> tuple[list[pa.RecordBatch], list[str]]:
     """A recipe for each line of glosses of a text file that is not blank, read as ``sentence`` reads them; and a
     warning for each line with words that the lexicon lacks and that are not spelled, which become rows that fail, and
@@ -89,7 +89,8 @@ def lines(
         if not line.strip():
             continue
         try:
-            units = parse(line, lexicon, spell=bool((dials or {}).get("spell", True)))
+            spell = bool((dials or {}).get("spell", True))
+            units = parse(line, lexicon, spell, drop_function_words=drop_function_words)
             tokens = tuple(_tokens(units))
             warnings += [f"{path}:{number}: {unit.warning[:_LONGEST]}" for unit in units if unit.warning]
         except UnknownGlossError as error:

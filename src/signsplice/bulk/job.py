@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +20,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.lexicon.reader import Lexicon
+from signsplice.splicing.forms import lexicon_folder, open_lexicon
 from signsplice.splicing.methods.choice import open_learned
 
 JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
@@ -27,7 +29,9 @@ _NEW_RECIPES = ".new-recipes.parquet"
 """The recipes until the job is written: a file of that name is nobody else's."""
 FRAMES = "frames"
 STORES = (FRAMES, "recipes")
-FORMATS = ("npz", "bvh", "glb")
+NPZ32 = "npz32"
+FORMATS = ("npz", NPZ32, "bvh", "glb")
+"""Of clips; ``NPZ32``: npz with frames rounded to 32 bits."""
 VERSION = 1
 _LIBRARIES = ("numpy", "scipy", "onnxruntime")
 _LONGEST = 1000
@@ -43,7 +47,7 @@ class BulkJob:
     version: of this description.
     signsplice: version of the package.
     n_recipes, recipes_sha256: the recipes, and the hash of the file that holds them.
-    lexicon, lexicon_sha256: where the words were read, and the hash of all that decides them.
+    lexicon, lexicon_sha256: where the words were read, a list for several, and the hash of all that decides them.
     bundle, bundle_sha256: where the networks were read, None for those that ship; and their hash, None without any.
     store: one of ``STORES``.
     format: of clips, one of ``FORMATS``.
@@ -57,7 +61,7 @@ class BulkJob:
     signsplice: str
     n_recipes: int
     recipes_sha256: str
-    lexicon: str
+    lexicon: str | list[str]
     lexicon_sha256: str
     bundle: str | None
     bundle_sha256: str | None
@@ -88,7 +92,7 @@ class BulkJob:
 class BulkOptions:
     """What a call wants; fields as in ``BulkJob``. Raises ``InputError`` for what is out of range."""
 
-    lexicon: str
+    lexicon: str | Sequence[str]
     bundle: str | None = None
     store: str = FRAMES
     format: str = "npz"
@@ -110,7 +114,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
     words, networks or options, which it names, where its recipes were changed since, and as ``check_out`` does.
     """
     check_out(out)
-    with Lexicon(options.lexicon) as words:
+    with open_lexicon(*paths(options.lexicon)) as words:
         lexicon_sha256 = hash_of_words(words)
     decided: dict[str, Any] = {
         "version": VERSION,
@@ -123,8 +127,9 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         "shard_size": options.shard_size,
         "made_with": libraries(),
     }
+    folders = [str(lexicon_folder(path).resolve()) for path in paths(options.lexicon)]
     places: dict[str, Any] = {
-        "lexicon": str(Path(options.lexicon).resolve()),
+        "lexicon": folders if folders[1:] else folders[0],
         "bundle": None if options.bundle is None else str(Path(options.bundle).resolve()),
     }
     written = out / _NEW_RECIPES
@@ -155,6 +160,11 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
     _written(job, out)
     written.replace(out / RECIPES)
     return job
+
+
+def paths(lexicon: str | Sequence[str]) -> Sequence[str]:
+    """The folders of one lexicon, or of several."""
+    return [lexicon] if isinstance(lexicon, str) else lexicon
 
 
 def _written(job: BulkJob, out: Path) -> BulkJob:
@@ -212,13 +222,14 @@ def read_job(out: Path) -> BulkJob:
 
 _KINDS: dict[Any, Any] = {
     "int": int, "str": str, "bool": bool, "str | None": str | None, "dict[str, str]": dict[str, str],
+    "str | list[str]": str | list[str],
 }  # fmt: skip
 
 
 def hash_of_words(words: Lexicon) -> str:
     """Hash of all that a splice reads of a lexicon: glosses, synonyms, signers, rates and motions."""
     digest = hashlib.sha256()
-    for entry in words.entries():
+    for entry in (entry for part in words.parts for entry in part.entries()):
         digest.update(json.dumps([entry.gloss, entry.kind, entry.synonyms, entry.signer, entry.sha256]).encode())
     return digest.hexdigest()
 
@@ -240,6 +251,22 @@ def processor() -> str:
 def tar_of(out: Path, shard: int) -> Path:
     """Where a shard's samples lie."""
     return out / f"shard-{shard:06d}.tar"
+
+
+def progress_of(out: Path, shard: int) -> Path:
+    """Where the number of rows of a shard that is being made lies, of which the index knows nothing yet. It is swept as
+    what is unfinished.
+    """
+    return out / INDEX / f".signsplice-{shard:016x}.rows"
+
+
+def rows_in_progress(out: Path, shards: Iterable[int]) -> int:
+    """How many rows are made of shards that are not whole."""
+    n_rows = 0
+    for shard in shards:
+        with suppress(OSError, ValueError):  # none yet, removed since, or being written
+            n_rows += int(progress_of(out, shard).read_text())
+    return n_rows
 
 
 def index_of(out: Path, shard: int) -> Path:

@@ -18,8 +18,8 @@ _MOST_DEATHS = 8
 """A shard that was being made each time when so many processes ended one after another is to blame for it."""
 
 
-def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iterator[ShardResult]:
-    """Make these shards by ``workers`` processes, each as soon as it is whole.
+def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iterator[ShardResult | None]:
+    """Make these shards by ``workers`` processes, each as soon as it is whole; None once a second in between.
 
     Processes that end are replaced, and their shards made again. Raises what ``make_shard`` raises, and
     ``SignspliceError`` for a shard that ends every process.
@@ -34,7 +34,10 @@ def make_all(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iter
                     while waiting and len(running) < 2 * workers:
                         running[pool.submit(make_shard, out, waiting[-1], n_kept)] = waiting[-1]
                         waiting.pop()
-                    for done in wait(running, return_when=FIRST_COMPLETED).done:
+                    ended = wait(running, 1.0, FIRST_COMPLETED).done
+                    if not ended:
+                        yield None
+                    for done in ended:
                         result = done.result()
                         del running[done]
                         del deaths[result.shard]

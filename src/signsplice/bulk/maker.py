@@ -13,7 +13,7 @@ from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.entry import Entry
 from signsplice.lexicon.reader import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, parse, pauses, starts
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts
 from signsplice.motion.clip import Clip
 from signsplice.splicing import report as reports
 from signsplice.splicing.bulk_splice import splice_many
@@ -74,6 +74,7 @@ class _Sentence:
     options: SpliceOptions
     tokens: tuple[SentenceToken, ...]
     pauses: dict[int, str]
+    brows: dict[int, str]
 
 
 def motion_sha256(clip: Clip) -> str:
@@ -123,14 +124,17 @@ class SentenceMaker:
 
     def _reason(self, error: Exception) -> str:
         """Why there is no sentence, in one line that does not hang on where the lexicon lies."""
-        text = " ".join(str(error).splitlines()).replace(f"{self.words.path}: ", "")[:500]
-        return text if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text}"
+        text = " ".join(str(error).splitlines())
+        for words in (self.words, *self.words.parts):
+            text = text.replace(f"{words.where}: ", "")
+        return text[:500] if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text[:500]}"
 
     def _call(self, recipe: SentenceRecipe) -> _Sentence:
         tokens = tuple(self._tokens(recipe))
         options = recipe.options(self.bundle)
         options.chosen_methods()  # raises for a method that there is not
-        return _Sentence(self._clips_of(tokens, recipe), options, tokens, pauses(tokens) if recipe.pauses else {})
+        held = pauses(tokens) if recipe.pauses else {}
+        return _Sentence(self._clips_of(tokens, recipe), options, tokens, held, brows(tokens))
 
     def clips(self, recipe: SentenceRecipe) -> list[Clip]:
         """The clips of a recipe's words, in order."""
@@ -186,6 +190,7 @@ def _results(calls: Sequence[_Sentence]) -> Sequence[SpliceResult | Exception]:
             [call.options for call in calls],
             starts=[starts(call.tokens) for call in calls],
             pauses=[call.pauses for call in calls],
+            brows=[call.brows for call in calls],
         )
     except (MemoryError, OSError):
         raise
@@ -195,7 +200,7 @@ def _results(calls: Sequence[_Sentence]) -> Sequence[SpliceResult | Exception]:
 
 def _alone(call: _Sentence) -> SpliceResult | Exception:
     try:
-        return splice(call.clips, call.options, starts(call.tokens), call.pauses)
+        return splice(call.clips, call.options, starts(call.tokens), call.pauses, call.brows)
     except (MemoryError, OSError):
         raise
     except Exception as error:

@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import format_errors, opened
+from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.options import SpliceOptions
 
 SUFFIXES = (".parquet", ".csv")
@@ -39,6 +40,7 @@ class SentenceRecipe:
     sign_speed, tempo, fps, cutter, transition, free_hand, avoid_collisions: as in ``SpliceOptions``.
     spell: whether words that the lexicon lacks are spelled; else the row fails.
     pauses: whether signs are held at the punctuation after their gloss: "HELLO,".
+    face_rules: whether words without a face of their own get one by rule: blinks, and brows up to a gloss with a ``?``.
     """
 
     glosses: tuple[str, ...]
@@ -54,11 +56,15 @@ class SentenceRecipe:
     avoid_collisions: bool | None = None
     spell: bool = True
     pauses: bool = True
+    face_rules: bool = False
 
     @property
     def sha256(self) -> str:
-        """Hash of all fields."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, ensure_ascii=False).encode()).hexdigest()
+        """Hash of all fields; of ``face_rules``, which came later, where it is set."""
+        given = asdict(self)
+        if not self.face_rules:
+            del given["face_rules"]
+        return hashlib.sha256(json.dumps(given, sort_keys=True, ensure_ascii=False).encode()).hexdigest()
 
     def options(self, bundle: str | None) -> SpliceOptions:
         """The call of the engine, with the networks of ``bundle``. Raises ``InputError`` for a number out of range."""
@@ -77,11 +83,12 @@ class SentenceRecipe:
             fps=self.fps,
             avoid_collisions=self.avoid_collisions,
             free_hand=self.free_hand,
+            face_rules=RULES if self.face_rules else (),
         )
 
 
 _TYPES = {"glosses": pa.list_(pa.string()), "seed": pa.int64(), "sign_speed": pa.float64(), "fps": pa.float64()}
-_TYPES |= dict.fromkeys(("avoid_collisions", "spell", "pauses"), pa.bool_())
+_TYPES |= dict.fromkeys(("avoid_collisions", "spell", "pauses", "face_rules"), pa.bool_())
 _DEFAULTS: Mapping[str, Any] = {row.name: row.default for row in fields(SentenceRecipe)} | {"glosses": None}
 SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in _DEFAULTS])
 """Columns of recipes."""
@@ -238,7 +245,8 @@ def is_same(path: str | Path, batches: Iterable[pa.RecordBatch]) -> bool:
 
 def _stored(path: str | Path) -> Iterator[pa.RecordBatch]:
     with _own(path) as file:
-        yield from file.iter_batches(ROWS)
+        is_older = {*file.schema_arrow.names} < {*SCHEMA.names}
+        yield from (_checked(batch, Path(path)) if is_older else batch for batch in file.iter_batches(ROWS))
 
 
 @contextmanager

@@ -50,7 +50,8 @@ class Progress:
     """How far a run is.
 
     n_before: rows of shards that were there before.
-    n_done, n_failed: rows so far, those of before among them; those of this run that failed.
+    n_done, n_failed: rows so far, those of before and of unfinished shards among them; those that failed, of shards
+        that this run has made.
     n_rows: all.
     """
 
@@ -84,6 +85,7 @@ def run(
     jobs.check_out(out)
     with _begun(out, options, batches) as job:
         (out / jobs.INDEX).mkdir(exist_ok=True)
+        atomic.sweep(out / jobs.INDEX)  # rows of shards that another call was making
         missing = [shard for shard in range(job.n_shards) if not jobs.is_whole(out, job, shard)]
         before = job.n_recipes - sum(len(job.rows(shard)) for shard in missing)
         done, failed = before, 0
@@ -91,9 +93,17 @@ def run(
         note(Progress(before, done, failed, job.n_recipes))
         if missing:
             (out / jobs.SUMMARY).unlink(missing_ok=True)
-        for shard in _made(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
-            done, failed = done + shard.n_rows, failed + shard.n_failed
-            note(Progress(before, done, failed, job.n_recipes))
+        unfinished, shown = set(missing), before
+        try:
+            for shard in _made(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
+                if shard is not None:
+                    done, failed = done + shard.n_rows, failed + shard.n_failed
+                    unfinished.discard(shard.shard)
+                shown = max(shown, done + jobs.rows_in_progress(out, unfinished))
+                note(Progress(before, shown, failed, job.n_recipes))
+        except KeyboardInterrupt:
+            kept = f"{done} of {job.n_recipes} rows are kept in {out}"
+            raise KeyboardInterrupt(f"{kept}; the same command continues from there") from None
         summary = summarize(out, job)
         atomic.write(out / jobs.SUMMARY, json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n")
     return summary
@@ -120,7 +130,9 @@ def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.Re
                 atomic.sweep(folder)  # what workers that were killed have left
 
 
-def _made(out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int) -> Iterator[ShardResult]:
+def _made(
+    out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int
+) -> Iterator[ShardResult | None]:
     if ray is not None:
         return cluster.make_all(out, missing, ray, n_kept, workers)
     return local.make_all(out, missing, min(workers or cores(), len(missing)), n_kept)

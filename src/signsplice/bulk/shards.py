@@ -23,7 +23,7 @@ from signsplice.bulk import recipes
 from signsplice.bulk.job import BulkJob
 from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, SentenceMaker
 from signsplice.errors import FormatError, InputError, SignspliceError
-from signsplice.formats import FORMATS, encode, live_link, save
+from signsplice.formats import FORMATS, encode, live_link, npz, save
 from signsplice.formats.atomic import replacing
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
@@ -124,7 +124,7 @@ class ShardResult:
     n_rows, n_failed: recipes, and those of which nothing could be made.
     n_seams, n_frames: of all its sentences.
     n_bytes: of its files.
-    seconds: processor time that it took.
+    cpu_s: processor time that it took.
     """
 
     shard: int
@@ -133,7 +133,7 @@ class ShardResult:
     n_seams: int
     n_frames: int
     n_bytes: int
-    seconds: float
+    cpu_s: float
 
 
 def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
@@ -147,15 +147,18 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
     job = jobs.read_job(folder)
     maker = CACHE.recent(_open_maker, folder, job.sha256, n_kept, most=1)
     rows: list[dict[str, Any]] = []
+    progress = jobs.progress_of(folder, shard)
     with _samples(folder, job, shard) as samples:
         todo = recipes.rows(folder / jobs.RECIPES, job.rows(shard).start, job.rows(shard).stop)
         for start in range(0, len(todo), TOGETHER):
             for n, made in enumerate(maker.make(todo[start : start + TOGETHER]), job.rows(shard).start + start):
                 rows.append({"row": n, "key": f"{n:09d}", "shard": shard, **_row(made, samples, f"{n:09d}")})
+            progress.write_text(str(len(rows)))
     tar_bytes = jobs.tar_of(folder, shard).stat().st_size if samples is not None else 0
     metadata = {"job": job.sha256, "tar_bytes": str(tar_bytes)}
     with replacing(jobs.index_of(folder, shard)) as temporary:
         pq.write_table(pa.Table.from_pylist(rows, INDEX_SCHEMA.with_metadata(metadata)), temporary, compression="zstd")
+    progress.unlink(missing_ok=True)
     return ShardResult(
         shard,
         len(rows),
@@ -170,11 +173,11 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
 def open_maker(out: Path, n_kept: int) -> SentenceMaker:
     """What makes the sentences of a folder of shards. Raises ``InputError`` as ``make_shard`` does."""
     job = jobs.read_job(out)
-    words = open_lexicon(job.lexicon)
+    words = open_lexicon(*jobs.paths(job.lexicon))
     found: dict[str, tuple[object, object, object]] = {
         "package": (version("signsplice"), job.signsplice, "signsplice"),
         "libraries": (jobs.libraries(), job.made_with, ", ".join(map(" ".join, job.made_with.items()))),
-        "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, job.lexicon),
+        "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, " and ".join(jobs.paths(job.lexicon))),
         "bundle": (open_learned(job.bundle).sha256, job.bundle_sha256, job.bundle or "the one that ships"),
     }
     for what, (here, wanted, where) in found.items():
@@ -278,10 +281,12 @@ class _Samples:
     def add(self, key: str, made: MadeSentence) -> dict[str, int]:
         """Add a sentence: where its clip's bytes begin, and how many there are."""
         clip = made.result.clip
-        content = encode(clip, f"{key}.{self._job.format}")
-        self._put(f"{key}.{self._job.format}", content)
+        form = self._job.format
+        content = npz.encode(clip, rounded=True) if form == jobs.NPZ32 else encode(clip, f"{key}.{form}")
+        suffix = ".npz" if form == jobs.NPZ32 else f".{form}"
+        self._put(f"{key}{suffix}", content)
         place = {"offset": self._tar.offset - -(-len(content) // 512) * 512, "n_bytes": len(content)}
-        if clip.face is not None and not FORMATS[f".{self._job.format}"].holds_faces:
+        if clip.face is not None and not FORMATS[suffix].holds_faces:
             self._put(f"{key}.face.csv", live_link.encode(clip))
         self._put(f"{key}.json", json.dumps(made.report(), ensure_ascii=False).encode())
         if self._job.poses:

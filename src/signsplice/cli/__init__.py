@@ -31,8 +31,8 @@ def exit_after(run: Callable[[], tuple[str, int]]) -> None:
         message, status = run()
         if interrupts and status != 0:
             message, status = _INTERRUPTED, 130
-    except KeyboardInterrupt:
-        message, status = _INTERRUPTED, 130
+    except KeyboardInterrupt as interruption:
+        message, status = "; ".join((_INTERRUPTED, *map(str, interruption.args))), 130
     except Exception:  # of an import, before ``run`` could make a line of it
         if not interrupts:
             raise

@@ -114,14 +114,15 @@ def reads_faces(command: Command) -> Command:
         type=float,
         default=0.0,
         metavar="S",
-        help="Seconds from a clip's first frame to its face's first row.",
+        help="Seconds from a clip's first frame to its face's first row or frame.",
     )
     files = click.option(
         "--face",
         "faces",
         multiple=True,
         metavar="FACE.csv",
-        help="Face of a clip: a CSV of ARKit's coefficients; may be repeated.  [default: NAME.csv beside NAME.bvh]",
+        help="Face of a clip: a CSV of ARKit's coefficients, or a clip with one; may be repeated.  [default: NAME.csv "
+        "beside NAME.bvh]",
     )
     return files(with_offset(command))
 

@@ -36,8 +36,8 @@ def run(commands: click.Group) -> tuple[str, int]:
             sys.stdout.flush()
     except click.exceptions.Exit as stop:
         return "", stop.exit_code
-    except click.Abort:
-        raise KeyboardInterrupt from None
+    except click.Abort as abort:
+        raise KeyboardInterrupt(*getattr(abort.__cause__, "args", ())) from None
     except click.exceptions.NoArgsIsHelpError as error:  # no command was named
         print(error.format_message(), file=sys.stderr)
         return "", 2

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import FormerlyOptions, formerly_a_flag
-from signsplice.cli.clips import limits, load, reads_poses
+from signsplice.cli.clips import SKIN, limits, load, load_avatar, reads_poses
 from signsplice.cli.options import AS_JSON, BUNDLE, preset, two_numbers
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
@@ -131,6 +131,25 @@ def bodies(
         with shipped() as lexicon, progress("picture") as advance:
             write_pictures([lexicon.clip(word) for word in WORDS], Path(picture), advance)
     return measuring.signature(drawn), rows, measuring.table(rows, drawn)
+
+
+@_measures
+@click.argument("files", nargs=-1, required=True, metavar="AVATAR...")
+@click.option("--clips", "recorded", multiple=True, metavar="FILE", help="This clip, in place of six words that ship; "
+              "may be repeated.")  # fmt: skip
+@SKIN
+@reads_poses
+def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, ...], roles: str | None) -> Measured:
+    """How far hands lie from the skin that they touch on avatars."""
+    from signsplice.evaluation import avatars as measuring
+    from signsplice.lexicon import shipped
+
+    loaded = [load_avatar(file, roles, skin) for file in files]
+    with shipped() as lexicon:
+        words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _loaded(recorded, None, None)
+    with progress("avatars") as advance:
+        rows = measuring.compare(loaded, words, advance)
+    return measuring.signature(words), rows, measuring.table(rows)
 
 
 @_measures

@@ -62,7 +62,7 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.argument("output", metavar="OUT")
 @click.option("--onto", metavar="RIG", help="Clip whose body the motion is brought to: places and contacts are kept.")
 @click.option(
-    "--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) that the motion is brought to; a .glb is its own file."
+    "--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb, .fbx) that the motion is brought to; a .glb is its own file."
 )
 @SKIN
 @click.option(

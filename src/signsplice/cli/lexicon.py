@@ -23,17 +23,30 @@ def lexicon() -> None:
     """Build, list and check lexicons: gloss -> clip."""
 
 
+_OUTPUT = click.option(
+    "-o", "--output", required=True, metavar="LEX", help="Folder to make; a lexicon there is replaced."
+)
+_COMPACT = click.option("--compact", is_flag=True, help="Rotations in 16 bits: half the size, within 0.0001 rad.")
+_JOBS = click.option("--jobs", type=click.IntRange(1), metavar="N", help="Processes.  [default: one a core, for many]")
+_LENIENT = click.option(
+    "--lenient", is_flag=True, help="Of written signs, leave out what is not understood, with a warning."
+)
+_STRICT = click.option("--strict", is_flag=True, help="Exit status 1 where a written sign was left out.")
+
+
 @lexicon.command()
-@click.argument("folder", metavar="DIR")
-@click.option("-o", "--output", required=True, metavar="LEX", help="Folder to make; a lexicon there is replaced.")
-@click.option("--compact", is_flag=True, help="Rotations in 16 bits: half the size, within 0.0001 rad.")
+@click.argument("inputs", nargs=-1, required=True, metavar="IN...")
+@_OUTPUT
+@_COMPACT
 @click.option("--signer", default="", metavar="NAME", help="Who signs, where glosses.csv does not say.")
 @click.option("--skip-broken", is_flag=True, help="Leave broken clips out, with a warning each.")
 @click.option("--recipe", default="", metavar="NAME|FILE", help="How an archive names its words: see docs/archives.md.")
-@click.option("--jobs", type=click.IntRange(1), metavar="N", help="Processes.  [default: one a core, for many clips]")
+@_JOBS
+@_LENIENT
+@_STRICT
 @reads_rigs
 def build(
-    folder: str,
+    inputs: tuple[str, ...],
     output: str,
     compact: bool,
     signer: str,
@@ -41,34 +54,59 @@ def build(
     skip_broken: bool,
     recipe: str,
     jobs: int | None,
+    lenient: bool,
+    strict: bool,
 ) -> None:
-    """Make a lexicon of every clip below a folder.
+    """Make a lexicon of every clip below folders, and of signs written in SiGML or HamNoSys.
 
     Glosses are the files' names, or stand in DIR/glosses.csv. With --recipe what is broken, or fits no word, is left
-    out, and a build that was stopped goes on.
+    out, and a build that was stopped goes on. IN may also be a .sigml file or a folder of them, or a table of the
+    columns gloss and hamnosys (.csv), or its like in .json or .txt (docs/hamnosys.md).
     """
-    from signsplice import lexicon as lexicons
-    from signsplice.lexicon.folder import reasons
-
-    check_apart(output, [roles, recipe])
     joint_of = read_roles(roles)
-    with progress(f"building {Path(output).name}") as advance:
-        built = lexicons.build(
-            folder,
-            output,
-            compact=compact,
-            signer=signer,
-            roles=joint_of,
-            skip_broken=skip_broken,
-            recipe=recipe,
-            jobs=jobs,
-            progress=advance,
-            limits=limits(),
+    check_apart(output, [*inputs, roles, recipe] if len(inputs) > 1 else [roles, recipe])
+    others = {"signer": signer, "roles": joint_of, "skip_broken": skip_broken, "recipe": recipe, "limits": limits()}
+    _build(inputs, output, strict, compact=compact, jobs=jobs, lenient=lenient, **others)
+
+
+@lexicon.command()
+@click.argument("folder", metavar="FOLDER")
+@_OUTPUT
+@_COMPACT
+@_JOBS
+@_STRICT
+def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool) -> None:
+    """Make a lexicon of the signs of NGT that the SignON project wrote, from a folder of their .sigml files.
+
+    They are data/dictionaries/NGT/Glosses of github.com/upf-gti/performs (Apache-2.0, whose licence file is beside
+    them). None ships here. No signer has checked the motion.
+    """
+    from signsplice.splicing.written_words import is_written
+
+    if not Path(folder).is_dir() or not is_written(folder):
+        raise InputError(
+            f"{folder}: expected a folder of .sigml files, such as data/dictionaries/NGT/Glosses of performs"
         )
+    check_apart(output, [folder])
+    _build((folder,), output, strict, compact=compact, jobs=jobs)
+    print("no signer has checked these signs; whether you may pass them on, their licence says")
+
+
+def _build(inputs: tuple[str, ...], output: str, strict: bool, **others: Any) -> None:
+    """Build a lexicon and print what became of it."""
+    from signsplice.lexicon.folder import reasons
+    from signsplice.splicing import written_words
+
+    with progress(f"building {Path(output).name}") as advance:
+        built = written_words.build(inputs, output, progress=advance, **others)
     warn(built.warnings)
     for count, reason in reasons(built.left_out):
         print(f"{count:6} left out: {reason.removesuffix('; left out')}")
+    for line in built.unread:
+        print(f"       {line}")
     print(f"{output}: {_count(built.n_words, built.n_letters)}, {built.n_bytes / 1e6:.1f} MB, {built.form}")
+    if strict and built.left_out:
+        sys.exit(1)
 
 
 @lexicon.command("list")
@@ -167,11 +205,17 @@ def _write_page(words: Lexicon, page: str) -> None:
     print(f"{page}: {sum(bool(one.doubts) for one in facts)} of {len(facts)} words are doubtful")
 
 
-def open_words(path: str | None) -> Lexicon:
-    """The lexicon at a path, by default the one that ships, with the forms of its signs."""
+def open_words(*paths: str | None, fallback: str | None = None) -> Lexicon:
+    """The lexicons at paths as one, by default the one that ships, with the forms of its signs, and with the written
+    signs of ``fallback`` for words that all of them lack.
+    """
     from signsplice.splicing.forms import open_lexicon
 
-    return open_lexicon(path)
+    if fallback is not None:
+        from signsplice.splicing.written_words import with_fallback
+
+        return with_fallback(paths, fallback)
+    return open_lexicon(*paths)  # type: ignore[arg-type]
 
 
 COMMANDS = (lexicon,)

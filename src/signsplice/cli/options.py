@@ -39,6 +39,18 @@ def two_numbers(text: str, between: str, expected: str) -> tuple[int, int]:
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 BUNDLE = click.option("--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]")
 LEXICON = click.option("--lexicon", metavar="LEX", help="Lexicon of the words.  [default: the one that ships]")
+LEXICONS = click.option(
+    "--lexicon",
+    "lexicons",
+    multiple=True,
+    metavar="LEX",
+    help="Lexicon of the words; given again, the first that has a word counts; default: the words that ship.",
+)
+DROP_FUNCTION_WORDS = click.option(
+    "--drop-function-words",
+    is_flag=True,
+    help="Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
+)
 ROLES = click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 SEED = preset("--seed", 0, "N", "Seed of the draw.", type=click.IntRange(0, 2**63 - 1))
 PROCESSES = preset("--processes", 2, "N", "Number of processes.")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from signsplice.cli.clips import check_output, load, load_avatar, reads_poses
-from signsplice.cli.options import LEXICON, preset
-from signsplice.cli.terminal import require
-from signsplice.errors import InputError
+from signsplice.cli.options import LEXICONS, preset
+from signsplice.cli.terminal import require, warn
+from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
     from signsplice.service.settings import Settings
@@ -24,7 +25,7 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
 @click.command()
 @preset("--host", "127.0.0.1", "H", "Address to listen on.")
 @preset("--port", 8000, "N", "Port; 0: any free one.")
-@LEXICON
+@LEXICONS
 @click.option(
     "--workers",
     "n_workers",
@@ -34,10 +35,17 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
     help="Processes for requests, and as many for streams.  [default: one per core]",
 )
 @click.option(
-    "--avatar", "avatars", multiple=True, metavar="A.vrm", help="Avatar that callers may name; may be repeated."
+    "--avatar",
+    "avatars",
+    multiple=True,
+    metavar="A.vrm|DIR",
+    help="Avatar that callers may name, or a folder of some; may be repeated.",
 )
 @click.option(
     "--allow-host", "allowed_hosts", multiple=True, metavar="NAME", help="Another host name to answer to; *: any."
+)
+@click.option(
+    "--allow-embed", multiple=True, metavar="URL", help="Origin of another page that may show the viewer in a frame."
 )
 @click.option("--allow-origin", multiple=True, metavar="URL", help="Origin of another page that may call.")
 @click.option(
@@ -50,12 +58,22 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
     metavar="NAME=N",
     help=_LIMIT_HELP,
 )
-def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], avatars: tuple[str, ...], **given: Any) -> None:
+def serve(
+    limits: tuple[str, ...],
+    allow_origin: tuple[str, ...],
+    allow_embed: tuple[str, ...],
+    avatars: tuple[str, ...],
+    **given: Any,
+) -> None:
     """Serve splices over HTTP and WebSocket, and the viewer. Ctrl-C stops it."""
-    origins = tuple(origin.rstrip("/").lower() for origin in allow_origin)
-    for avatar in avatars:
-        load_avatar(avatar)  # an error now, not at the first request
-    settings = _settings(limits, allowed_origins=origins, avatars=tuple(map(Path, avatars)), **given)
+    from signsplice.formats.avatar import avatars_in
+
+    origins, embedders = ([url.rstrip("/").lower() for url in urls] for urls in (allow_origin, allow_embed))
+    files = [file for path in avatars for file in avatars_in(Path(path))]
+    for file in files:
+        load_avatar(str(file))  # an error now, not at the first request
+    places = {"allowed_origins": tuple(origins), "allowed_embedders": tuple(embedders), "avatars": tuple(files)}
+    settings = _settings(limits, **places, **given)
 
     def on_open(address: str) -> None:
         if not settings.is_local:
@@ -76,7 +94,7 @@ def serve(limits: tuple[str, ...], allow_origin: tuple[str, ...], avatars: tuple
 )
 @click.option("-o", "--output", metavar="PAGE.html", help="Write one self-contained page instead of opening a browser.")
 @click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
-@LEXICON
+@LEXICONS
 @click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
 @reads_poses
 def view(
@@ -85,7 +103,7 @@ def view(
     roles: str | None,
     output: str | None,
     port: int,
-    lexicon: str | None,
+    lexicons: tuple[str, ...],
     browser: bool,
 ) -> None:
     """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
@@ -93,27 +111,36 @@ def view(
         raise InputError(f"{len(files)} files, expected one, or two to compare")
     if len(reports) > len(files):
         raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
-    _require_extra()
     from signsplice.formats import atomic
-    from signsplice.service import page, scene
-    from signsplice.service.wire import FORMAT_NAMES
     from signsplice.splicing import report as splice_reports
 
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
         check_output(output, [*files, *reports, roles])
-    scenes = []
-    for number, file in enumerate(files):
-        clip = load(file, roles)
-        report = splice_reports.read(reports[number], len(clip)) if number < len(reports) else None
-        scenes.append(scene.from_clip(clip, report, FORMAT_NAMES))
+    clips = [load(file, roles) for file in files]
+    read = [splice_reports.read(path, len(clip)) for path, clip in zip(reports, clips, strict=False)]
+    try:
+        _require_extra()
+        from signsplice.service import page, scene
+        from signsplice.service.wire import FORMAT_NAMES
+
+        page.html([], live=output is None)  # a missing viewer is an error before anything is made
+    except MissingExtraError as error:
+        if output is None:
+            raise
+        from signsplice.render import notebook
+
+        warn([f"{error}; until then the page is a drawing that moves"])
+        head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        text = head + "".join(map(notebook.html, clips))
+    else:
+        scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip_longest(clips, read)]
+        text = page.html(scenes, live=output is None)
     if output is not None:
-        text = page.html(scenes, live=False)
         atomic.write(output, text)
         print(f"{output}: opens from disk in any browser, {len(text.encode()) / 1e6:.1f} MB")
         return
-    page.html(scenes, live=True)  # a missing viewer is an error before the service starts
 
     def on_open(address: str) -> None:
         print(f"{', '.join(files)}: at {address} (Ctrl-C stops it)", flush=True)
@@ -122,10 +149,10 @@ def view(
 
             webbrowser.open(address)
 
-    _listen(_settings((), port=port, lexicon=lexicon), scenes, on_open)
+    _listen(_settings((), port=port, lexicons=lexicons), scenes, on_open)
 
 
-def _settings(limits: Sequence[str], lexicon: str | None, **values: Any) -> Settings:
+def _settings(limits: Sequence[str], **values: Any) -> Settings:
     _require_extra()
     from signsplice.service.settings import Settings, limit_types
 
@@ -139,7 +166,7 @@ def _settings(limits: Sequence[str], lexicon: str | None, **values: Any) -> Sett
         except ValueError:
             kind = "a whole number" if types[name] is int else "a number"
             raise InputError(f"--limit {text!r}: {number!r}, expected {kind}") from None
-    return Settings(lexicon=None if lexicon is None else Path(lexicon), **values)
+    return Settings(**values)
 
 
 def _listen(settings: Settings, scenes: Sequence[Mapping[str, Any]], on_open: Callable[[str], None]) -> None:

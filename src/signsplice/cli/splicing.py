@@ -29,7 +29,7 @@ from signsplice.cli.clips import (
     write,
 )
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, LEXICON, added, preset, two_numbers
+from signsplice.cli.options import AS_JSON, BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, added, preset, two_numbers
 from signsplice.cli.terminal import note, progress, warn
 from signsplice.errors import InputError
 
@@ -48,7 +48,7 @@ _joining_options = added(
         help="How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
     ),
     BUNDLE,
-    click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb) that signs; a .glb is its own file."),
+    click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
     SKIN,
     click.option(
         "--avoid-collisions/--no-avoid-collisions",
@@ -132,9 +132,11 @@ def splice(
 
 @click.command(context_settings=_SETTINGS)
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
-@LEXICON
+@LEXICONS
+@click.option("--fallback", metavar="FILE", help="Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
 @click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
 @click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
+@DROP_FUNCTION_WORDS
 @click.option("--no-pauses", is_flag=True, help="Hold no sign at a comma or a full stop.")
 @click.option(
     "--face-rules/--no-face-rules",
@@ -144,9 +146,11 @@ def splice(
 @_splicing_options
 def sentence(
     glosses: tuple[str, ...],
-    lexicon: str | None,
+    lexicons: tuple[str, ...],
+    fallback: str | None,
     no_spell: bool,
     no_compounds: bool,
+    drop_function_words: bool,
     no_pauses: bool,
     face_rules: bool | None,
     output: str,
@@ -157,20 +161,20 @@ def sentence(
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import brows, parse, pauses, starts
+    from signsplice.lexicon.sentence import brows, parse, pauses, signed, spelled, starts
     from signsplice.splicing import engine
     from signsplice.splicing.face_rules import RULES
 
-    check_outputs(output, report, [roles, avatar, *_networks(**method_options)])
+    check_outputs(output, report, [roles, avatar, fallback, *_networks(**method_options)])
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
     options = _splice_options(**method_options, face_rules=RULES if has_rules else ())
     signer = _signer(avatar, skin)
     began = time.perf_counter()
-    with open_words(lexicon) as words:
+    with open_words(*lexicons, fallback=fallback) as words:
         for path in (output, report or output):
-            check_apart(path, [words.path])
-        units = parse(" ".join(glosses), words, spell=not no_spell, compounds=not no_compounds)
-        line = [gloss for unit in units for gloss in unit.glosses]
+            check_apart(path, [part.path for part in words.parts])
+        units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
+        line = signed(units)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
@@ -180,7 +184,8 @@ def sentence(
     warn(unit.warning for unit in units if unit.warning)
     held = None if no_pauses else pauses(units)
     result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held, brows(units))
-    deliver(result, output, report, load_ms, signer, {"units": [asdict(unit) for unit in units]})
+    more = {"units": [asdict(unit) for unit in units], "spelled": spelled(units)}
+    deliver(result, output, report, load_ms, signer, more)
 
 
 def _signer(avatar: str | None, skin: tuple[str, ...]) -> Avatar | None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import moved
-from signsplice.cli.clips import check_apart
+from signsplice.cli.clips import check_apart, check_outputs
 from signsplice.cli.evaluation import corpus
 from signsplice.cli.options import PROCESSES, added, preset
 from signsplice.cli.terminal import progress, size, warn
@@ -109,6 +109,43 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
     sign_pictures.write_preview(word, path)
     warn(checks.warnings(word))
     print(f"{path}: {sign.gloss}, {len(sign.segments)} segments, {word.clip.seconds:.2f} s with rest")
+
+
+@synth.command()
+@click.argument("file", metavar="FILE")
+@click.argument("gloss", metavar="[GLOSS]", required=False)
+@click.option("-o", "--output", metavar="OUT", help="File to write; a .glb keeps the face.  [default: GLOSS.bvh]")
+@click.option("--lenient", is_flag=True, help="Leave out what is not understood, with a warning.")
+@_FPS
+def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: float) -> None:
+    """Sign one sign that is written in SiGML or HamNoSys, or in the notation of this project.
+
+    GLOSS may be left out where FILE has one sign. No signer has checked such signs.
+    """
+    from signsplice import formats
+    from signsplice.synth import folders, notation, planner
+    from signsplice.synth.written import signing
+
+    if Path(file).suffix.lower() == ".signs":
+        from signsplice.synth import inflection
+
+        signs = notation.read(file)
+        clip = planner.isolated(inflection.form(signs, gloss or _only(file, signs)), fps=_rate(fps)).clip
+    else:
+        written = signing.find(file, gloss or "", lenient)
+        clip = signing.signed(written, _rate(fps), lenient)
+        warn(signing.warnings(written))
+    path = output or f"{folders.file_name(clip.name)}.bvh"
+    check_outputs(path, None, [file])
+    formats.save(clip, path)
+    print(f"{path}: {clip.name}, {clip.seconds:.2f} s with rest; no signer has checked it")
+
+
+def _only(file: str, signs: dict[str, Sign]) -> str:
+    """The gloss of a file's only sign."""
+    if len(signs) != 1:
+        raise InputError(f"{file}: {len(signs)} signs, expected the gloss of one of them: {', '.join([*signs][:5])}")
+    return next(iter(signs))
 
 
 @synth.command()

@@ -153,6 +153,9 @@ def progress_printer(part: str) -> ProgressCallback:
     terminal = sys.stderr.isatty()
 
     def report(step: int, steps: int, numbers: dict[str, float]) -> None:
+        if not numbers:
+            print(f"{part} {step}/{steps}: continues from the checkpoint of an earlier call", file=sys.stderr)
+            return
         scores = "loss" not in numbers
         if not terminal and not scores:
             return

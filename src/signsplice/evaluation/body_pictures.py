@@ -46,7 +46,7 @@ def write_pictures(words: Sequence[Clip], path: Path, progress: Progress | None 
         for k, picture in enumerate(_row(word)):
             sheet.paste(image_.fromarray(picture), (k * wide, top + _LABEL))
     with replacing(path) as temporary:
-        sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
+        sheet.quantize(64, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
 
 
 def _row(word: Clip) -> list[Image]:

@@ -96,10 +96,10 @@ def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns:
     for letter in letters:
         frame = (letter.events.start + letter.events.end) // 2
         cells.append((draw_hand(make_scene(letter.clip), frame, "right", size), letter.sign.gloss.removeprefix("fs-")))
-    write_cells(cells, path, columns, 256)
+    write_cells(cells, path, columns, 128)
 
 
-def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, size: int = 160) -> None:
+def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, size: int = 140) -> None:
     """Write a page of words and letters of this package: two frames of each from the front, then from the side; the
     first posture and the last one, or the end of the first of several passes.
     """
@@ -111,7 +111,7 @@ def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, s
         frames = (e.start, e.passes[0][1] if len(e.passes) > 1 else e.end)
         scenes = [make_scene(word.clip, view) for view in ("front", "side")]
         cells.append((np.hstack([draw(scene, frame, size, size) for scene in scenes for frame in frames]), gloss))
-    write_cells(cells, path, columns, 256)
+    write_cells(cells, path, columns, 64)
 
 
 def check_matplotlib() -> None:

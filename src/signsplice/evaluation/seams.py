@@ -3,13 +3,13 @@
 Frames hidden in one take show how well a gap is filled whose two ends belong together. At a seam of two recordings they
 do not: each word's hands come from rest and go back to it. There is no true motion to compare with, so this measures
 the faults that a viewer notices: jumps of velocity and jerk, arms that drop or hands that dip between the words, signs
-cut short, hands in the body.
+cut short, hands in the body, faces that jump or blink by half.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.errors import InputError
+from signsplice.evaluation import faces
 from signsplice.evaluation.hands import wrist_joints, wrist_positions
+from signsplice.evaluation.seam_rows import SeamMeasurement, SeamRow
 from signsplice.evaluation.stitcher import stitch
 from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
@@ -56,81 +58,6 @@ ELBOW_STEP_M = 0.08
 STITCHER = "stitcher"
 
 
-@dataclass(frozen=True)
-class SeamMeasurement:
-    """One seam of two words; speeds, jumps and jerk are of the wrists.
-
-    seconds: length of the transition.
-    velocity_jump: largest change of velocity at the ends of the transition, m/s.
-    peak_speed: highest speed in the transition, m/s.
-    jerk_ratio: RMS jerk in the transition over that of the frames around it.
-    arms_down: frames kept between the two strokes in which both arms are down.
-    whole: whether both strokes are kept whole.
-    depth: greatest depth of a hand in the body in the transition, m; None for a method that makes points only.
-    idle_peak: highest speed of a hand that only goes to rest or comes from it, in the transition and while it rests,
-        m/s; None where no hand does, and for a method that makes points only.
-    dip: how far the strong wrist sinks below the lower end of the transition, m.
-    stroke_dip: how far it sinks below the lower of the last stroke's end and the next stroke's start, from the one to
-        the other, m; None for a method that makes points only.
-    head_peak: how fast the head turns in the transition at most, degrees/s; None for a method that makes points only.
-    elbow_step: how far an elbow goes in a frame of the transition at most, m; None for a method that makes points only.
-    """
-
-    seconds: float
-    velocity_jump: float
-    peak_speed: float
-    jerk_ratio: float
-    arms_down: int
-    whole: bool
-    depth: float | None
-    dip: float
-    idle_peak: float | None = None
-    stroke_dip: float | None = None
-    head_peak: float | None = None
-    elbow_step: float | None = None
-
-
-@dataclass(frozen=True)
-class SeamRow:
-    """One method over all seams: medians where nothing else is noted.
-
-    method: cutter and transition.
-    n_seams: seams measured.
-    seconds, velocity_jump, peak_speed, jerk_ratio: as in ``SeamMeasurement``.
-    arms_down: mean frames per seam.
-    whole: fraction of the seams that keep both strokes whole.
-    deep: fraction of the seams in which a hand lies more than ``DEEP_M`` in the body; None without a body.
-    deepest: greatest depth, m; None without a body.
-    idle_peak, idle_fastest: of the seams with a hand that only goes to rest or comes from it, its highest speed, m/s:
-        the median and the greatest; None without a body, or where no seam has one.
-    dips, deep_dips: fraction of the seams whose ``dip`` is over ``DIP_M``, and over ``DEEP_DIP_M``.
-    stroke_dips, deep_stroke_dips: the same of ``stroke_dip``; None without a body.
-    deepest_dip: the greatest ``stroke_dip``, m; None without a body.
-    head_peak: as in ``SeamMeasurement``; None without a body.
-    elbow_steps: fraction of the seams whose ``elbow_step`` is over ``ELBOW_STEP_M``; None without a body.
-    """
-
-    method: str
-    n_seams: int
-    seconds: float
-    velocity_jump: float
-    peak_speed: float
-    jerk_ratio: float
-    arms_down: float
-    whole: float
-    deep: float | None
-    deepest: float | None
-    idle_peak: float | None
-    idle_fastest: float | None
-    dips: float | None
-    deep_dips: float | None
-    stroke_dips: float | None
-    deep_stroke_dips: float | None
-    deepest_dip: float | None
-    head_peak: float | None
-    elbow_steps: float | None
-
-
 def signature(rest: str = HANGING) -> str:
     """The recipe of the numbers, with the signer's rest where it is not the usual one."""
     signer = "standard-signer" + ("" if rest == HANGING else f",rest:{rest}")
@@ -138,14 +65,14 @@ def signature(rest: str = HANGING) -> str:
         f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{metrics.VELOCITY_JUMP}|{metrics.JERK_RATIO}"
         f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
         f"|idle-hand:wrist,transition+rest,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
-        f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm"
+        f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm|{faces.SIGNATURE}"
     )
 
 
 def word_pairs(
     n_pairs: int, signs: Sequence[Sign] | None = None, rest: str = HANGING
 ) -> list[tuple[IsolatedWord, IsolatedWord]]:
-    """Pairs of different words by the standard signer; the same arguments always give the same pairs.
+    """Pairs of different words by the standard signer, with random faces; the same arguments always give the same.
 
     signs: the words to draw from, by default those that ship. rest: how the signer's arms rest. Raises ``InputError``
     for an unknown rest.
@@ -157,6 +84,7 @@ def word_pairs(
     drawn = [rng.choice(len(signs), 2, replace=False).tolist() for _ in range(n_pairs)]
     signer = replace(STANDARD, rest=rest)
     words = {k: planner.isolated(signs[k], signer) for k in sorted({k for pair in drawn for k in pair})}
+    words = {k: replace(word, clip=faces.with_random_face(word.clip, k)) for k, word in words.items()}
     return [(words[p], words[q]) for p, q in drawn]
 
 
@@ -221,8 +149,11 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     peak, dip = _idle_peak(wrists, rests, result.clip.fps), _dip(wrists, before.signer, *between)
     head = rotation.from_matrix(rotations[:, info.roles.joints["head"]])
     elbows = positions[:, [info.arm_joints[1], info.arm_joints[4]]] * info.sizes.unit.metres
+    jumps, half = faces.faults(result.clip.face, (first, stop), before.clip, after.clip)
     return replace(
         measured,
+        face_jumps=jumps,
+        half_blink=half,
         idle_peak=peak,
         stroke_dip=dip,
         head_peak=float(np.rad2deg(rotation.angle_between(head[1:], head[:-1])).max()) * result.clip.fps,
@@ -249,11 +180,16 @@ def _dip(wrists: FloatArray, signer: Signer, first: int, last: int) -> float:
 
 
 def measure_stitched(before: IsolatedWord, after: IsolatedWord) -> SeamMeasurement:
-    """A seam made by the stitcher."""
+    """A seam made by the stitcher; faces go straight from word to word."""
     made = stitch(before.clip, after.clip)
     skeleton = before.clip.skeleton
     wrists = made.positions[:, wrist_joints(skeleton)] * rig_info(skeleton).sizes.unit.metres
-    return _measure(wrists, (made.first, made.stop), before, after, (made.kept_before, made.kept_after), None)
+    kept = made.kept_before, made.kept_after
+    measured = _measure(wrists, (made.first, made.stop), before, after, kept, None)
+    cut, n_frames = Cut(kept[0][1] - 1, kept[1][0]), made.stop - made.first
+    face = faces.straight(before.clip, after.clip, cut, n_frames)
+    jumps, half = faces.faults(face, (cut.pre + 1, cut.pre + 1 + n_frames), before.clip, after.clip)
+    return replace(measured, face_jumps=jumps, half_blink=half)
 
 
 def _measure(
@@ -328,6 +264,8 @@ def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
         deepest_dip=max(stroke_dips, default=None),
         head_peak=float(np.median(heads)) if heads else None,
         elbow_steps=_fraction_over([seam.elbow_step for seam in seams if seam.elbow_step is not None], ELBOW_STEP_M),
+        face_jumps=float(np.mean([seam.face_jumps for seam in seams])),
+        half_blinks=float(np.mean([seam.half_blink for seam in seams])),
     )
 
 
@@ -352,6 +290,8 @@ _COLUMNS: dict[str, Callable[[SeamRow], str]] = {
     "deepest, cm": lambda row: shown(row.deepest_dip, ".1f", 1e2),
     "head, degrees/s": lambda row: shown(row.head_peak, ".0f"),
     "elbow steps over 8 cm": lambda row: percent(row.elbow_steps, ".1f"),
+    "face jumps": lambda row: percent(row.face_jumps, ".1f"),
+    "half blinks": lambda row: percent(row.half_blinks, ".1f"),
 }
 
 

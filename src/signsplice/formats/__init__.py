@@ -82,8 +82,8 @@ def load(
 
     rest_frame: the frame whose pose is the rest pose where the rig shows no person with all rotations zero; by default
         the first that shows one.
-    face: a CSV file with the clip's face, in place of that beside it.
-    face_offset: how long after the clip's first frame the first row of such a file is shown, seconds.
+    face: a CSV file, or another clip's, with the clip's face, in place of that beside it.
+    face_offset: how long after the clip's first frame the first row or frame of such a file is shown, seconds.
     take: the name of one of several motions that a file holds; by default the first.
 
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` for whatever is wrong with
@@ -96,7 +96,9 @@ def load(
     if face is not None or (clip.face is None and Path(path).with_suffix(".csv").is_file()):
         from signsplice.formats import live_link
 
-        if (found := face or live_link.sidecar(Path(path))) is not None:
+        if face is not None and Path(face).suffix.lower() in READ_SUFFIXES:
+            clip = live_link.with_face_of(clip, load(face, limits), str(face), face_offset)
+        elif (found := face or live_link.sidecar(Path(path))) is not None:
             clip = live_link.with_face(clip, found, face_offset, limits)
     if rest_frame is None:
         return clip

@@ -1,5 +1,5 @@
-"""Avatars: the skeleton of a ``.vrm`` (0.x or 1.0) or ``.glb`` file in its rest pose, with its mesh. No animation is
-needed.
+"""Avatars: the skeleton of a ``.vrm`` (0.x or 1.0), ``.glb`` or ``.fbx`` file in its rest pose, with its mesh. No
+animation is needed.
 
 The skeleton holds the joints that have a role, and those between them. All others (hair, skirts, twisted forearms) are
 carried by the nearest of these above them. A VRM avatar of version 0.x, which faces -Z, is turned to face +Z, as those
@@ -19,9 +19,11 @@ import numpy as np
 from signsplice.body.avatar_file import AvatarFile
 from signsplice.body.capsules import Avatar
 from signsplice.body.skin import fit_skin
-from signsplice.errors import InputError
+from signsplice.errors import InputError, LimitError
+from signsplice.formats import listed
 from signsplice.formats.avatar_face import face_controls
 from signsplice.formats.avatar_writer import pack
+from signsplice.formats.fbx_avatar import as_glb
 from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, printable, unique
@@ -33,7 +35,7 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS
 
-AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf")
+AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
 """Suffixes that ``read_avatar`` reads."""
 _IMAGES = {
     ".png": "image/png",
@@ -52,7 +54,7 @@ def read_avatar(
     limits: ReadLimits = DEFAULT_LIMITS,
     skin: Sequence[str] = (),
 ) -> Avatar:
-    """The avatar in a ``.vrm``, ``.glb`` or ``.gltf`` file: its skeleton at rest and its body, fitted to its mesh.
+    """The avatar in a file of one of ``AVATAR_SUFFIXES``: its skeleton at rest and its body, fitted to its mesh.
 
     roles: role -> joint name, where the file is no VRM avatar and its joints are not known by name. skin: names of the
         meshes, nodes or materials that are skin, where names and shape do not tell them from cloth; an empty one: all
@@ -60,14 +62,44 @@ def read_avatar(
     ``InputError`` for another suffix, a file that cannot be read, or arms that are not found, ``FormatError`` for
     whatever is wrong with its content, and ``LimitError`` where that asks for more than ``limits``.
     """
-    file = str(path)
-    if Path(path).suffix.lower() not in AVATAR_SUFFIXES:
-        suffix = Path(path).suffix.lower() or "(none)"
-        raise InputError(f"{file}: a file with suffix {suffix} is no avatar, expected .vrm, .glb or .gltf")
-    content = read_bytes(path, limits.file_bytes)
+    _check_suffix(str(path))
+    return _parsed(read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, roles or {}, skin)
+
+
+def parse_avatar(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Avatar:
+    """The avatar in the bytes of a file. For uploads: no file is opened, whatever the bytes refer to. Raises as
+    ``read_avatar`` does.
+    """
+    _check_suffix(file)
+    if len(content) > limits.file_bytes:
+        raise LimitError(f"{len(content):,} bytes, expected at most {limits.file_bytes:,.0f}", file=file)
+    return _parsed(content, file, limits, None, {}, ())
+
+
+def avatars_in(path: Path) -> list[Path]:
+    """The file itself, or the avatars' files in a folder. Raises ``InputError`` for a folder that has none."""
+    if not path.is_dir():
+        return [path]
+    found = sorted(file for file in path.iterdir() if file.suffix.lower() in AVATAR_SUFFIXES and file.is_file())
+    if not found:
+        raise InputError(f"{path}: a folder without avatars, expected {listed(AVATAR_SUFFIXES)} files in it")
+    return found
+
+
+def _check_suffix(file: str) -> None:
+    suffix = Path(file).suffix.lower()
+    if suffix not in AVATAR_SUFFIXES:
+        expected = f"expected {listed(AVATAR_SUFFIXES)}"
+        raise InputError(f"{file}: a file with suffix {suffix or '(none)'} is no avatar, {expected}")
+
+
+def _parsed(
+    content: bytes, file: str, limits: ReadLimits, folder: Path | None, roles: Mapping[str, str], skin: Sequence[str]
+) -> Avatar:
     with format_errors(file, "avatar"), np.errstate(all="ignore"):
-        reader = AvatarReader(file, content, limits, Path(path).parent)
-        return reader.avatar(roles or {}, content, skin)
+        if Path(file).suffix.lower() == ".fbx":
+            content = as_glb(content, file, folder, limits)
+        return AvatarReader(file, content, limits, folder).avatar(roles, content, skin)
 
 
 class AvatarReader(MeshReader):

@@ -12,11 +12,13 @@ from typing import Any
 from signsplice.body.avatar_file import FaceControl
 from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, SkeletonDocument
-from signsplice.motion.face_shapes import shape_of
+from signsplice.motion.face_shapes import preset_of, shape_of
 
 
-def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict[int, int]]:
-    """The controls of a face, and node -> number of its morph targets; empty where none has a known name."""
+def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict[int, int], tuple[str, ...]]:
+    """The controls of a face, node -> number of its morph targets, and VRM's names of expressions that move some; empty
+    where none has a known name.
+    """
     nodes_of: dict[int, list[int]] = {}
     counts: dict[int, int] = {}
     for node, fields in enumerate(file.nodes):
@@ -37,7 +39,8 @@ def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict
     if not valid:
         raise file._error("an expression of its face names a morph target that does not exist")
     moved = {node for control in known for node, _, _ in control.binds}
-    return known, {node: n for node, n in counts.items() if node in moved}
+    names = tuple(preset_of(control.name) or control.name for control in expressions if control.binds)
+    return known, {node: n for node, n in counts.items() if node in moved}, names
 
 
 def _targets(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[FaceControl]:

@@ -11,10 +11,12 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
-from signsplice.formats.fbx_scene import MOVES, FbxScene, Id, Take, Transforms
+from signsplice.formats.fbx_face import face_of
+from signsplice.formats.fbx_objects import Id
+from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms
+from signsplice.formats.fbx_takes import MOVES, Take
 from signsplice.formats.gltf_keys import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate
 from signsplice.formats.gltf_skeleton import unique
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
@@ -24,7 +26,6 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
 
-_BONES = ("LimbNode", "Limb", "Root")
 _NO_JOINTS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
@@ -57,17 +58,18 @@ class _Reader:
         quats, positions = self._sampled(take, order, times)
         clip = self._rested(order, quats, positions, fps)
         tops = [self.scene.models[other[0]].name for other in skeletons if len(other) > 1]
-        takes = [other.name for other in self.scene.takes if other is not take and other.curves]
+        takes = [other.name for other in self.scene.takes if other is not take and other.layers]
         what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
         notes = [*_note(f"the take {take.name!r:.80}", takes), *_note(what, tops)]
-        return replace(clip, left_out=take.shapes, notes=tuple(notes))
+        face, shapes = face_of(self.scene.objects, take, times)
+        return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
 
     def _skeletons(self) -> list[list[Id]]:
         """The joints of each skeleton, parents first."""
         models, parents = self.scene.models, self.scene.parents
-        joints = {key for key in self.scene.order if models[key].kind in _BONES or key in self.scene.skinned}
+        joints = {key for key in self.scene.order if models[key].kind in BONES or key in self.scene.skinned}
         if not joints:
-            moved = {key for take in self.scene.takes for key, _ in take.curves}
+            moved = {key for take in self.scene.takes for key, _ in take.moved()}
             for key in self.scene.order:
                 if (key in moved or parents.get(key) in joints) and models[key].kind not in _NO_JOINTS:
                     joints.add(key)
@@ -91,24 +93,13 @@ class _Reader:
             return 0, 0
         names = unique([self.scene.models[key].name for key in order])
         offsets = np.array([self.scene.models[key].vector(MOVES[0]) for key in order])
-        skeleton = Skeleton(tuple(names), self._parents(order), offsets)
-        return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.curves}.intersection(order))
-
-    def _parents(self, order: Sequence[Id]) -> NDArray[np.intp]:
-        """For each joint the row of the one above it, -1 for the first."""
-        rows = {key: row for row, key in enumerate(order)}
-        found = []
-        for key in order:
-            over = self.scene.parents.get(key)
-            while over is not None and over not in rows:
-                over = self.scene.parents.get(over)
-            found.append(-1 if over is None else rows[over])
-        return np.array(found)
+        skeleton = Skeleton(tuple(names), self.scene.parent_rows(order), offsets)
+        return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.moved()}.intersection(order))
 
     def _take(self, name: str, joints: Set[Id]) -> Take:
         """The take of a name, or the first that moves a joint."""
         for take in self.scene.takes:
-            moves = any(key in joints for key, _ in take.curves)
+            moves = any(key in joints for key, _ in take.moved())
             if name == take.name if name else moves:
                 if not moves:
                     raise self._error(f"its take {name!r:.80} moves no joint")
@@ -123,7 +114,7 @@ class _Reader:
         frames.
         """
         wanted = {*order}
-        curves = [curve for (key, _), axes in take.curves.items() if key in wanted for curve in axes if curve]
+        curves = [curve for key, axes in take.moved() if key in wanted for curve in axes if curve]
         densest = max(curves, key=lambda curve: len(curve.times)).times
         start, stop = take.span
         if stop <= start:
@@ -166,14 +157,14 @@ class _Reader:
         """The clip of joints whose rotations and positions are relative to the joint above, in the file's axes; both
         arrays are changed.
         """
-        parents, names = self._parents(order), tuple(unique([self.scene.models[key].name for key in order]))
+        parents, names = self.scene.parent_rows(order), tuple(unique([self.scene.models[key].name for key in order]))
         positions *= self.scene.metres
         positions[:] = positions @ self.scene.axes.T
         roots = positions[:, 0].copy()
         positions[:, 0] = 0.0
-        self._to_axes(quats)
         bound = self._rest_rotations(order)
-        self._to_axes(bound)
+        self.scene.to_axes(quats)
+        self.scene.to_axes(bound)
         parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
         skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
         for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
@@ -182,10 +173,6 @@ class _Reader:
             positions[:, k] = rotation.rotate(parent_bound[k], positions[:, k])
         stretches = np.ptp(positions, axis=0).max() > _HELD * np.abs(skeleton.offsets).max()
         return Clip(skeleton, quats, roots, fps, stem(self.file), positions if stretches else None)
-
-    def _to_axes(self, quats: FloatArray) -> None:
-        """Change rotations (..., 4) in the file's axes to X right, Y up, Z ahead."""
-        quats[..., :3] = np.linalg.det(self.scene.axes) * quats[..., :3] @ self.scene.axes.T
 
     def _rest_rotations(self, order: Sequence[Id]) -> FloatArray:
         """Rotations (J, 4) in the world of the rest pose."""

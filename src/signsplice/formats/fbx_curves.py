@@ -15,7 +15,8 @@ from signsplice.motion.arrays import FloatArray
 
 _HELD, _LINEAR, _NEXT, _USER, _BROKEN = 0x2, 0x4, 0x100, 0x400, 0x800
 _WEIGHTED_RIGHT, _WEIGHTED_NEXT_LEFT = 0x1000000, 0x2000000
-_THIRD, _UNIT = 1.0 / 3.0, 1e-4
+_THIRD, _UNIT = 1.0 / 3.0, 1.0 / 9999.0
+"""The weight of a tangent that leaves time even, and that of one unit in a file, by which the SDK divides."""
 _HALVINGS = 40
 _AT_KEY = 1e-7
 """Seconds within which a frame is at a key."""
@@ -109,18 +110,20 @@ def read_curve(record: Record, ticks: float, as_bits: bool) -> KeyCurve | None:
     times, values = record.numbers("KeyTime") / ticks, record.numbers("KeyValueFloat")
     if len(times) != len(values):
         raise InputError(f"a curve has {len(times)} times and {len(values)} values")
+    if not len(times):
+        return None
     kept = _checked_keys(times, values)
-    return KeyCurve(times[kept], values[kept], lambda: _read_tangents(record, as_bits, kept)) if len(times) else None
+    return KeyCurve(times[kept], values[kept], lambda: _read_tangents(record, as_bits, kept, len(times)))
 
 
-def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_]) -> Tangents:
+def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_] | slice, n_keys: int) -> Tangents:
     """How the keys of an ``AnimationCurve`` lead on; each row of its attributes counts for some keys."""
     counts = record.numbers("KeyAttrRefCount").astype(np.int64)
     flags, numbers = record.numbers("KeyAttrFlags").astype(np.int64), record.numbers("KeyAttrDataFloat")
     if len(flags) != len(counts) or len(numbers) != 4 * len(counts) or (counts < 0).any():
         raise InputError("a curve's attributes do not fit its keys")
-    if counts.sum() != len(kept):
-        raise InputError(f"a curve has attributes for {counts.sum()} keys, expected {len(kept)}")
+    if counts.sum() != n_keys:
+        raise InputError(f"a curve has attributes for {counts.sum()} keys, expected {n_keys}")
     bits = numbers.astype(np.int64).astype(np.uint32) if as_bits else numbers.astype(np.float32).view(np.uint32)
     bits = bits.reshape(-1, 4)
     slopes = np.ascontiguousarray(bits[:, :2]).view(np.float32).astype(np.float64)
@@ -175,11 +178,12 @@ def constant(value: float) -> KeyCurve:
     return KeyCurve(np.zeros(1), np.array([value]), lambda: Tangents(np.zeros(1, np.int64), *np.zeros((2, 1, 2))))
 
 
-def _checked_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_]:
-    """Which keys (K,) count: of those at one time the last. Raises ``InputError`` where they are no curve."""
+def _checked_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_] | slice:
+    """Which keys count: of those at one time the last. Raises ``InputError`` where they are no curve."""
     steps = times[1:] - times[:-1]
-    if not (np.isfinite(times).all() and np.isfinite(values).all()):
+    if not (np.isfinite(times.sum()) and np.isfinite(values.sum())):
         raise InputError("a key is not finite")
-    if (steps < 0.0).any():
+    least = steps.min(initial=1.0)
+    if least < 0.0:
         raise InputError("a curve's keys go back in time")
-    return np.append(steps > 0.0, True)[: len(times)]
+    return slice(None) if least > 0.0 else np.append(steps > 0.0, True)

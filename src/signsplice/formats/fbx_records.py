@@ -42,16 +42,19 @@ class Record(ABC):
     """A record of a file.
 
     name: of the record.
+    budget: of its file.
     """
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    __slots__ = ("_named", "_values", "budget", "name")
+
+    def __init__(self, name: str, budget: Budget) -> None:
+        self.name, self.budget = name, budget
         self._named: dict[str, Record] | None = None
         self._values: list[Any] | None = None
 
     @property
     def values(self) -> list[Any]:
-        """Its values: numbers, text, and arrays (N,)."""
+        """Its values: numbers, text, bytes, and arrays (N,)."""
         if self._values is None:
             self._values = self._read_values()
         return self._values
@@ -85,17 +88,22 @@ class Record(ABC):
         values = [] if child is None else child.values
         if values and isinstance(values[0], np.ndarray):
             return np.asarray(values[0], np.float64)
-        return np.array([0.0 if isinstance(value, str) else value for value in values], np.float64)
+        return np.array([0.0 if isinstance(value, str | bytes) else value for value in values], np.float64)
 
 
-class _Budget:
-    """Counts what the records of a file take, and raises ``LimitError`` where that is far more than its bytes."""
+class Budget:
+    """Counts what the records of a file take, and raises ``LimitError`` where that is far more than its bytes.
 
-    def __init__(self, file: str, n_bytes: int, limits: ReadLimits) -> None:
-        self.file, self.n_bytes, self.limits = file, n_bytes, limits
+    content: of the file. head: how records of a binary one begin.
+    """
+
+    def __init__(self, content: bytes, file: str, limits: ReadLimits, head: struct.Struct = _HEADS[False]) -> None:
+        n_bytes = len(content)
+        self.content, self.file, self.n_bytes, self.limits, self.head = content, file, n_bytes, limits, head
         self.taken, self.most = 0, limits.free_bytes + limits.growth * n_bytes
 
     def take(self, n_bytes: int) -> None:
+        """Count bytes that are about to be taken."""
         self.taken += n_bytes
         if self.taken > self.most:
             self.limits.check_memory("records", self.taken, self.n_bytes, self.file)
@@ -103,14 +111,13 @@ class _Budget:
 
 def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> tuple[Record, int]:
     """The record that holds all others, and the version times 1000. Raises ``FormatError`` where it is no FBX file."""
-    budget = _Budget(file, len(content), limits)
     if content.startswith(MAGIC[:20]):
         (version,) = struct.unpack_from("<I", content, len(MAGIC))
-        wide = version >= _WIDE_HEADS
-        return _BinaryRecord("", content, (len(MAGIC) + 4,) * 2 + (len(content),), 0, wide, budget), version
+        budget = Budget(content, file, limits, _HEADS[version >= _WIDE_HEADS])
+        return _BinaryRecord("", (len(MAGIC) + 4,) * 2 + (len(content),), 0, budget), version
     if re.match(rb"[\xef\xbb\xbf\s]*(;|FBXHeaderExtension)", content[:4096]) is None:
         raise FormatError("is no FBX file: it begins neither as a binary nor as a text one", file=file)
-    top = _text_records(content.decode("utf-8-sig", "replace"), budget)
+    top = _text_records(content.decode("utf-8-sig", "replace"), Budget(content, file, limits))
     header = top.find("FBXHeaderExtension")
     version = 0 if header is None else int(next(iter(header.numbers("FBXVersion")), 0))
     return top, version
@@ -119,16 +126,16 @@ def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
 class _BinaryRecord(Record):
     """A record of a binary file; ``at``: where its values begin, where they end, and where the record ends."""
 
-    def __init__(
-        self, name: str, content: bytes, at: tuple[int, int, int], n_values: int, wide: bool, budget: _Budget
-    ) -> None:
-        super().__init__(name)
-        self._content, self._at, self._n_values, self._wide, self._budget = content, at, n_values, wide, budget
+    __slots__ = ("_at", "_children", "_n_values")
+
+    def __init__(self, name: str, at: tuple[int, int, int], n_values: int, budget: Budget) -> None:
+        super().__init__(name, budget)
+        self._at, self._n_values = at, n_values
         self._children: list[Record] | None = None
 
     def _read_values(self) -> list[Any]:
-        content, (start, stop, _) = self._content, self._at
-        self._budget.take(self._n_values * _VALUE_BYTES)
+        content, (start, stop, _) = self.budget.content, self._at
+        self.budget.take(self._n_values * _VALUE_BYTES)
         found: list[Any] = []
         for _ in range(self._n_values):
             kind, start = content[start], start + 1
@@ -138,25 +145,26 @@ class _BinaryRecord(Record):
             elif kind in (_TEXT, _RAW):
                 size = int.from_bytes(content[start : start + 4], "little")
                 start += 4 + size
-                found.append(content[start - size : start].decode("utf-8", "replace") if kind == _TEXT else "")
+                raw = content[start - size : start]
+                found.append(raw.decode("utf-8", "replace") if kind == _TEXT else raw)
             elif kind in _ARRAYS:
                 count, packed, size = struct.unpack_from("<III", content, start)
                 found.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))
                 start += 12 + size
             else:
-                raise FormatError(f"{self.name}: a value of type {chr(kind)!r}", file=self._budget.file)
+                raise FormatError(f"{self.name}: a value of type {chr(kind)!r}", file=self.budget.file)
             if start > stop:
-                raise FormatError(f"{self.name}: its values end early", file=self._budget.file)
+                raise FormatError(f"{self.name}: its values end early", file=self.budget.file)
         return found
 
     def _array(self, dtype: np.dtype[Any], count: int, packed: int, start: int, size: int) -> np.ndarray[Any, Any]:
         n_bytes = count * dtype.itemsize
-        self._budget.take(n_bytes)
-        raw = self._content[start : start + (size if packed else n_bytes)]
+        self.budget.take(n_bytes)
+        raw = self.budget.content[start : start + (size if packed else n_bytes)]
         if packed:
             raw = zlib.decompressobj().decompress(raw, n_bytes + 1)
         if len(raw) != n_bytes or (not packed and size != n_bytes):
-            raise FormatError(f"{self.name}: {len(raw)} bytes, expected {count} numbers", file=self._budget.file)
+            raise FormatError(f"{self.name}: {len(raw)} bytes, expected {count} numbers", file=self.budget.file)
         return np.frombuffer(raw, dtype)
 
     @property
@@ -166,32 +174,33 @@ class _BinaryRecord(Record):
         return self._children
 
     def _read_children(self) -> list[Record]:
-        content, (_, start, stop), head = self._content, self._at, _HEADS[self._wide]
+        budget, (_, start, stop) = self.budget, self._at
+        content, read, size = budget.content, budget.head.unpack_from, budget.head.size
         found: list[Record] = []
-        while start + head.size <= stop:
-            end, n_values, n_bytes, n_letters = head.unpack_from(content, start)
+        while start + size <= stop:
+            end, n_values, n_bytes, n_letters = read(content, start)
             if end == 0:
                 break
-            begin = start + head.size + n_letters
+            begin = start + size + n_letters
             if not begin + n_bytes <= end <= stop or n_values > n_bytes:
                 raise FormatError(
-                    f"a record ends at byte {end}, expected at most {stop}: it is cut off or damaged",
-                    file=self._budget.file,
+                    f"a record ends at byte {end}, expected at most {stop}: it is cut off or damaged", file=budget.file
                 )
-            name = content[start + head.size : begin].decode("utf-8", "replace")
-            at = (begin, begin + n_bytes, end)
-            found.append(_BinaryRecord(name, content, at, n_values, self._wide, self._budget))
+            name = content[start + size : begin].decode("utf-8", "replace")
+            found.append(_BinaryRecord(name, (begin, begin + n_bytes, end), n_values, budget))
             start = end
-        self._budget.take(_RECORD_BYTES * len(found))
+        self.budget.take(_RECORD_BYTES * len(found))
         return found
 
 
 class _TextRecord(Record):
     """A record of a text file."""
 
-    def __init__(self, name: str, text: str, budget: _Budget) -> None:
-        super().__init__(name)
-        self._text, self._budget = text, budget
+    __slots__ = ("_children", "_text")
+
+    def __init__(self, name: str, text: str, budget: Budget) -> None:
+        super().__init__(name, budget)
+        self._text = text
         self._children: list[Record] = []
 
     @property
@@ -199,7 +208,7 @@ class _TextRecord(Record):
         return self._children
 
     def _read_values(self) -> list[Any]:
-        self._budget.take((1 + self._text.count(",")) * _VALUE_BYTES)
+        self.budget.take((1 + self._text.count(",")) * _VALUE_BYTES)
         return [_number(m["word"]) if m["text"] is None else m["text"] for m in _VALUE.finditer(self._text)]
 
     def numbers(self, name: str) -> FloatArray:
@@ -222,7 +231,7 @@ def _number(word: str) -> Any:
     return word
 
 
-def _text_records(text: str, budget: _Budget) -> _TextRecord:
+def _text_records(text: str, budget: Budget) -> _TextRecord:
     """The record that holds all records of a text file."""
     stack, at = [_TextRecord("", "", budget)], 0
     while match := _STATEMENT.match(text, at):

@@ -26,17 +26,21 @@ _STILL = 1e-9
 """A joint whose rotations or translations differ by less than this over the clip gets no animation channel."""
 
 
-def encode(clip: Clip) -> bytes:
-    """The bytes of a clip's .glb file; on an avatar that was read from a file, those of that file with the motion."""
-    if isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
+def encode(clip: Clip, mesh: bool = True) -> bytes:
+    """The bytes of a clip's .glb file; on an avatar that was read from a file, those of that file with the motion.
+    Without ``mesh`` the joints and their motion alone.
+    """
+    if mesh and isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
         from signsplice.formats import avatar_writer
 
         return avatar_writer.encode(clip, clip.skeleton.file)
-    return b"".join(document(clip).save_to_bytes())
+    return b"".join(document(clip, mesh).save_to_bytes())
 
 
-def document(clip: Clip) -> GLTF2:
-    """A clip as a glTF document: the mannequin, its skin, and one animation."""
+def document(clip: Clip, mesh: bool = True) -> GLTF2:
+    """A clip as a glTF document: the mannequin, its skin, and one animation. Without ``mesh`` it has neither mannequin
+    nor skin, and no face, which moves the mannequin's.
+    """
     clip = in_front(clip)
     rig = rig_info(clip.skeleton)
     metres = rig.sizes.unit.metres
@@ -56,15 +60,16 @@ def document(clip: Clip) -> GLTF2:
     writer.gltf.extras = {HUMANOID_EXTRA: names_of_roles}
     if clip.skeleton.roles:
         writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
-    writer.skin(joints, _inverse_bind(clip, metres), joints[0])
-    writer.mesh(body_mesh(clip.skeleton), metres, has_face=clip.face is not None)
+    if mesh:
+        writer.skin(joints, _inverse_bind(clip, metres), joints[0])
+        writer.mesh(body_mesh(clip.skeleton), metres, () if clip.face is None else clip.face.moving)
     times = writer.times(clip)
     for joint, node in enumerate(joints):
         if np.abs(quats[:, joint] - quats[:1, joint]).max() > _STILL or joint == 0:
             writer.channel(node, "rotation", times, quats[:, joint])
         if np.abs(translations[:, joint] - translations[:1, joint]).max() > _STILL or joint == 0:
             writer.channel(node, "translation", times, translations[:, joint])
-    if clip.face is not None:
+    if mesh and clip.face is not None:
         write_face(writer, clip.face, times)
     return writer.finish(clip.name, clip.fps)
 

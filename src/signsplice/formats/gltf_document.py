@@ -22,9 +22,9 @@ from signsplice.motion.arrays import FloatArray
 
 VRM_ANIMATION = "VRMC_vrm_animation"
 """The glTF extension of VRM animations."""
-FPS_EXTRA, ROLES_EXTRA, HUMANOID_EXTRA = "fps", "roles", "humanoid"
-"""Names of our extras. Of an animation: its frame rate. Of the document: role -> joint name, the roles of a roles file,
-and all that were found, for viewers.
+FPS_EXTRA, FACE_EXTRA, ROLES_EXTRA, HUMANOID_EXTRA = "fps", "face", "roles", "humanoid"
+"""Names of our extras. Of an animation: its frame rate, and the coefficients of a face that stay at rest. Of the
+document: role -> joint name, the roles of a roles file, and all that were found, for viewers.
 """
 GENERATOR = "signsplice"
 """What our files name as their program."""

@@ -6,13 +6,13 @@ expressions are passed over, as joints do not depend on them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from signsplice.formats.gltf_document import VRM_ANIMATION, Fields
+from signsplice.formats.gltf_document import FACE_EXTRA, VRM_ANIMATION, Fields
 from signsplice.formats.gltf_keys import INTERPOLATIONS, Keys, sample
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, SkeletonDocument
 from signsplice.formats.gltf_writer import DocumentWriter
@@ -20,10 +20,11 @@ from signsplice.formats.limits import NO_LIMITS
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import Face
-from signsplice.motion.face_shapes import PRESETS, face_from, shape_of, target_weights
+from signsplice.motion.face_shapes import channel_of, face_from, shape_of, target_weights
 
-_WRITTEN = ("aa", "ih", "ou", "ee", "oh", "blinkLeft", "blinkRight")
-"""Presets of a VRM animation; look-at is none of its expressions."""
+_LIDS = {"eyeBlinkLeft": "blinkLeft", "eyeBlinkRight": "blinkRight"}
+_PRESETS = ("aa", "ih", "ou", "ee", "oh", *_LIDS.values())
+"""Presets of a VRM animation; look-at is none of its expressions, and no coefficient says what a person feels."""
 
 
 class FaceReader(SkeletonDocument):
@@ -47,6 +48,9 @@ class FaceReader(SkeletonDocument):
                 self.limits.check_memory("weights of a face", n_bytes, self.given_bytes, self.file)
                 for name, track in zip(names, values.T, strict=False):
                     tracks.setdefault(name, track)
+        for name in _names(_object(animation.get("extras")).get(FACE_EXTRA)):
+            if channel_of(name) is not None:
+                tracks.setdefault(name, np.zeros(len(times)))
         return face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
 
     def _weights(self, animation: Fields, number: int, times: FloatArray, fps: float) -> FloatArray:
@@ -112,7 +116,8 @@ def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
 
 
 def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
-    """Animate the targets of every mesh that has some by name."""
+    """Animate the targets of every mesh that has some by name, and name the coefficients at rest, which have none."""
+    writer.gltf.animations[0].extras = {FACE_EXTRA: [name for name in face.channels if name not in face.moving]}
     for number, node in enumerate(writer.gltf.nodes):
         mesh = None if node.mesh is None else writer.gltf.meshes[node.mesh]
         names = ((mesh and mesh.extras) or {}).get("targetNames")
@@ -120,15 +125,20 @@ def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
             writer.channel(number, "weights", times, target_weights(face, names)[0].ravel())
 
 
-def write_expressions(writer: DocumentWriter, face: Face, times: int) -> dict[str, dict[str, dict[str, int]]]:
-    """The expressions of a VRM animation: a custom one for each coefficient, and presets that come nearest to them."""
+def write_expressions(
+    writer: DocumentWriter, face: Face, times: int, avatar: Collection[str] = ()
+) -> dict[str, dict[str, dict[str, int]]]:
+    """The expressions of a VRM animation: those of an avatar by their names, or for any avatar the presets of the lids,
+    which say the same as their coefficients, and a custom one for each other coefficient. No two move the same.
+    """
+    presets = (*_PRESETS, *(("blink",) if "blinkLeft" not in avatar else ()))
+    names = [name for name in avatar if name in presets or channel_of(name)]
+    names = names or [_LIDS.get(channel, channel) for channel in face.channels]
     found: dict[str, dict[str, dict[str, int]]] = {"preset": {}, "custom": {}}
-    presets = [name for name in _WRITTEN if not {*PRESETS[name]}.isdisjoint(face.channels)]
-    weights = np.hstack([target_weights(face, presets)[0], face.weights])
-    for name, values in zip((*presets, *face.channels), weights.T, strict=True):
+    for name, values in zip(names, target_weights(face, names)[0].T, strict=True):
         node = writer.node(name)
         writer.gltf.scenes[0].nodes.append(node)
-        found["preset" if name in PRESETS else "custom"][name] = {"node": node}
+        found["preset" if name in presets else "custom"][name] = {"node": node}
         writer.channel(node, "translation", times, np.stack([values, 0 * values, 0 * values], axis=1))
     return found
 
@@ -140,6 +150,10 @@ def lost_in(path: str | Path, clip: Clip) -> tuple[str, ...]:
     document = SkeletonDocument(str(path), Path(path).read_bytes(), NO_LIMITS, None)
     names = {name for node in range(len(document.nodes)) for name in target_names(document.json, node)}
     return target_weights(clip.face, sorted(names))[1]
+
+
+def _names(value: Any) -> list[str]:
+    return [name for name in value if isinstance(name, str)] if isinstance(value, list) else []
 
 
 def _object(value: Any) -> Fields:

@@ -273,7 +273,7 @@ class MeshReader(SkeletonDocument):
         loose = (weights * ~is_skin[joints]).sum(axis=1)
         name, colour = self._material(primitive)
         vertices, triangles = (placed - origin) @ turn.T, triangles.reshape(-1, 3)
-        part = MeshPart(name, colour, vertices, _normals(vertices, triangles), triangles, rows[joints], weights)
+        part = MeshPart(name, colour, vertices, normals(vertices, triangles), triangles, rows[joints], weights)
         return part, loose < 0.5
 
     def _carried(
@@ -298,7 +298,7 @@ class MeshReader(SkeletonDocument):
         return joints, weights
 
 
-def _normals(vertices: FloatArray, triangles: NDArray[np.int64]) -> FloatArray:
+def normals(vertices: FloatArray, triangles: NDArray[np.int64]) -> FloatArray:
     """Unit normals (V, 3) of vertices: of the triangles around them, by their area."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     across = np.cross(b - a, c - a)

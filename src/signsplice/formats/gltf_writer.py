@@ -5,7 +5,7 @@ Lengths are metres, up is +Y; the signer stands at the origin, soles at height 0
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -106,13 +106,13 @@ class DocumentWriter:
         accessor, such as ``min`` and ``max``.
         """
         values = np.ascontiguousarray(values, _TYPES[component])
-        view = self._view(values, target)
+        view = self.view(values, target)
         accessor = Accessor(bufferView=view, componentType=component, count=len(values),
                             type=kind, **bounds)  # fmt: skip
         self.gltf.accessors.append(accessor)
         return len(self.gltf.accessors) - 1
 
-    def _view(self, values: Array, target: int | None = None) -> int:
+    def view(self, values: Array, target: int | None = None) -> int:
         """The number of the view of an array that was added to the buffer."""
         self.content += b"\0" * (-len(self.content) % 4)
         view = BufferView(buffer=0, byteOffset=len(self.content), byteLength=values.nbytes, target=target)
@@ -125,25 +125,38 @@ class DocumentWriter:
         matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
         self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
-    def mesh(self, parts: Sequence[MeshPart], metres: float, has_face: bool = False) -> None:
+    def mesh(self, parts: Sequence[MeshPart], metres: float, morphs: Collection[str] = ()) -> None:
         """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit. The parts
-        with morphs are a mesh of their own where they are wanted (``has_face``).
+        with morphs are a mesh of their own where some of these are wanted, which alone are its targets.
         """
-        moved = [part for part in parts if part.morphs and has_face]
+        moved = [part for part in parts if not part.morphs.keys().isdisjoint(morphs)]
         for name, own in (("mannequin", [part for part in parts if part not in moved]), ("face", moved)):
             if not own:
                 continue
             colours = dict.fromkeys(part.colour for part in own)
-            names = tuple(dict.fromkeys(target for part in moved for target in part.morphs)) if own is moved else ()
-            primitives = [self._primitive([p for p in own if p.colour == colour], metres, names) for colour in colours]
-            self.gltf.meshes.append(Mesh(name=name, primitives=primitives))
-            if names:
-                self.gltf.meshes[-1].extras, self.gltf.meshes[-1].weights = {"targetNames": names}, [0.0] * len(names)
-            self.gltf.nodes.append(Node(name=name, mesh=len(self.gltf.meshes) - 1, skin=0))
-            self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
+            names = tuple(name for name in morphs if own is moved and any(name in part.morphs for part in moved))
+            grouped = [[part for part in own if part.colour == colour] for colour in colours]
+            primitives = [self.primitive(parts, metres, names, self._material(parts[0])) for parts in grouped]
+            self.add_mesh(name, primitives, names)
 
-    def _primitive(self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str]) -> Primitive:
-        """Parts of one colour, with morph targets of these names."""
+    def add_mesh(self, name: str, primitives: Sequence[Primitive], targets: Sequence[str] = ()) -> None:
+        """Add a mesh that the skin moves, with morph targets of these names."""
+        self.gltf.meshes.append(Mesh(name=name, primitives=list(primitives)))
+        if targets:
+            self.gltf.meshes[-1].extras, self.gltf.meshes[-1].weights = {"targetNames": targets}, [0.0] * len(targets)
+        self.gltf.nodes.append(Node(name=name, mesh=len(self.gltf.meshes) - 1, skin=0))
+        self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
+
+    def _material(self, part: MeshPart) -> int:
+        """The number of a material in a part's colour."""
+        surface = PbrMetallicRoughness(
+            baseColorFactor=[*_linear(part.colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
+        )
+        self.gltf.materials.append(Material(name=part.name, pbrMetallicRoughness=surface))
+        return len(self.gltf.materials) - 1
+
+    def primitive(self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str], material: int) -> Primitive:
+        """Parts of one material, with morph targets of these names."""
         starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         positions = np.concatenate([part.vertices for part in parts]).astype(np.float32) * np.float32(metres)
         joints = np.concatenate([part.joints for part in parts])
@@ -156,14 +169,10 @@ class DocumentWriter:
             JOINTS_0=self.array(joints, "VEC4", _UBYTE if joints.max() < 256 else _USHORT, _VERTICES),
             WEIGHTS_0=self.array(_to_bytes(weights), "VEC4", _UBYTE, _VERTICES, normalized=True),
         )
+        if parts[0].uvs is not None:
+            attributes.TEXCOORD_0 = self.array(parts[0].uvs, "VEC2", _FLOAT, _VERTICES)
         small = len(positions) < 65536
-        self.gltf.materials.append(Material(
-            name=parts[0].name,
-            pbrMetallicRoughness=PbrMetallicRoughness(
-                baseColorFactor=[*_linear(parts[0].colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
-            ),
-        ))  # fmt: skip
-        still = self._moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
+        still = self.moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
         moved: list[Attributes] = []
         for name in targets:
             own = [(part.morphs[name], k) for part, k in zip(parts, starts[:-1], strict=True) if name in part.morphs]
@@ -172,27 +181,28 @@ class DocumentWriter:
                 continue
             rows = np.concatenate([rows + k for (rows, _), k in own])
             moves = metres * np.concatenate([moves for (_, moves), _ in own])
-            moved.append(Attributes(POSITION=self._moves(len(positions), rows, moves)))
+            moved.append(Attributes(POSITION=self.moves(len(positions), rows, moves)))
         return Primitive(
             attributes=attributes,
             indices=self.array(indices, "SCALAR", _USHORT if small else _UINT, _INDICES),
-            material=len(self.gltf.materials) - 1,
+            material=material,
             targets=moved,
         )
 
-    def _moves(self, count: int, rows: NDArray[np.int64], moves: FloatArray) -> int:
+    def moves(self, count: int, rows: NDArray[np.int64], moves: FloatArray) -> int:
         """The accessor of displacements (count, 3) that are zero but in some rows."""
         values = np.concatenate([np.zeros((min(1, count - len(rows)), 3)), moves]).astype(np.float32)
         corners = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
         accessor = Accessor(byteOffset=None, componentType=_FLOAT, count=count, type="VEC3", **corners)
         if len(rows):
-            order = np.argsort(rows)
+            order, small = np.argsort(rows), count < 65536
             index, value = (
-                self._view(array) for array in (rows[order].astype(np.uint16), moves[order].astype(np.float32))
+                self.view(array)
+                for array in (rows[order].astype(np.uint16 if small else np.uint32), moves[order].astype(np.float32))
             )
             accessor.sparse = Sparse(
                 count=len(rows),
-                indices=AccessorSparseIndices(bufferView=index, componentType=_USHORT),
+                indices=AccessorSparseIndices(bufferView=index, componentType=_USHORT if small else _UINT),
                 values=AccessorSparseValues(bufferView=value),
             )
         self.gltf.accessors.append(accessor)
@@ -216,7 +226,7 @@ class DocumentWriter:
     def finish(self, name: str, fps: float) -> GLTF2:
         """The document, complete; its animation has a name and a frame rate."""
         self.gltf.animations[0].name = name or "signing"
-        self.gltf.animations[0].extras = {FPS_EXTRA: fps}
+        self.gltf.animations[0].extras = {**(self.gltf.animations[0].extras or {}), FPS_EXTRA: fps}
         self.content += b"\0" * (-len(self.content) % 4)
         self.gltf.buffers = [Buffer(byteLength=len(self.content))]
         self.gltf.set_binary_blob(bytes(self.content))

@@ -49,9 +49,14 @@ def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadL
     Raises ``InputError`` for a file that cannot be read, ``FormatError`` with the line for what is wrong in it, and
     ``LimitError`` for more rows than a clip may have frames.
     """
+    if not np.isfinite(offset_s):
+        raise InputError(f"face offset {offset_s}, expected seconds")
     content = read_bytes(path, limits.file_bytes)
+    n_lines, most = content.count(b"\n"), limits.frames / _ROWS_OF_FRAMES
+    if n_lines > most + 1:
+        raise LimitError(f"about {n_lines:,} rows, expected at most {most:,.0f}", file=str(path))
     with format_errors(str(path), "face in CSV"):
-        return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s, limits)
+        return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s)
 
 
 def sidecar(path: Path) -> Path | None:
@@ -66,12 +71,7 @@ def sidecar(path: Path) -> Path | None:
     return file if is_face else None
 
 
-def _on_clip(clip: Clip, text: str, file: str, offset_s: float, limits: ReadLimits) -> Clip:
-    if not np.isfinite(offset_s):
-        raise InputError(f"face offset {offset_s}, expected seconds")
-    n_lines, most = text.count("\n"), limits.frames / _ROWS_OF_FRAMES
-    if n_lines > most + 1:
-        raise LimitError(f"about {n_lines:,} rows, expected at most {most:,.0f}", file=file)
+def _on_clip(clip: Clip, text: str, file: str, offset_s: float) -> Clip:
     rows = csv.reader(text.splitlines())
     names = [name.strip().lower() for name in next(rows, [])]
     columns = {_CHANNELS[name]: k for k, name in enumerate(names) if name in _CHANNELS}
@@ -101,11 +101,28 @@ def _on_clip(clip: Clip, text: str, file: str, offset_s: float, limits: ReadLimi
     if _SPOILT * len(times) < len(times) - later.sum():
         first = int(np.argmin(later)) + 1
         raise FormatError(f"the timecode of row {first} is no later than that of one before", file=file)
-    table, times = table[later], times[later]
-    notes = _notes(channels, names, table, times + offset_s, n_unseen, clip, file)
-    at, inside = np.arange(len(clip)) / clip.fps, np.clip(table, 0.0, 1.0)
-    sampled = np.stack([_between(at, times + offset_s, column) for column in inside.T], axis=1)
-    return unchecked_copy(clip, face=Face(channels, sampled), notes=(*clip.notes, *notes))
+    table, times = table[later], times[later] + offset_s
+    notes = _notes(channels, names, table, n_unseen, Path(file).name)
+    return _shown(clip, Face(channels, np.clip(table, 0.0, 1.0)), times, Path(file).name, notes)
+
+
+def with_face_of(clip: Clip, other: Clip, file: str, offset_s: float = 0.0) -> Clip:
+    """A clip with the face of another one, from ``file``, likewise. Raises ``InputError`` where that has none."""
+    if other.face is None:
+        raise InputError(f"{file}: holds no face, expected one for {clip.name!r}")
+    return _shown(clip, other.face, np.arange(len(other)) / other.fps + offset_s, Path(file).name, [])
+
+
+def _shown(clip: Clip, face: Face, times: FloatArray, name: str, notes: Sequence[str]) -> Clip:
+    """A clip with a face whose frames are shown at ``times``, seconds, and notes on it."""
+    at, end = np.arange(len(clip)) / clip.fps, (len(clip) - 1) / clip.fps
+    if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
+        notes = [
+            *notes,
+            f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond",
+        ]
+    sampled = np.stack([_between(at, times, column) for column in face.weights.T], axis=1)
+    return unchecked_copy(clip, face=Face(face.channels, sampled), notes=(*clip.notes, *notes))
 
 
 def _between(at: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
@@ -145,12 +162,9 @@ def _times(parts: FloatArray, file: str) -> FloatArray:
     return np.asarray(times - times[0])
 
 
-def _notes(
-    channels: Sequence[str], names: Sequence[str], weights: FloatArray, times: FloatArray, n_unseen: int, clip: Clip,
-    file: str,
-) -> list[str]:  # fmt: skip
+def _notes(channels: Sequence[str], names: Sequence[str], weights: FloatArray, n_unseen: int, name: str) -> list[str]:
     """Lines about what a face lacks, or has otherwise than its file."""
-    lines, name = [], Path(file).name
+    lines = []
     missing = [channel for channel in ARKIT_CHANNELS if channel not in channels]
     if 0 < len(missing) < len(channels):  # else the file is not meant to have them all
         lines.append(f"{name} lacks {len(missing)} of 52 coefficients: {', '.join(missing[:4])}")
@@ -162,9 +176,6 @@ def _notes(
         lines.append(f"{name}: {outside} weights outside 0 to 1 were brought to its nearer end")
     if n_unseen:
         lines.append(f"{name}: {n_unseen} rows have no face, or no later time, and are filled from those beside them")
-    end = (len(clip) - 1) / clip.fps
-    if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
-        lines.append(f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond")
     return lines
 
 

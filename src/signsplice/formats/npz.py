@@ -17,6 +17,7 @@ from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.reading import format_errors, opened, stem
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.euler_channels import POSITIONS, ROTATIONS, Channels
 from signsplice.motion.face import Face
@@ -32,12 +33,16 @@ _ARRAYS = {
     "translations": 3, "channel_values": 2, "channel_offsets": 2, "face_weights": 2,
 }  # fmt: skip
 """Names of arrays -> number of their dimensions."""
+_OF_FRAMES, _ROUNDED_TO = ("local_rotations", "root_positions", "translations", "face_weights"), 2.0**-16
 
 
-def encode(clip: Clip) -> bytes:
-    """The bytes of an archive with every array of a clip."""
+def encode(clip: Clip, rounded: bool = False) -> bytes:
+    """The bytes of an archive with every array of a clip. ``rounded``: what frames hold is a multiple of
+    ``_ROUNDED_TO`` in 32 bits, which takes about a third of the bytes; without the channels of the file that it came
+    from.
+    """
     skeleton = clip.skeleton
-    channels = None if clip.channels is None else clip.channels.settled()
+    channels = None if clip.channels is None or rounded else clip.channels.settled()
     head: dict[str, Any] = {
         "version": VERSION,
         "name": clip.name,
@@ -60,6 +65,9 @@ def encode(clip: Clip) -> bytes:
         arrays |= {"channel_values": channels.values, "channel_offsets": channels.offsets}
     if clip.face is not None:
         head["face"], arrays["face_weights"] = clip.face.channels, clip.face.weights
+    if rounded:
+        frames = {name: arrays[name] for name in _OF_FRAMES if name in arrays}
+        arrays |= {name: (np.rint(a / _ROUNDED_TO) * _ROUNDED_TO).astype(np.float32) for name, a in frames.items()}
     archive = BytesIO()
     np.savez_compressed(archive, head=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
     return archive.getvalue()
@@ -134,7 +142,7 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
         raise InputError(f"fps {head['fps']!r:.40}, expected a number")
     return Clip(
         skeleton=skeleton,
-        local_rotations=arrays["local_rotations"],
+        local_rotations=_unit(arrays["local_rotations"]),
         root_positions=arrays["root_positions"],
         fps=head["fps"],
         name=head["name"],
@@ -142,6 +150,16 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
         channels=_channels(head, arrays) if "channels" in head else None,
         face=_face(head["face"], arrays["face_weights"]) if "face" in head else None,
     )
+
+
+def _unit(quats: FloatArray) -> FloatArray:
+    """Quaternions (T, J, 4); in 32 bits, those that rounding has made longer or shorter are unit again."""
+    if quats.dtype.itemsize != 4:
+        return quats
+    wide = quats.astype(np.float64)
+    lengths = np.linalg.norm(wide, axis=-1, keepdims=True)
+    np.divide(wide, lengths, out=wide, where=np.abs(lengths - 1.0) < 2.0 * _ROUNDED_TO)
+    return wide
 
 
 def _face(names: Any, weights: Any) -> Face:

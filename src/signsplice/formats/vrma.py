@@ -81,7 +81,9 @@ def document(clip: Clip) -> GLTF2:
     human_bones = {role: {"node": node} for role, node in nodes.items()}
     extension: dict[str, object] = {"specVersion": "1.0", "humanoid": {"humanBones": human_bones}}
     if clip.face is not None:
-        extension["expressions"] = write_expressions(writer, clip.face, times)
+        file = clip.skeleton.file if isinstance(clip.skeleton, Avatar) else None
+        expressions = () if file is None else file.expressions
+        extension["expressions"] = write_expressions(writer, clip.face, times, expressions)
     writer.gltf.extensionsUsed.append(VRM_ANIMATION)
     writer.gltf.extensions[VRM_ANIMATION] = extension
     return writer.finish(clip.name, clip.fps)

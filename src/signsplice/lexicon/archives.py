@@ -29,14 +29,16 @@ class ArchiveRecipe:
 
     pattern: matches the end of a file's path in the archive, without its suffix, by some of ``_GROUPS``.
     kinds: what the group ``kind`` may be, best first: other forms of one recording.
+    unread: how the names of files end that hold more of a word and are not read, and why not.
     """
 
     pattern: re.Pattern[str]
     kinds: tuple[str, ...] = ()
+    unread: tuple[str, str] = ("", "")
 
 
-def _recipe(pattern: str, *kinds: str) -> ArchiveRecipe:
-    return ArchiveRecipe(re.compile(f"(?:^|.*/){pattern}$", re.DOTALL), kinds)
+def _recipe(pattern: str, *kinds: str, unread: tuple[str, str] = ("", "")) -> ArchiveRecipe:
+    return ArchiveRecipe(re.compile(f"(?:^|.*/){pattern}$", re.DOTALL), kinds, unread)
 
 
 RECIPES = {
@@ -46,6 +48,7 @@ RECIPES = {
         r"SG \w+ (?P<gloss>[^/]+?)(?: (?:(?P<variant>\d+)|(?P<alt>\(Alt\))|(?P<spelled>Fingerspelling)))*"
         r" (?P<date>\d{4}-\d{1,2}-\d{1,2})(?: Upload)?/[^/]* No Mesh (?P<kind>[^/ ]+)",
         "Full", "Mini", "Mixamo",
+        unread=("ShapeKeys.txt", "no source names their numbers; they stay beside the recordings"),
     ),
 }  # fmt: skip
 """The recipes that ship: NAME; NAME-A_241127_1; and folders such as ``SG ASL Abhor 2 2023-2-4 Upload``."""
@@ -117,6 +120,13 @@ def recordings(folder: Path, files: Iterable[Path], recipe: ArchiveRecipe) -> tu
         source = paths[0].relative_to(folder).as_posix()
         words.append(Recording(GlossRow(source, name, synonyms, source=source), tuple(paths)))
     return words, left_out
+
+
+def unread(folder: Path, recipe: ArchiveRecipe) -> tuple[str, ...]:
+    """A line about the files of an archive that hold more of its words and are not read; none where there are none."""
+    end, reason = recipe.unread
+    count = sum(name.endswith(end) for _, _, names in os.walk(folder) for name in names) if end else 0
+    return (f"{count} files ...{end} not read: {reason}",) if count else ()
 
 
 def _preference(groups: dict[str, str | None], kinds: Sequence[str]) -> tuple[list[int], int, int]:

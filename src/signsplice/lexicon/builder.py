@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -105,6 +106,14 @@ class Builder:
         self._n_bytes += len(word.block)
         self.n_words += 1
         return entry
+
+    def free(self, gloss: str) -> str:
+        """The gloss, or the first of GLOSS#2, GLOSS#3 and so on that no word has."""
+        base, number = re.sub(r"#\d+$", "", gloss), 1
+        while fold(gloss) in self._names:
+            number += 1
+            gloss = f"{base}#{number}"
+        return gloss
 
     def _skeleton(self, description: str) -> tuple[int, str]:
         """Number and SHA-256 of a skeleton; a new one is written to the index."""

@@ -37,11 +37,13 @@ class Source:
     paths: the file, and others of the same recording that are read where it is broken.
     where: where its gloss comes from, for messages.
     row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
+    face: the file with its face that the table names.
     """
 
     paths: tuple[Path, ...]
     where: str
     row: GlossRow
+    face: Path | None = None
 
     @property
     def path(self) -> Path:
@@ -64,6 +66,7 @@ class Built:
     form: how rotations are stored.
     warnings: what a user should know, one line each.
     left_out: words and files that are not in it, one line each, which are among the warnings.
+    unread: what else an archive holds of its words, a line for each kind of file.
     """
 
     n_words: int
@@ -72,6 +75,7 @@ class Built:
     form: str
     warnings: tuple[str, ...]
     left_out: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,8 @@ def find_sources(folder: str | Path, signer: str = "", table: str | Path = "") -
     for name, path in files.items():
         for row in by_file.pop(name, [] if table else [GlossRow(name)]):
             try:
-                sources.append(_source(path, path_of_table, row, signer))
+                source = _source(path, path_of_table, row, signer)
+                sources.append(replace(source, face=folder / row.face) if row.face else source)
             except InputError as error:
                 faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
     lost = [row for rows in by_file.values() for row in rows]
@@ -120,7 +125,7 @@ def find_sources(folder: str | Path, signer: str = "", table: str | Path = "") -
 
 
 def build(
-    folder: str | Path,
+    folder: str | Path | Sequence[str | Path],
     output: str | Path,
     *,
     compact: bool = False,
@@ -131,8 +136,9 @@ def build(
     jobs: int | None = 1,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
+    more: Iterable[tuple[PreparedWord | str, GlossRow]] = (),
 ) -> Built:
-    """Build a lexicon at ``output`` from every clip below ``folder``, with few clips in memory at a time.
+    """Build a lexicon at ``output`` from every clip below ``folder``, or several, with few clips in memory at a time.
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each, rather than
@@ -142,14 +148,12 @@ def build(
     also where one of the folders lies in the other; then nothing has changed at ``output``.
     """
     check_target(output)
-    read, made = Path(folder).resolve(), Path(output).resolve()
-    if made.is_relative_to(read) or read.is_relative_to(made):
-        raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
-    sources, left_out = _wanted(Path(folder), recipe, signer)
-    checks = f"`signsplice lexicon check {quote(str(folder))}`"
+    given, made = [folder] if isinstance(folder, (str, Path)) else [*folder], Path(output).resolve()
+    sources, left_out = _gathered(given, output, recipe, signer)
+    checks = " and ".join(f"`signsplice lexicon check {quote(str(one))}`" for one in given)
     if left_out and not recipe:
-        more = f" (and {len(left_out) - 1} more: {checks})" if len(left_out) > 1 else ""
-        raise InputError(left_out[0] + more)
+        others = f" (and {len(left_out) - 1} more: {checks})" if len(left_out) > 1 else ""
+        raise InputError(left_out[0] + others)
     store = made.with_name(f".{made.name}.prepared") if recipe else None
     task = FileTask((), (), "int16" if compact else "float32", roles, limits, store)
     warnings: list[str] = [*left_out]
@@ -171,9 +175,20 @@ def build(
                 checked=row.checked,
             )  # fmt: skip
             n_letters += entry.kind == "letter"
+        for word, row in more:
+            if isinstance(word, str):
+                left_out.append(f"{word}; left out")
+                warnings.append(left_out[-1])
+                continue
+            warnings += word.warnings
+            builder.add_prepared(word, builder.free(row.gloss), signer=row.signer or signer, source=row.source)
         if not builder.n_words:
-            raise InputError(f"{folder}: every clip is broken, the first one: {left_out[0]}")
-    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out))
+            what = "clip" if given else "sign"
+            raise InputError(f"{given[0] if given else output}: every {what} is broken, the first one: {left_out[0]}")
+    unread: tuple[str, ...] = ()
+    if _is_archive(recipe):
+        unread = tuple(line for one in given for line in archives.unread(Path(one), archives.find_recipe(recipe)))
+    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out), unread)
 
 
 def check(
@@ -199,9 +214,29 @@ def reasons(lines: Iterable[str]) -> list[tuple[int, str]]:
     return [(count, reason) for reason, count in counts.most_common()]
 
 
+def _gathered(
+    given: Sequence[str | Path], output: str | Path, recipe: str, signer: str
+) -> tuple[list[Source], list[str]]:
+    """What ``_wanted`` finds in all folders, each gloss once. Raises ``InputError`` where one holds the output, or
+    lies in it.
+    """
+    sources, lines, made = list[Source](), list[str](), Path(output).resolve()
+    for one in given:
+        read = Path(one).resolve()
+        if made.is_relative_to(read) or read.is_relative_to(made):
+            raise InputError(f"{output}: lies in {one}, which is read, or contains it; name another folder")
+        found, faults = _wanted(Path(one), recipe, signer)
+        sources, lines = sources + found, lines + faults
+    twice = _duplicates(sources) if len(given) > 1 else []
+    taken = {source for source, _ in twice}
+    return [source for source in sources if source not in taken], [
+        *dict.fromkeys([*lines, *(line for _, line in twice)])
+    ]
+
+
 def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[str]]:
     """The sources that are built, and a line for each fault or, by a recipe, for each file that is left out."""
-    if not recipe or recipe.lower().endswith(".csv"):
+    if not _is_archive(recipe):
         sources, lines = find_sources(folder, signer, recipe)
     else:
         words, lines = archives.recordings(folder, _files(folder), archives.find_recipe(recipe))
@@ -212,12 +247,20 @@ def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[
     return [source for source in sources if source not in {source for source, _ in twice}], lines
 
 
+def _is_archive(recipe: str) -> bool:
+    """Whether a recipe goes by the names of files, not by a table."""
+    return bool(recipe) and not recipe.lower().endswith(".csv")
+
+
 def _prepared(
     sources: Sequence[Source], task: FileTask, jobs: int | None, progress: Progress | None
 ) -> Iterator[tuple[Source, PreparedWord | str]]:
     """Each source with its word ready, or what is wrong with it; each file is read once for all of its words."""
-    groups = [list(words) for _, words in groupby(sources, key=lambda source: source.paths)]
-    tasks = [replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words)) for words in groups]
+    groups = [list(words) for _, words in groupby(sources, key=lambda source: (source.paths, source.face))]
+    tasks = [
+        replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words), face=words[0].face)
+        for words in groups
+    ]
     workers = min(cores(), len(tasks) // _FILES_A_PROCESS) if jobs is None else min(jobs, len(tasks))
     done = 0
     try:

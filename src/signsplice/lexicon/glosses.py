@@ -13,7 +13,8 @@ from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.entry import gloss_of, kind_of
 
 TABLE = "glosses.csv"
-COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant")
+COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant",
+           "face")  # fmt: skip
 _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 
@@ -25,6 +26,7 @@ class GlossRow:
     gloss, synonyms, signer, source, checked, kind: as in ``Entry``.
     line: number of the row in the table, 0 without one.
     span: start and end of the word in seconds; None where it begins or ends with the clip.
+    face: path of the clip's face, relative to the folder.
     """
 
     file: str
@@ -36,6 +38,7 @@ class GlossRow:
     kind: str = ""
     line: int = 0
     span: tuple[float | None, float | None] = (None, None)
+    face: str = ""
 
 
 def read(path: str | Path) -> tuple[list[GlossRow], list[str]]:
@@ -97,7 +100,7 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
         gloss = gloss_of(f"{gloss or gloss_of(Path(fields['file']).stem)}-{fields['variant']}")
     kind_of(gloss or gloss_of(Path(fields["file"]).stem), kind)
     return GlossRow(
-        file=fields["file"].replace("\\", "/").removeprefix("./"),
+        file=_path(fields["file"]),
         gloss=gloss,
         synonyms=tuple(gloss_of(name) for name in fields["synonyms"].split(";") if name.strip()),
         signer=fields["signer"],
@@ -106,7 +109,13 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
         kind=kind,
         line=line,
         span=(_seconds(fields["start"]), _seconds(fields["end"])),
+        face=_path(fields["face"]),
     )
+
+
+def _path(cell: str) -> str:
+    """A path relative to the folder, as it is named everywhere."""
+    return cell.replace("\\", "/").removeprefix("./")
 
 
 def _seconds(cell: str) -> float | None:

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.formats import atomic, load
+from signsplice.formats import FORMATS, atomic, load
 from signsplice.formats.limits import ReadLimits
+from signsplice.formats.live_link import with_face_of
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon import index
 from signsplice.lexicon.frames import encode
@@ -23,7 +24,7 @@ from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.stray_frames import stray_frames
 
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class FileTask:
 
     paths: the file, and others of the same recording that are read where it is broken.
     spans: start and end of each word in seconds; None where it begins or ends with the file.
+    face: a file with its face; by default one beside it is looked for.
     form: as in ``FORMS``. roles, limits: as of ``build``.
     store: a folder that keeps what is prepared.
     """
@@ -64,6 +66,7 @@ class FileTask:
     roles: Mapping[str, str] | None
     limits: ReadLimits
     store: Path | None = None
+    face: Path | None = None
 
 
 class SharedSkeletons:
@@ -118,12 +121,22 @@ def _prepared(task: FileTask) -> tuple[PreparedWord | str, ...]:
     faults = []
     for path in task.paths:
         try:
-            clip = load(path, task.limits)
+            clip = _with_face(load(path, task.limits, face=task.face), path, task)
         except InputError as error:
             faults.append(str(error))
             continue
         return tuple(_word(task, path, clip, span, faults) for span in task.spans)
     return (faults[0],) * len(task.spans)
+
+
+def _with_face(clip: Clip, path: Path, task: FileTask) -> Clip:
+    """A clip with the face of a file of its name in another format, where it has none of its own."""
+    for other in task.paths:
+        is_same = other.with_suffix("") == path.with_suffix("") and other != path
+        if clip.face is None and is_same and FORMATS[other.suffix.lower()].holds_faces:
+            with suppress(InputError):  # broken, or without a face
+                clip = with_face_of(clip, load(other, task.limits), str(other))
+    return clip
 
 
 def _word(
@@ -173,7 +186,8 @@ def rest_frames(clip: Clip) -> tuple[int | None, int | None]:
 
 def _key(task: FileTask) -> str:
     """The name under which a file's words are kept: another where the file or how it is read has changed."""
-    states = [(str(path), status.st_size, status.st_mtime_ns) for path in task.paths if (status := _status(path))]
+    files = [task.face, *task.paths, *(path.with_suffix(".csv") for path in task.paths)]
+    states = [(str(path), status.st_size, status.st_mtime_ns) for path in files if path and (status := _status(path))]
     asked = (_VERSION, states, task.spans, task.form, sorted((task.roles or {}).items()), asdict(task.limits))
     return hashlib.sha256(repr(asked).encode("utf-8", "surrogateescape")).hexdigest()
 

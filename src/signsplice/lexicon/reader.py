@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import mmap
 import threading
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +15,7 @@ from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Head, Index
+from signsplice.lexicon.suggestions import Suggestions
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.progress import Progress
 from signsplice.rig.inspection import clip_warnings
@@ -64,6 +64,16 @@ class Lexicon:
         if frames is not None:
             with suppress(BufferError):  # another thread is reading a word; the file is closed when that is done
                 frames.close()
+
+    @property
+    def parts(self) -> tuple[Lexicon, ...]:
+        """The lexicons of which this one is made: itself."""
+        return (self,)
+
+    @property
+    def where(self) -> str:
+        """Where its words are, for messages."""
+        return str(self.path)
 
     @property
     def form(self) -> str:
@@ -199,7 +209,7 @@ class Lexicon:
     def _find(self, gloss: str) -> tuple[Entry, ClipLocation]:
         found = self._index.find(gloss)
         if found is None:
-            raise UnknownGlossError({gloss: self.nearest(gloss)}, str(self.path))
+            raise UnknownGlossError({gloss: self.nearest(gloss)}, self.where)
         return found
 
     def _clip(self, entry: Entry, location: ClipLocation) -> Clip:
@@ -300,44 +310,3 @@ def _check_path(path: Path) -> None:
                 raise InputError(f"{path}: is no lexicon, it has no {name}; {_HINT}")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-
-
-_TIES = 4
-"""How many times as many names are compared for ties as are suggested."""
-
-
-class Suggestions:
-    """Finds the names in a lexicon most like a word that it lacks.
-
-    names: all glosses and synonyms, folded; of those that are equally like a word, the first ones come first.
-    """
-
-    def __init__(self, names: Iterable[str]) -> None:
-        self._all = list(names)
-        self._signs = [name for name in self._all if not name.startswith(LETTER_MARK)]
-        self._with_part: dict[str, list[str]] = defaultdict(list)
-        for name in self._all:
-            if "-" in name:
-                for part in dict.fromkeys(name.split("-")):
-                    self._with_part[part].append(name)
-
-    def nearest(self, word: str, n: int, similarity: float) -> list[str]:
-        """Up to ``n`` names most like a folded word, as ``Lexicon.nearest`` says."""
-        from rapidfuzz.distance import OSA, Indel  # 30 ms, which only unknown words cost
-        from rapidfuzz.process import extract
-
-        spells = word.startswith(LETTER_MARK)
-        whole = [
-            name
-            for name in self._with_part.get(word.replace("'", ""), ())
-            if spells or not name.startswith(LETTER_MARK)
-        ]
-        like = extract(
-            word,
-            self._all if spells else self._signs,
-            scorer=Indel.normalized_similarity,
-            score_cutoff=similarity,
-            limit=_TIES * n,
-        )
-        like.sort(key=lambda match: (-match[1], OSA.distance(word, match[0])))
-        return list(dict.fromkeys([*whole, *(name for name, _, _ in like)]))[:n]

@@ -2,29 +2,30 @@
 
 Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. What is read
 otherwise than it was typed is said in a note, what is spelled because it is no gloss in a warning; no word is replaced
-by one that is merely like it. Punctuation, emoji, look-alike characters and hyphens are taken as people type them.
+by one that is merely like it.
 """
 
 from __future__ import annotations
 
-import re
 import unicodedata
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon.entry import LETTER_MARK, letter_gloss
+from signsplice.lexicon.entry import LETTER_MARK, fold, letter_gloss
+from signsplice.lexicon.function_words import is_function_word, without_copula
 from signsplice.lexicon.reader import Lexicon
+from signsplice.lexicon.typed import PAUSES, TypedWord, typed_words
 
 SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
-PAUSES = ".?!,"
-"""Marks at which signing pauses; of several the first one counts."""
 QUESTION_WORDS = ("WHO", "WHAT", "WHERE", "WHEN", "WHY", "HOW", "WHICH")
 _HYPHEN, _APOSTROPHE = "-'"
 _TYPO = 0.75
 """Least similarity (``Lexicon.nearest``) of the glosses that may have been meant by a word that can be spelled."""
+_SHORT = 3
+"""Letters of a word that is one of English rather than a longer gloss in which a letter is missing."""
 _LONGEST_COMPOUND = 6
 """Most words of a compound that is looked up."""
 
@@ -51,7 +52,9 @@ class SentenceToken:
     pause: str = ""
 
 
-def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = True) -> list[SentenceToken]:
+def parse(
+    text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = True, drop_function_words: bool = False
+) -> list[SentenceToken]:
     """The tokens of a line of glosses, split at white space and punctuation, and how each is signed.
 
     A token that the lexicon has, in any case, is that word. With ``compounds`` the longest run of words that is one
@@ -59,6 +62,8 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
     gloss's hyphens. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored. Words with a
     hyphen that are all glosses are those glosses. Any other token is fingerspelled if the lexicon has all its letters
     and ``spell`` is True, with a warning and ``suggestions``. Emoji and other symbols are left out with a warning.
+    With ``drop_function_words`` English words for which ASL has no sign (``function_words``) are left out with a note,
+    unless they are part of a compound.
 
     Raises ``UnknownGlossError`` that names every token left and similar glosses; ``InputError`` for a line without
     glosses, or a letter that the lexicon lacks.
@@ -73,7 +78,8 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
     at = 0
     while at < len(words):
         token = _compound(words[at : at + _LONGEST_COMPOUND], lexicon) if compounds else None
-        token = token or _token(words[at], lexicon, spell, compounds)
+        kept = _kept(words, at) if drop_function_words else words[at].text
+        token = token or _token(words[at], kept, lexicon, spell, compounds)
         if token is None:
             unknown[words[at].text] = lexicon.nearest(words[at].text)
         else:
@@ -83,8 +89,21 @@ def parse(text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = Tru
         if token is not None:
             readings[-1] = replace(token, pause=words[at - 1].pause)
     if unknown:
-        raise UnknownGlossError(unknown, str(lexicon.path))
+        raise UnknownGlossError(unknown, lexicon.where)
     return readings
+
+
+def signed(tokens: Sequence[SentenceToken]) -> list[str]:
+    """The glosses of all tokens, in order. Raises ``InputError`` where every word was left out."""
+    glosses = [gloss for token in tokens for gloss in token.glosses]
+    if not glosses:
+        raise InputError("ASL has no signs for these words, expected another; keep function words to spell them")
+    return glosses
+
+
+def spelled(tokens: Sequence[SentenceToken]) -> list[str]:
+    """The words, as typed, that are fingerspelled."""
+    return [token.token for token in tokens if token.spelled]
 
 
 def starts(tokens: Sequence[SentenceToken]) -> list[int]:
@@ -146,11 +165,20 @@ def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | N
     return None
 
 
-def _token(word: TypedWord, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
-    """How one word is signed; None where it is unknown."""
-    read = _read(word.text, lexicon, spell, compounds) if word.text else SentenceToken(word.typed, ())
+def _kept(words: Sequence[TypedWord], at: int) -> str:
+    """The text of a word, or what is kept of it where function words are left out."""
+    text, after = words[at].text, "" if words[at].ends_phrase else "".join(one.text for one in words[at + 1 : at + 2])
+    return "" if is_function_word(text, after) else without_copula(text) or text
+
+
+def _token(word: TypedWord, kept: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
+    """How one word is signed of which a text is kept; None where that is unknown."""
+    read = _read(kept, lexicon, spell, compounds) if kept else SentenceToken(word.text or word.typed, ())
     if read is None:
         return None
+    if kept != word.text:
+        note = f"{word.text!r} is read as {kept!r}" if kept else f"{word.text!r} has no sign in ASL, and is left out"
+        read = replace(read, token=word.text, note=note)
     where = "" if word.left_out == word.typed else f" in {word.typed!r}"
     left_out = f"{word.left_out!r}{where} is no gloss and no letter, and is left out" if word.left_out else ""
     return replace(read, warning="; ".join(filter(None, (read.warning, left_out))), note=read.note or word.note)
@@ -168,11 +196,24 @@ def _read(text: str, lexicon: Lexicon, spell: bool, compounds: bool) -> Sentence
     letters = _letters(bare, lexicon) if spell else ()
     if not letters or None in letters:
         return None
-    meant = lexicon.nearest(text, similarity=_TYPO)
+    meant = tuple(gloss for gloss in lexicon.nearest(text, similarity=_TYPO) if _may_be_meant(gloss, bare))
     so = f": did you mean {' or '.join(meant)}? It" if meant else ", so it"
     so += f" is spelled{_by_other_letters(bare, letters)}"
-    warning = f"no gloss {text!r}{so}; write {LETTER_MARK}{bare} to mean that"
+    or_drop = ", or drop function words" * is_function_word(text, "")
+    warning = f"no gloss {text!r}{so}; write {LETTER_MARK}{bare} to mean that{or_drop}"
     return SentenceToken(text, tuple(filter(None, letters)), True, warning, suggestions=meant)
+
+
+def _may_be_meant(gloss: str, bare: str) -> bool:
+    """Whether a word of these letters may be a gloss with a typing error, as no function word is. It may be a longer
+    one only where it is not whole in that, and has four letters or more or no vowel ("frend", "wht": FRIEND, WHAT; not
+    "how", "other": SHOW, MOTHER), or where it is a part of that between hyphens.
+    """
+    typed, meant = fold(bare), fold(gloss)
+    if is_function_word(typed, "you"):
+        return False
+    may_be_longer = typed not in meant and (len(typed) > _SHORT or not set(typed) & set("aeiouy"))
+    return may_be_longer or len(meant) <= len(typed) or typed in meant.split(_HYPHEN)
 
 
 def _joined(token: str, gloss: str) -> SentenceToken:
@@ -192,7 +233,7 @@ def _spelled(token: str, lexicon: Lexicon) -> SentenceToken:
     if missing or not letters:
         letter = missing[0] if missing else _HYPHEN
         raise InputError(
-            f"{lexicon.path}: {token!r} cannot be spelled, there is no letter {letter!r}; "
+            f"{lexicon.where}: {token!r} cannot be spelled, there is no letter {letter!r}; "
             f"its letters are the glosses that begin with {LETTER_MARK}"
         )
     others = _by_other_letters(word, letters)
@@ -226,101 +267,3 @@ def _by_other_letters(word: str, letters: Sequence[str | None]) -> str:
     if all(letter in (letter_gloss(c), None) for c, letter in zip(characters, letters, strict=True)):
         return ""
     return f" as {''.join((letter or '')[len(LETTER_MARK) :] for letter in letters)}, without accents"
-
-
-_ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fromkeys("\u2010\u2011_", "-"))
-"""Quotation marks that stand for an apostrophe; hyphens."""
-_WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
-"""A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
-and hyphens between them, or points and commas between digits."""
-
-
-@dataclass(frozen=True)
-class TypedWord:
-    """A word of typed text.
-
-    text: what is looked up; empty where nothing that can be signed was typed.
-    typed: the token that it stands in.
-    left_out: characters beside it that stand for something and were left out, such as emoji.
-    ends_phrase: whether punctuation other than ``/`` follows it, so that it makes no compound with the next word.
-    note: how it is read otherwise than typed, or empty.
-    pause: the mark after it at which signing pauses, one of ``PAUSES``, or empty.
-    """
-
-    text: str
-    typed: str
-    left_out: str = ""
-    ends_phrase: bool = False
-    note: str = ""
-    pause: str = ""
-
-
-def typed_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
-    """The words of a line, split at white space and punctuation; tokens that are known as typed stay whole.
-
-    Apostrophes, hyphens (``_`` is one), the point of a number and a ``#`` before a word stay; the points of an acronym
-    and the commas of a number go. Full-width and other compatibility forms become the plain ones.
-    """
-    found: list[TypedWord] = []
-    for token in text.split():
-        if is_known(token):
-            found.append(TypedWord(token, token))
-            continue
-        words, before = _words(token)
-        if found and (before or not words):  # punctuation that stands alone, or before a word
-            found[-1] = replace(found[-1], ends_phrase=True, pause=_pause(found[-1].pause + before))
-        found += words
-    return found
-
-
-_LIKE = str.maketrans("\u3002\u0964\u061f\u3001\u060c\u061b;:\u2013\u2014", "..?,,,,,,,")
-"""Marks at which signing pauses as at one of ``PAUSES``: those of other scripts, semicolons, colons and dashes."""
-
-
-def _pause(marks: str) -> str:
-    """The one of ``PAUSES`` that marks of punctuation count as; empty where they are none."""
-    return min((mark for mark in marks.translate(_LIKE) if mark in PAUSES), key=PAUSES.index, default="")
-
-
-def _words(token: str) -> tuple[list[TypedWord], str]:
-    """The words of a token, one without text where only symbols were typed, none where only punctuation was; and the
-    mark before them at which signing pauses, or where there is no word.
-    """
-    plain = unicodedata.normalize("NFKC", token).translate(_ALIKE)
-    plain = "".join(c for c in plain if _class(c))
-    classes = "".join(map(_class, plain))
-    matches = list(_WORD.finditer(classes))
-    ends, starts = [0, *(match.end() for match in matches)], [*(match.start() for match in matches), len(plain)]
-    between = [slice(*gap) for gap in zip(ends, starts, strict=True)]  # one more than words
-    left_out = "".join(c for gap in between for c in plain[gap] if _class(c) in "s#")
-    before = _pause(plain[between[0]])
-    if not matches:
-        return ([TypedWord("", token, left_out, pause=before)], "") if left_out else ([], before)
-    words = []
-    for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
-        text = plain[match.start() : match.end()].replace(",", "")
-        if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a mark that nothing follows
-            words.append(TypedWord("", token, f"{text}-"))
-            continue
-        text = text if "d." in match[0] else text.replace(".", "")
-        ends_phrase = not set("p.,").isdisjoint(classes[gap])
-        is_between = k + 1 < len(matches) and plain[gap] in ":\u2013"  # 10:30, 1990-95
-        pause = "" if is_between else _pause(plain[gap])
-        words.append(TypedWord(text, token, "" if k else left_out, ends_phrase, pause=pause))
-    return words, before
-
-
-def _class(character: str) -> str:
-    """What a character does: ``w`` and ``d`` make words, ``' - . , #`` may, ``/`` parts them, ``p`` is punctuation,
-    ``s`` a symbol; empty for what is not seen.
-    """
-    category = unicodedata.category(character)
-    if category in ("Cf", "Me") or "\ufe00" <= character <= "\ufe0f":  # joiners and variants of emoji
-        return ""
-    if character in "'-.,#/":
-        return character
-    if category[0] in "LM" or category == "Nl":
-        return "w"
-    if category[0] == "N":
-        return "d"
-    return "p" if category[0] == "P" and character not in "&%@*\u00a7\\" else "s"

@@ -206,7 +206,7 @@ class Clip:
         return f"<Clip {self.name!r}: {frames}, {len(self.skeleton)} joints>"
 
     def _repr_html_(self) -> str:
-        """The viewer with this clip, for notebooks."""
+        """An animated drawing of this clip, for notebooks."""
         return html_renderers[-1](self)
 
     def __len__(self) -> int:

@@ -76,6 +76,12 @@ class Face:
                 out[:, k] = self.weights[:, column[name]]
         return out
 
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """The coefficients that are not at rest all the time."""
+        most = self.weights.max(axis=0, initial=0.0).tolist()
+        return tuple(name for name, weight in zip(self.channels, most, strict=True) if weight > 0.0)
+
     def mirrored(self) -> Face:
         """The face in the mirror: coefficients of the left and of the right change places."""
         return Face(tuple(_counterpart(name) for name in self.channels), self.weights)

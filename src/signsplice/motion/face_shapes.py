@@ -67,8 +67,8 @@ _OTHER_NAMES = {
 
 
 def _plain(name: str) -> str:
-    """A target's name without the mesh before it, in lower case, letters and digits alone."""
-    return re.sub("[^a-z0-9]", "", name.rpartition(".")[2].lower())
+    """A target's name without the mesh or namespace before it, in lower case, letters and digits alone."""
+    return re.sub("[^a-z0-9]", "", re.split("[.:|]", name)[-1].lower())
 
 
 def _channel_names() -> dict[str, str]:
@@ -94,6 +94,11 @@ _SHOWN, _APART = 0.1, 0.2
 def channel_of(name: str) -> str | None:
     """The coefficient whose name, as ARKit has it, a target bears; None for any other."""
     return _CHANNELS.get(_plain(name))
+
+
+def preset_of(name: str) -> str | None:
+    """The preset of VRM 1.0 that a name means, also one of VRM 0.x; None for any other."""
+    return _OTHER_NAMES.get(_plain(name)) or (name if name in PRESETS else None)
 
 
 def shape_of(name: str) -> Mapping[str, float] | None:

@@ -114,7 +114,7 @@ def write_strips(
                 box = (left - 1, top + label - 1, left + cell, top + label + cell + hand)
                 pen.rectangle(box, outline=TRANSITION, width=2)
     with replacing(path) as temporary:
-        sheet.quantize(256, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
+        sheet.quantize(96, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
 
 
 def write_cells(cells: Sequence[tuple[Image, str]], path: Path, columns: int, colours: int = 0) -> None:

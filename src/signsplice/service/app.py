@@ -15,12 +15,12 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.openapi.docs import get_swagger_ui_html
 from pydantic import TypeAdapter, ValidationError
 from starlette.exceptions import HTTPException
-from starlette.middleware.cors import CORSMiddleware
 from starlette.responses import JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats import WIRE_SUFFIXES, listed
+from signsplice.formats.avatar import AVATAR_SUFFIXES
 from signsplice.service import page, wire, work
 from signsplice.service.limits import Limits
 from signsplice.service.metrics import CountRequests, Metrics
@@ -36,6 +36,7 @@ from signsplice.splicing.methods.choice import all_methods
 ResultT = TypeVar("ResultT")
 
 _SPLICE_OPTIONS: TypeAdapter[wire.SpliceRequest] = TypeAdapter(wire.SpliceRequest)
+_FIT_OPTIONS: TypeAdapter[wire.SentenceRequest] = TypeAdapter(wire.SentenceRequest)
 _FAILURES: dict[int | str, dict[str, Any]] = {
     status: {"model": wire.Failure, "description": description}
     for status, description in (
@@ -50,8 +51,12 @@ _FAILURES: dict[int | str, dict[str, Any]] = {
     )
 }
 _SPLICED: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"text/plain": {}, "model/gltf-binary": {}}, "description": "A splice, or one file of it."}
+    200: {
+        "content": {"text/plain": {}, "model/gltf-binary": {}, "image/png": {}},
+        "description": "A splice, or one file of it.",
+    }
 }
+_ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet."
 
 
 class Service:
@@ -59,7 +64,7 @@ class Service:
 
     def __init__(self, settings: Settings, scenes: Sequence[Mapping[str, Any]]) -> None:
         self.settings, self.scenes = settings, scenes
-        self.lexicon = open_lexicon(settings.lexicon)
+        self.lexicon = open_lexicon(*settings.lexicons)
         self.lexicon.verify()
         self.request_workers: Workers
         self.stream_workers: Workers
@@ -73,8 +78,8 @@ class Service:
     @asynccontextmanager
     async def lifespan(self, app: FastAPI) -> AsyncIterator[None]:
         """Keep worker processes while the service runs."""
-        self.request_workers = Workers(self.settings, self.settings.workers, skin=True)
-        self.stream_workers = Workers(self.settings, self.settings.workers)
+        self.request_workers = Workers(self.settings, self.settings.workers)
+        self.stream_workers = Workers(self.settings, self.settings.workers, for_streams=True)
         try:
             yield
         finally:
@@ -129,17 +134,13 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
     _add_docs(app)
     _add_error_handlers(app)
     app.add_middleware(CountRequests, metrics=service.metrics)
-    if settings.allowed_origins:
-        app.add_middleware(
-            CORSMiddleware, allow_origins=settings.allowed_origins, allow_methods=["GET", "POST"], allow_headers=["*"]
-        )
     app.add_middleware(Limits, settings=settings)
     return app
 
 
 def _add_state_routes(app: FastAPI, service: Service) -> None:
     """The page, and routes that describe the service."""
-    pages = page.PageResponses(service.scenes)
+    pages = page.PageResponses(service.scenes, service.settings.allowed_embedders)
 
     @app.api_route("/", methods=["GET", "HEAD"], include_in_schema=False)
     def viewer(request: Request) -> Response:
@@ -168,6 +169,12 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
             for kind, method, default in all_methods()
         ]
 
+    @app.head("/v1/avatars", include_in_schema=False)
+    @app.get("/v1/avatars", responses=_failures(421))
+    def avatars() -> list[str]:
+        """Names of the avatars that a request may name."""
+        return sorted(service.settings.avatar_files)
+
     @app.head("/v1/lexicon", include_in_schema=False)
     @app.get("/v1/lexicon", responses=_failures(421, 422))
     def lexicon(
@@ -194,35 +201,63 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
     async def sentence(
         call: Request,
         request: wire.SentenceRequest,
+        file: Annotated[wire.AnswerFile | None, Query(description=_ONE_FILE)] = None,
+    ) -> Response:
+        """Sign glosses, or a line of them as text: one animation, and the report of its seams."""
+        _check_line(request, settings)
+        return _response(await service.run(call, work.splice_glosses, request, file))
+
+    @app.post("/v1/fit", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
+    async def fit(
+        call: Request,
+        avatar: Annotated[UploadFile, File(description=f"{listed(AVATAR_SUFFIXES)}, whole: no other file is read.")],
+        options: Annotated[str, Form(description="JSON: what to sign, as of /v1/sentence.")],
         file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
     ) -> Response:
-        """Sign glosses: one animation, and the report of its seams."""
-        if len(request.glosses) > settings.max_glosses:
-            raise InputError(f"{len(request.glosses)} glosses, expected at most {settings.max_glosses}")
-        return _response(await service.run(call, work.splice_glosses, request, file))
+        """Sign glosses, or a line of them as text, on an avatar that is uploaded: motion fitted to its body."""
+        request = _options(_FIT_OPTIONS, options)
+        _check_line(request, settings)
+        if request.avatar is not None:
+            raise InputError("options: an avatar is named, expected none beside the one that is uploaded")
+        uploaded = safe_name(avatar.filename or "avatar"), await avatar.read()
+        return _response(await service.run(call, work.splice_glosses, request, file, uploaded))
 
     @app.post("/v1/splice", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def splice(
         call: Request,
         files: Annotated[
-            list[UploadFile], File(min_length=1, description=f"{listed(WIRE_SUFFIXES)}, in the order of signing.")
+            list[UploadFile],
+            File(min_length=1, description=f"{listed((*WIRE_SUFFIXES, '.sigml'))}, in the order of signing."),
         ],
         options: Annotated[str, Form(description="JSON: the dials of a splice, and formats.")] = "{}",
-        file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
+        file: Annotated[wire.AnswerFile | None, Query(description=_ONE_FILE)] = None,
     ) -> Response:
         """Splice files in order: one animation, and the report of its seams. A single clip is returned unchanged."""
         if len(files) > settings.max_files:
             raise InputError(f"{len(files)} files, expected at most {settings.max_files}")
-        try:
-            request = _SPLICE_OPTIONS.validate_json(options)
-        except ValidationError as error:
-            raise InputError(f"options: {first_fault(error)}") from None
+        request = _options(_SPLICE_OPTIONS, options)
         clips = [(safe_name(upload.filename or "clip"), await upload.read()) for upload in files]
         return _response(await service.run(call, work.splice_files, clips, request, file))
 
     @app.websocket("/v1/stream")
     async def stream(socket: WebSocket) -> None:
         await service.stream(socket)
+
+
+def _options(kind: TypeAdapter[ResultT], text: str) -> ResultT:
+    """The options of a form."""
+    try:
+        return kind.validate_json(text)
+    except ValidationError as error:
+        raise InputError(f"options: {first_fault(error)}") from None
+
+
+def _check_line(request: wire.SentenceRequest, settings: Settings) -> None:
+    """Raise ``InputError`` for what no schema says of glosses and text."""
+    if (request.glosses is None) == (request.text is None):
+        raise InputError(f"{'no' if request.text is None else 'both'} glosses and text, expected one of them")
+    if request.glosses is not None and len(request.glosses) > settings.max_glosses:
+        raise InputError(f"{len(request.glosses)} glosses, expected at most {settings.max_glosses}")
 
 
 def _response(answer: work.Answer) -> Response:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from signsplice.service.settings import MIB, Settings
@@ -26,6 +27,12 @@ HEADERS = {
 }
 """Headers of every answer that does not set them itself."""
 
+_PREFLIGHT = {
+    "Access-Control-Allow-Methods": "GET, POST",
+    "Access-Control-Allow-Headers": "*",
+    "Access-Control-Max-Age": "600",
+}
+
 
 class Limits:
     """ASGI middleware that refuses requests beyond the settings' limits."""
@@ -38,19 +45,24 @@ class Limits:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
+        if (preflight := _preflight(scope)) is not None:
+            await preflight(scope, receive, send)
+            return
         refusal = self._refusal(scope)
         if refusal is not None:
             status, reason = refusal
             if scope["type"] == "websocket":
                 await receive()
-            await _failure(status, reason)(scope, receive, send)
+            await _failure(status, reason, _readable_by(scope))(scope, receive, send)
         elif scope["type"] == "websocket":
             await self.app(scope, receive, send)
         else:
             await self._answer(scope, receive, send)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        limited_send = _SendWithHeaders(send)
+        origin = _header(scope, b"origin")
+        is_allowed = origin is not None and origin.lower() in self.settings.allowed_origins
+        limited_send = _SendWithHeaders(send, HEADERS | (_readable_by(scope) if is_allowed else {}))
         with ExitStack() as held:
             body = _LimitedReceive(self, HTTPConnection(scope), receive, held)
             try:
@@ -106,8 +118,31 @@ def _without_port(host: str) -> str:
     return name if name and port.isdecimal() else host
 
 
-def _failure(status: int, reason: str) -> JSONResponse:
-    return JSONResponse({"error": reason, "unknown": {}}, status, headers={**HEADERS, **_CLOSE})
+def _failure(status: int, reason: str, headers: Mapping[str, str] = {}) -> JSONResponse:
+    return JSONResponse({"error": reason, "unknown": {}}, status, headers={**HEADERS, **_CLOSE, **headers})
+
+
+def _header(scope: Scope, name: bytes) -> str | None:
+    value = dict(scope["headers"]).get(name)
+    return None if value is None else value.decode("latin-1")
+
+
+def _readable_by(scope: Scope) -> dict[str, str]:
+    """Headers by which a browser lets the page of another origin read an answer; none where no page calls."""
+    origin = _header(scope, b"origin")
+    return {} if origin is None else {"Access-Control-Allow-Origin": origin, "Vary": "Origin"}
+
+
+def _preflight(scope: Scope) -> Response | None:
+    """The answer to a browser that asks whether the page of another origin may call; None for any other request.
+
+    It always may: what it sends is then refused by its Origin, with a reason that the page can read. A preflight that
+    fails leaves a page, and whoever looks for the fault, without one.
+    """
+    asks = scope["type"] == "http" and scope["method"] == "OPTIONS"
+    if not asks or _header(scope, b"access-control-request-method") is None:
+        return None
+    return Response(status_code=204, headers={**HEADERS, **_PREFLIGHT, **_readable_by(scope)})
 
 
 class _LimitedReceive:
@@ -150,13 +185,13 @@ class _SendWithHeaders:
     has_begun: whether a part was sent.
     """
 
-    def __init__(self, send: Send) -> None:
-        self._send, self.has_begun = send, False
+    def __init__(self, send: Send, headers: Mapping[str, str]) -> None:
+        self._send, self._headers, self.has_begun = send, headers, False
 
     async def __call__(self, message: Message) -> None:
         if message["type"] == "http.response.start":
             self.has_begun = True
             headers = MutableHeaders(scope=message)
-            for name, value in HEADERS.items():
+            for name, value in self._headers.items():
                 headers.setdefault(name, value)
         await self._send(message)

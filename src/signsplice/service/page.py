@@ -18,6 +18,7 @@ from signsplice.splicing.report import plain
 
 BUILT = Path(__file__).parent / "page"
 _INDEX = BUILT / "index.html"
+_NOBODY = "'none'"
 _EMPTY = '<script type="application/json" id="signsplice">null</script>'
 
 
@@ -40,11 +41,14 @@ def html(scenes: Sequence[Mapping[str, Any]], live: bool) -> str:
 class PageResponses:
     """Answers with the page of a service. The page is read and compressed once, when it is first asked for.
 
-    ``scenes`` as in ``html``.
+    ``scenes`` as in ``html``. ``embedders``: origins of pages that may show it in a frame.
     """
 
-    def __init__(self, scenes: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, scenes: Sequence[Mapping[str, Any]], embedders: Sequence[str] = ()) -> None:
         self._scenes, self._digest = scenes, ""
+        self._frames = {"Content-Security-Policy": f"frame-ancestors {' '.join(embedders) or _NOBODY}"}
+        if not embedders:
+            self._frames["X-Frame-Options"] = "DENY"
         self._contents: dict[str, bytes] = {}
 
     def answer(self, request: Headers) -> Response:
@@ -56,9 +60,7 @@ class PageResponses:
         coding = "gzip" if _accepts_gzip(request.get("accept-encoding", "")) else "identity"
         tag = f'"{self._digest}-{coding}"'
         headers = {
-            # The page itself names what it may load.
-            "Content-Security-Policy": "frame-ancestors 'none'",
-            "X-Frame-Options": "DENY",
+            **self._frames,  # the page itself names what it may load
             "Cache-Control": "no-cache",
             "Vary": "Accept-Encoding",
             "ETag": tag,

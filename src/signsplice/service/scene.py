@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from signsplice.body.capsules import BodyCapsules, body_capsules
 from signsplice.body.retarget import signing
 from signsplice.errors import InputError
-from signsplice.formats import FORMATS
+from signsplice.formats import FORMATS, glb
 from signsplice.formats import encode as encode_file
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
@@ -29,16 +30,18 @@ def media_type(form: Format) -> str:
     return FORMATS[f".{form}"].media_type
 
 
-def encode(clip: Clip, form: Format) -> bytes:
-    """The bytes of a clip's file. Raises ``InputError`` where the format cannot hold the clip."""
-    return encode_file(clip, f"clip.{form}")
+def encode(clip: Clip, form: Format, mesh: bool = True) -> bytes:
+    """The bytes of a clip's file; ``mesh``: whether a .glb has one. Raises ``InputError`` where the format cannot hold
+    the clip.
+    """
+    return glb.encode(clip, mesh) if form == "glb" else encode_file(clip, f"clip.{form}")
 
 
 def from_result(
-    result: SpliceResult, formats: Sequence[Format], units: Sequence[Mapping[str, Any]] = ()
+    result: SpliceResult, formats: Sequence[Format], units: Sequence[Mapping[str, Any]] = (), mesh: bool = True
 ) -> dict[str, Any]:
-    """A splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read."""
-    return _scene(result.clip, reports.describe(result), formats, units)
+    """A splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read. ``mesh`` as in ``encode``."""
+    return _scene(result.clip, reports.describe(result), formats, units, mesh)
 
 
 def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format]) -> dict[str, Any]:
@@ -48,23 +51,39 @@ def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Fo
         spans = (Span("sign", 0, clip.name, whole, whole),)
         unspliced = SpliceResult(clip, spans, (), (), cutter="", transition="", timing_ms={})
         report = {**reports.describe(unspliced), "timing_ms": {}}
-    return _scene(clip, report, formats, ())
+    return _scene(clip, report, formats)
 
 
 def _scene(
-    clip: Clip, report: Mapping[str, Any], formats: Sequence[Format], units: Sequence[Mapping[str, Any]]
+    clip: Clip,
+    report: Mapping[str, Any],
+    formats: Sequence[Format],
+    units: Sequence[Mapping[str, Any]] = (),
+    mesh: bool = True,
 ) -> dict[str, Any]:
     files: Files = dict.fromkeys(FORMAT_NAMES)
     warnings = list(report["warnings"])
     for form in formats:
         try:
-            files[form] = base64.b64encode(encode(clip, form)).decode("ascii")
+            files[form] = base64.b64encode(encode(clip, form, mesh)).decode("ascii")
         except InputError as error:
             warnings.append(f"no .{form} file of this clip: {error}")
     fit = fit_source(clip) if files["vrma"] else None
     return {
-        "name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units), "fit": fit,
+        "name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units),
+        "spelled": [unit["token"] for unit in units if unit["spelled"]], "fit": fit,
     }  # fmt: skip
+
+
+def picture(result: SpliceResult) -> bytes:
+    """A contact sheet of a splice as PNG. Raises ``MissingExtraError`` where Pillow is not installed."""
+    from signsplice.render import film
+
+    marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "sheet.png"
+        film.write(result.clip, path, marks)
+        return path.read_bytes()
 
 
 def to_json(message: Mapping[str, Any]) -> bytes:

@@ -17,6 +17,8 @@ MIB = 1 << 20
 _LEAST_WORKER_BYTES = 256 * MIB
 """What a worker needs at least."""
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://([^\s/?#@:*\[\]]+|\[[0-9a-f:.]+\])(:\d{1,5})?", re.IGNORECASE)
+_EMBEDDER = re.compile(r"https?://[a-z0-9.-]+(:\d{1,5})?", re.IGNORECASE)
+"""What may stand in a Content-Security-Policy, which has no IPv6 addresses."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
 
 
@@ -28,14 +30,16 @@ class Settings:
     """Address to listen on."""
     port: int = 8000
     """Port to listen on; 0 for any free one."""
-    lexicon: Path | None = None
-    """Folder of the lexicon, None for the one that ships."""
+    lexicons: tuple[str, ...] = ()
+    """Folders of lexicons, the first that has a word counts; none for the words that ship."""
     avatars: tuple[Path, ...] = ()
     """Files of avatars that callers may name."""
     allowed_hosts: tuple[str, ...] = ()
     """Host names to answer to, besides loopback and the machine's; "*" for any."""
     allowed_origins: tuple[str, ...] = ()
     """Origins of other pages that may call, e.g. "https://signs.example"."""
+    allowed_embedders: tuple[str, ...] = ()
+    """Origins of other pages that may show the service's page in a frame."""
     proxies: tuple[str, ...] = ()
     """Addresses of reverse proxies, whose X-Forwarded-For names the client."""
     n_workers: int = 0
@@ -112,6 +116,9 @@ class Settings:
         for origin in self.allowed_origins:
             if not _ORIGIN.fullmatch(origin):
                 raise InputError(f"origin {origin!r}, expected scheme://host or scheme://host:port")
+        for origin in self.allowed_embedders:
+            if not _EMBEDDER.fullmatch(origin):
+                raise InputError(f"embedder {origin!r}, expected http(s)://host or http(s)://host:port")
         if self.worker_bytes < _LEAST_WORKER_BYTES:
             raise InputError(f"worker_bytes is {self.worker_bytes}, expected at least {_LEAST_WORKER_BYTES} (256 MiB)")
         if self.n_workers < 0:

@@ -6,13 +6,14 @@ import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from signsplice.service.wire import STRICT, Dials, Gloss
+from signsplice.service.wire import STRICT, Dials, Gloss, Text
 
 if TYPE_CHECKING:
+    from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.result import Span
     from signsplice.splicing.seam import Seam
 else:
-    from signsplice.service.wire import Seam, Span
+    from signsplice.service.wire import Seam, SentenceToken, Span
 
 FRAMES_HEADER = struct.Struct("<4sIII")
 """Header of a binary message of frames: FRAMES_MAGIC, number of the first frame, of frames F, of joints J.
@@ -29,12 +30,15 @@ class OpenMessage(Dials):
 
     paced: whether frames are sent one by one when they are due; else as soon as they are made.
     spell: whether words that the lexicon lacks are fingerspelled.
+    compounds, drop_function_words: as in a sentence; compounds only within a text.
     pauses: whether a sign is held at the punctuation after its word, in the same message.
     """
 
     type: Literal["open"]
     paced: bool = True
     spell: bool = True
+    compounds: bool = True
+    drop_function_words: bool = False
     pauses: bool = True
 
 
@@ -46,6 +50,16 @@ class WordMessage:
 
     type: Literal["word"]
     gloss: Gloss
+
+
+@dataclass(frozen=True)
+class TextMessage:
+    """A line as it is typed, read as that of a sentence."""
+
+    __pydantic_config__ = STRICT
+
+    type: Literal["text"]
+    text: Text
 
 
 @dataclass(frozen=True)
@@ -110,6 +124,14 @@ class FaceMessage:
 
 
 @dataclass(frozen=True)
+class UnitMessage:
+    """How a word of the client's was read, before its frames; it has no glosses where it was left out."""
+
+    type: Literal["unit"]
+    unit: SentenceToken
+
+
+@dataclass(frozen=True)
 class WarningMessage:
     """A warning to show to the user."""
 
@@ -143,5 +165,14 @@ class ErrorMessage:
     unknown: dict[str, list[str]] = field(default_factory=dict)
 
 
-ClientMessage = OpenMessage | WordMessage | EndMessage
-ServiceMessage = SkeletonMessage | SpanMessage | SeamMessage | FaceMessage | WarningMessage | DoneMessage | ErrorMessage
+ClientMessage = OpenMessage | WordMessage | TextMessage | EndMessage
+ServiceMessage = (
+    SkeletonMessage
+    | UnitMessage
+    | SpanMessage
+    | SeamMessage
+    | FaceMessage
+    | WarningMessage
+    | DoneMessage
+    | ErrorMessage
+)

@@ -62,7 +62,7 @@ class StreamSession:
         self._socket, self._settings, self._worker, self._metrics = socket, settings, worker, metrics
         self._key = uuid4().hex
         self._process: WorkerProcess
-        self._words: asyncio.Queue[tuple[str, float] | None] = asyncio.Queue(settings.max_stream_words)
+        self._words: asyncio.Queue[tuple[work.Typed, float] | None] = asyncio.Queue(settings.max_stream_words)
         self._out: asyncio.Queue[tuple[dict[str, Any] | bytes, float] | None] = asyncio.Queue(_MAX_PREFETCHED)
         self._last_activity = time.monotonic()
         self._is_working = False
@@ -158,10 +158,10 @@ class StreamSession:
                     continue  # the service was at work, or frames went out
                 raise _RefusedError(f"nothing came for {limit:g} s") from None
             if isinstance(message, messages.OpenMessage):
-                raise _RefusedError("open came twice, expected word or end")
+                raise _RefusedError("open came twice, expected word, text or end")
             if has_ended:
                 raise _RefusedError(f"{message.type} came after the end")
-            word = (message.gloss, time.monotonic()) if isinstance(message, messages.WordMessage) else None
+            word = None if isinstance(message, messages.EndMessage) else (message, time.monotonic())
             has_ended = word is None
             await self._words.put(word)
 
@@ -174,11 +174,11 @@ class StreamSession:
                     await self._out.put((message, time.monotonic()))
                 await self._out.put(None)
                 return
-            token, arrival = word
+            typed, arrival = word
             try:
-                words, warnings = await self._run_job(work.read_token, token)
-                for warning in warnings:
-                    await self._out.put(({"type": "warning", "warning": warning}, arrival))
+                words, heads = await self._run_job(work.read_typed, typed)
+                for head in heads:
+                    await self._out.put((head, arrival))
                 # A job for each, so that other streams are served between the letters of a long name.
                 for one in words:
                     for message in await self._run_job(work.add_word, one):

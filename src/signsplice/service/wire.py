@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from signsplice.splicing.tempo import ReachedTempo
 
     Format = str
+    AnswerFile = str
     DurationRule = str
     FreeHand = str
     Files = dict[str, str | None]
@@ -66,6 +67,7 @@ else:
     Seam = json_type(seam.Seam)
     ReachedTempo = json_type(tempo.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
+    AnswerFile = Literal[(*FORMAT_NAMES, "png")]
     DurationRule = Literal[(AUTO, *DURATIONS)]
     FreeHand = Literal[FREE_HANDS]
     Files = make_dataclass(
@@ -82,6 +84,8 @@ Formats = Annotated[list[Format], Field(max_length=len(FORMAT_NAMES), fail_fast=
 Seconds = Annotated[float, Field(ge=0.0, le=10.0, allow_inf_nan=False)]
 SecondsASign = Annotated[float, Field(ge=FASTEST_S, le=SLOWEST_S, allow_inf_nan=False)]
 Gloss = Annotated[str, Field(min_length=1, max_length=200)]
+Glosses = Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
+Text = Annotated[str, Field(min_length=1, max_length=10_000)]
 MethodName = Annotated[str, Field(min_length=1, max_length=60)]
 
 STRICT = ConfigDict(extra="forbid")
@@ -116,23 +120,29 @@ class Dials:
 
 @dataclass(frozen=True, kw_only=True)
 class SentenceRequest(Dials):
-    """Glosses to sign, and how.
+    """What to sign, ``glosses`` or ``text``, and how.
 
     glosses: words in the order of signing.
+    text: the same as one line, as it is typed; it is not translated.
     spell: whether words that the lexicon lacks are fingerspelled.
     compounds: whether words that are one gloss together are that gloss: I LOVE YOU is I-LOVE-YOU.
+    drop_function_words: whether articles, forms of be and auxiliary do, which ASL has no signs for, are left out.
     pauses: whether signs are held at commas, full stops, question and exclamation marks.
     face_rules: whether the face blinks, and its brows ask, by rule, where a word has no face of its own.
     formats: of the files to answer with.
+    mesh: whether a glb file shows its signer; else it holds joints and motion alone.
     avatar: name of the service's avatar that signs; null for the lexicon's signer.
     """
 
-    glosses: Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
+    glosses: Glosses | None = None
+    text: Text | None = None
     spell: bool = True
     compounds: bool = True
+    drop_function_words: bool = False
     pauses: bool = True
     face_rules: bool = False
     formats: Formats = field(default_factory=lambda: ["bvh"])
+    mesh: bool = True
     avatar: MethodName | None = None
 
 
@@ -141,10 +151,12 @@ class SpliceRequest(Dials):
     """The form field ``options`` of a splice of files.
 
     formats: of the files to answer with.
+    mesh: whether a glb file shows its signer; else it holds joints and motion alone.
     avatar: name of the service's avatar that signs; null for the signer of the first file.
     """
 
     formats: Formats = field(default_factory=lambda: ["bvh"])
+    mesh: bool = True
     avatar: MethodName | None = None
 
 
@@ -209,6 +221,7 @@ class Spliced:
 
     name: of the clip.
     units: how each gloss was read; empty for a splice of files.
+    spelled: words, as typed, that are fingerspelled.
     fit: the signer's body; null where no VRM animation was requested, or the clip has none.
     """
 
@@ -216,6 +229,7 @@ class Spliced:
     report: Report
     files: Files
     units: list[SentenceToken] = field(default_factory=list)
+    spelled: list[str] = field(default_factory=list)
     fit: FitSource | None = None
 
 

@@ -4,33 +4,42 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from signsplice.body.capsules import Avatar
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
-from signsplice.formats.avatar import read_avatar
+from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts, typed_words
+from signsplice.lexicon.entry import LETTER_MARK
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed, starts
+from signsplice.lexicon.typed import typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
-from signsplice.service.stream_messages import OpenMessage
-from signsplice.service.wire import Dials, Format, SentenceRequest, SpliceRequest
+from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMessage
+from signsplice.service.wire import FORMAT_NAMES, AnswerFile, Dials, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain
+from signsplice.synth.written.files import SUFFIXES as WRITTEN_SUFFIXES
 
+_MOST_WRITTEN_BYTES = 256 << 10
+"""Size of a file of written signs, each of which takes some 50 ms to sign."""
 _N_CACHED_AVATARS = 8
 _N_CACHED_CLIPS = 256
 """Words that a process keeps in memory, about 0.3 MB each."""
+
+_N_WARMING = 3
+"""Signs, and as many letters, of the sentence with which a process is warmed."""
 
 
 @dataclass(frozen=True)
@@ -51,15 +60,13 @@ class Answer:
 class _OpenStream:
     """A stream's growing sentence.
 
-    spell: whether words that the lexicon lacks are fingerspelled.
-    pauses: whether signs are held at punctuation.
+    opening: what its client asked for.
     n_frames: number of frames sent, the skeleton before them.
     """
 
     stream: Stream
     options: SpliceOptions
-    spell: bool
-    pauses: bool
+    opening: OpenMessage
     n_frames: int = 0
 
 
@@ -73,7 +80,7 @@ class _WorkerState:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.lexicon: Lexicon = open_lexicon(settings.lexicon)
+        self.lexicon: Lexicon = open_lexicon(*settings.lexicons)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
         self.avatar = lru_cache(_N_CACHED_AVATARS)(self._read_avatar)
         self.streams: dict[str, _OpenStream] = {}
@@ -104,48 +111,81 @@ def start_worker(settings: Settings) -> None:
     _worker = _WorkerState(settings)
 
 
-def warm_up(skin: bool) -> None:
-    """Do what is slow the first time: read the networks, splice two words, and make the mannequin's ``skin``."""
-    words = _worker.lexicon.glosses[:2]
-    result = splice([_worker.lexicon.clip(gloss) for gloss in words])
-    if skin:
-        scene.encode(result.clip, "glb")
+def warm_up(for_streams: bool) -> None:
+    """Do what is slow the first time, by a sentence of signs and letters as a request or a stream has it, which reads
+    the networks, makes the mannequin's mesh, and looks for words like one that is none.
+    """
+    lexicon = _worker.lexicon
+    if "NO-SUCH-WORD" not in lexicon:  # which reads the notation of the signs that ship, to look for a form
+        lexicon.nearest("NO-SUCH-WORD")
+    glosses = sorted(lexicon, key=lambda gloss: gloss.startswith(LETTER_MARK))
+    n_letters = sum(gloss.startswith(LETTER_MARK) for gloss in glosses)
+    glosses = [*glosses[:_N_WARMING], *glosses[len(glosses) - n_letters :][:_N_WARMING]]
+    if for_streams:
+        key = "warming"
+        open_stream(key, OpenMessage(type="open"))
+        for gloss in glosses:
+            for word in read_typed(key, TextMessage("text", gloss))[0]:
+                add_word(key, word)
+        end_stream(key)
+        close_stream(key)
+    else:
+        request = SentenceRequest(glosses=glosses, face_rules=True, formats=list(FORMAT_NAMES))
+        splice_glosses(request, None)
 
 
 # --- requests ---
 
 
-def splice_glosses(request: SentenceRequest, file: Format | None) -> Answer:
-    """The answer to a sentence: one ``file`` of it, or all as JSON. Raises ``InputError``."""
-    most = _worker.settings.max_glosses
-    n_words = len(typed_words(" ".join(request.glosses), _worker.lexicon.__contains__))
-    if n_words > most:  # before they are looked up, which takes long for many
-        raise InputError(f"{n_words} words, expected at most {most}")
-    units = _units(request.glosses, request.spell, request.compounds)
-    glosses = [gloss for unit in units for gloss in unit.glosses]
-    if len(glosses) > most:
-        raise InputError(f"{len(glosses)} words and letters, expected at most {most}")
-    return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units)
+def splice_glosses(
+    request: SentenceRequest, file: AnswerFile | None, uploaded: tuple[str, bytes] | None = None
+) -> Answer:
+    """The answer to a sentence: one ``file`` of it, or all as JSON; on the avatar in a file (name, content) that was
+    ``uploaded``, where there is one. Raises ``InputError``.
+    """
+    units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
+    glosses = signed(units)
+    avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
+    return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units, avatar)
 
 
-def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: Format | None) -> Answer:
-    """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON.
+def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: AnswerFile | None) -> Answer:
+    """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON. A file of written signs
+    stands for all of its signs.
 
     Raises ``InputError``.
     """
-    limits = _worker.settings.read_limits
-    return _answer([parse_file(content, name, limits) for name, content in files], request, file, ())
+    clips = list[Clip]()
+    for name, content in files:
+        clips += _clips(name, content, _worker.settings.max_glosses - len(clips))
+    return _answer(clips, request, file, ())
+
+
+def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
+    """The clip of a file, or those of at most so many written signs."""
+    if Path(name).suffix.lower() not in WRITTEN_SUFFIXES:
+        yield parse_file(content, name, _worker.settings.read_limits)
+        return
+    from signsplice.synth.written import signing
+
+    if len(content) > _MOST_WRITTEN_BYTES:
+        raise InputError(f"{name}: {len(content):,} bytes, expected at most {_MOST_WRITTEN_BYTES:,} of written signs")
+    yield from signing.clips(content, name, most)
 
 
 def _answer(
-    clips: list[Clip], request: SentenceRequest | SpliceRequest, file: Format | None, units: Sequence[SentenceToken]
+    clips: list[Clip],
+    request: SentenceRequest | SpliceRequest,
+    file: AnswerFile | None,
+    units: Sequence[SentenceToken],
+    avatar: Avatar | None = None,
 ) -> Answer:
     limit, fps = _worker.settings.max_frames, request.fps or clips[0].fps
     seconds = sum(clip.seconds for clip in clips) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
-    avatar = None if request.avatar is None else _worker.avatar(request.avatar)
+    avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
     chosen = options(request)
     if isinstance(request, SentenceRequest) and request.face_rules:
         chosen = replace(chosen, face_rules=RULES)
@@ -154,8 +194,11 @@ def _answer(
         result = onto_avatar(result, avatar)
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
-        return Answer(scene.encode(result.clip, file), scene.media_type(file), name)
-    return Answer(scene.to_json(scene.from_result(result, request.formats, [asdict(unit) for unit in units])))
+        if file == "png":
+            return Answer(scene.picture(result), "image/png", name)
+        return Answer(scene.encode(result.clip, file, request.mesh), scene.media_type(file), name)
+    spliced = scene.from_result(result, request.formats, [asdict(unit) for unit in units], request.mesh)
+    return Answer(scene.to_json(spliced))
 
 
 def options(dials: Dials) -> SpliceOptions:
@@ -166,13 +209,22 @@ def options(dials: Dials) -> SpliceOptions:
     return SpliceOptions(**chosen, limits=_worker.settings.read_limits)
 
 
-def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[SentenceToken]:
+def _units(text: str, wanted: SentenceRequest | OpenMessage, compounds: bool) -> list[SentenceToken]:
+    """How a line is signed. Raises ``InputError``, also for more words or letters than a sentence may have."""
+    most, lexicon = _worker.settings.max_glosses, _worker.lexicon
+    n_words = len(typed_words(text, lexicon.__contains__))
+    if n_words > most:  # before they are looked up, which takes long for many
+        raise InputError(f"{n_words} words, expected at most {most}")
     try:
-        return parse(" ".join(tokens), _worker.lexicon, spell, compounds)
+        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
-        raise InputError(str(error).removeprefix(f"{_worker.lexicon.path}: ")) from error
+        raise InputError(str(error).removeprefix(f"{lexicon.where}: ")) from error
+    n_glosses = sum(len(unit.glosses) for unit in units)
+    if n_glosses > most:
+        raise InputError(f"{n_glosses} words and letters, expected at most {most}")
+    return units
 
 
 # --- streams ---
@@ -181,7 +233,7 @@ def _units(tokens: Sequence[str], spell: bool, compounds: bool = False) -> list[
 def open_stream(key: str, opening: OpenMessage) -> None:
     """Begin a growing sentence. Raises ``InputError``."""
     chosen = options(opening)
-    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening.spell, opening.pauses)
+    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening)
 
 
 @dataclass(frozen=True)
@@ -198,14 +250,23 @@ class StreamWord:
     pause: str | None
 
 
-def read_token(key: str, token: str) -> tuple[list[StreamWord], list[str]]:
-    """The words and letters that sign a stream's token, and warnings. Raises ``InputError``."""
-    opened = _worker.streams[key]
-    units = _units([token], opened.spell)
-    held = pauses(units) if opened.pauses else {}
+Typed = WordMessage | TextMessage
+"""What the client of a stream types."""
+
+
+def read_typed(key: str, typed: Typed) -> tuple[list[StreamWord], list[dict[str, Any]]]:
+    """The words and letters that sign what was typed into a stream, and messages of how it was read.
+
+    Raises ``InputError``.
+    """
+    opening = _worker.streams[key].opening
+    line, compounds = (typed.text, opening.compounds) if isinstance(typed, TextMessage) else (typed.gloss, False)
+    units = _units(line, opening, compounds)
+    held = pauses(units) if opening.pauses else {}
     glosses = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
     words = [StreamWord(gloss, starts, held.get(k)) for k, (gloss, starts) in enumerate(glosses)]
-    return words, [unit.warning for unit in units if unit.warning]
+    warnings = [{"type": "warning", "warning": unit.warning} for unit in units if unit.warning]
+    return words, [*({"type": "unit", "unit": asdict(unit)} for unit in units), *warnings]
 
 
 def add_word(key: str, word: StreamWord) -> list[dict[str, Any] | bytes]:

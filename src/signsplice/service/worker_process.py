@@ -51,8 +51,8 @@ class WorkerProcess:
     ended: set when the process has ended.
     """
 
-    def __init__(self, settings: Settings, skin: bool, on_end: Callable[[WorkerProcess], None]) -> None:
-        """Start the process. ``skin``: whether it makes the mannequin's skin before it is ready.
+    def __init__(self, settings: Settings, for_streams: bool, on_end: Callable[[WorkerProcess], None]) -> None:
+        """Start the process. ``for_streams``: whether its jobs are those of streams.
 
         ``on_end`` is called once, in the event loop, when it ends.
         """
@@ -66,7 +66,7 @@ class WorkerProcess:
         self._start_limit = self._loop.call_later(settings.work_wall_seconds, self.kill)
         context = get_context("spawn")
         self._pipe, far_end = context.Pipe()
-        self._process = context.Process(target=_do_jobs, args=(far_end, settings, skin), daemon=True)
+        self._process = context.Process(target=_do_jobs, args=(far_end, settings, for_streams), daemon=True)
         self._process.start()
         far_end.close()
         threading.Thread(target=self._receive, daemon=True).start()
@@ -169,14 +169,14 @@ class WorkerProcess:
         return answer.result()
 
 
-def _do_jobs(pipe: Connection, settings: Settings, skin: bool) -> None:
+def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
     """What the process does until the service is gone: start, then a job at a time.
 
     It sends None when it is ready and when it has begun a job, and whether a job was done with its result or error.
     """
     work.start_worker(settings)
     with suppress(Exception):  # if it is the lexicon's fault, jobs report it
-        work.warm_up(skin)
+        work.warm_up(for_streams)
     with suppress(EOFError, OSError):
         pipe.send(None)
         while True:

@@ -26,14 +26,14 @@ class Worker:
     n_lost: number of processes replaced so far.
     """
 
-    def __init__(self, settings: Settings, skin: bool) -> None:
-        """Start the process. ``skin``: whether it makes the mannequin's skin at its start."""
-        self._settings, self._skin = settings, skin
+    def __init__(self, settings: Settings, for_streams: bool) -> None:
+        """Start the process. ``for_streams``: whether its jobs are those of streams."""
+        self._settings, self._for_streams = settings, for_streams
         self.busy = self.n_lost = self._n_failed_starts = 0
         self._is_closed = False
         self._restart: asyncio.TimerHandle | None = None
         self._was_ready = False
-        self._process = WorkerProcess(settings, skin, self._replace)
+        self._process = WorkerProcess(settings, for_streams, self._replace)
 
     @property
     def is_warm(self) -> bool:
@@ -52,7 +52,7 @@ class Worker:
             self._restart = asyncio.get_running_loop().call_later(_RESTART_SECONDS, self._start)
 
     def _start(self) -> None:
-        self._process = WorkerProcess(self._settings, self._skin, self._replace)
+        self._process = WorkerProcess(self._settings, self._for_streams, self._replace)
 
     async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
         """As ``WorkerProcess.run``. A process that ends before it begins the job is not the job's fault."""
@@ -81,8 +81,8 @@ class Worker:
 class Workers:
     """Several workers."""
 
-    def __init__(self, settings: Settings, n: int, skin: bool = False) -> None:
-        self._workers = [Worker(settings, skin) for _ in range(n)]
+    def __init__(self, settings: Settings, n: int, for_streams: bool = False) -> None:
+        self._workers = [Worker(settings, for_streams) for _ in range(n)]
 
     @property
     def n_lost(self) -> int:

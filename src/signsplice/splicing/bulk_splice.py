@@ -32,6 +32,7 @@ class _Asked(NamedTuple):
     options: SpliceOptions
     starts: Collection[int]
     pauses: Mapping[int, str] | None
+    brows: Mapping[int, str] | None
 
 
 def splice_many(
@@ -40,15 +41,16 @@ def splice_many(
     transitions: TransitionCache | None = None,
     starts: Sequence[Collection[int]] | None = None,
     pauses: Sequence[Mapping[int, str] | None] | None = None,
+    brows: Sequence[Mapping[int, str] | None] | None = None,
 ) -> list[Result]:
     """What ``splice`` gives of each sentence alone, in order; where it raises a ``SignspliceError``, that error.
 
     options: of all sentences, or of each.
     transitions: where those of earlier calls are found.
-    starts, pauses: of each sentence, as in ``splice``.
+    starts, pauses, brows: of each sentence, as in ``splice``.
 
     Clips that are one word should be one object in all sentences: what is computed of a word is kept as long as that
-    object lives. Raises ``ValueError`` where there are not as many options, starts or pauses as sentences.
+    object lives. Raises ``ValueError`` where there are not as many options, starts, pauses or brows as sentences.
     """
     if options is None or isinstance(options, SpliceOptions):
         options = [options or SpliceOptions()] * len(sentences)
@@ -56,9 +58,15 @@ def splice_many(
         starts = [()] * len(sentences)
     out: list[Result] = []
     block: list[_Asked] = []
-    if pauses is None:
-        pauses = [None] * len(sentences)
-    for one in zip(sentences, options, starts, pauses, strict=True):
+    nothing = [None] * len(sentences)
+    for one in zip(
+        sentences,
+        options,
+        starts,
+        nothing if pauses is None else pauses,
+        nothing if brows is None else brows,
+        strict=True,
+    ):
         block.append(_Asked(*one))
         if sum(len(sentence.clips) for sentence in block) >= _WORDS_AT_ONCE:
             out += _spliced(block, transitions)
@@ -81,7 +89,7 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
         return made
 
     builders = each(lambda row: SentenceBuilder(block[row].options), range(len(block)))
-    planned = each(lambda row: builders[row].plan(block[row].clips, block[row].starts, block[row].pauses), builders)
+    planned = each(lambda row: builders[row].plan(block[row].clips, *block[row][2:]), builders)
     filled: dict[int, list[FilledGap]] = {}
     for rows in _with_same_passes(builders, planned):
         try:

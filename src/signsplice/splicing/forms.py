@@ -6,7 +6,7 @@ here because it joins two rooms, ``lexicon`` and ``synth``, that do not know eac
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from signsplice.errors import InputError
 from signsplice.lexicon.entry import Entry
 from signsplice.lexicon.frames import encode, fingerprint
 from signsplice.lexicon.index import describe, sha256
+from signsplice.lexicon.joined import JoinedLexicon
 from signsplice.lexicon.preparing import rest_frames
 from signsplice.lexicon.reader import SHIPPED, Lexicon, shipped
 from signsplice.motion.clip import Clip, unchecked_copy
@@ -22,6 +23,8 @@ from signsplice.motion.clip import Clip, unchecked_copy
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
 
+DEFAULT = "default"
+"""The name by which the words that ship are opened."""
 _N_KEPT = 64
 """Forms that are kept once signed: one takes a quarter of a second."""
 
@@ -79,10 +82,23 @@ class WordsWithForms(Lexicon):
         return entry, clip
 
 
-def open_lexicon(path: str | Path | None = None) -> Lexicon:
-    """Open the lexicon in a folder; without one, or in that of the words that ship, those with the forms of their
-    signs. Raises ``InputError`` where there is none, or it is damaged or newer than this version of signsplice.
+def open_lexicon(path: str | Path | None = None, *others: str | Path) -> Lexicon:
+    """Open the lexicon in a folder; without one, by the name ``default`` or in that of the words that ship, those with
+    the forms of their signs. With ``others`` they are opened as one, in which the first that has a word counts.
+
+    Raises ``InputError`` where there is none, or it is damaged or newer than this version of signsplice.
     """
-    if path is None or Path(path).resolve() == SHIPPED.resolve():
-        return shipped(WordsWithForms)
-    return Lexicon(path)
+    with ExitStack() as held:
+        parts = [held.enter_context(_opened(one)) for one in (path, *others)]
+        held.pop_all()
+    return JoinedLexicon(parts) if others else parts[0]
+
+
+def _opened(path: str | Path | None) -> Lexicon:
+    folder = lexicon_folder(path)
+    return shipped(WordsWithForms) if folder.resolve() == SHIPPED.resolve() else Lexicon(folder)
+
+
+def lexicon_folder(path: str | Path | None) -> Path:
+    """The folder of a lexicon as ``open_lexicon`` takes it."""
+    return SHIPPED if path is None or str(path) == DEFAULT else Path(path)

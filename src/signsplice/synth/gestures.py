@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _RAMP_S = 0.22
 """How long a gesture takes to be reached and to be over."""
+_MOST_HZ = 2.5
+"""Nods or shakes a second at most."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ def add(states: FloatArray, gestures: tuple[Gesture, ...], events: Events, fps: 
         begin, end = start + gesture.begin * seconds, start + gesture.end * seconds
         level = pose.smooth_step((t - begin + _RAMP_S) / _RAMP_S) * pose.smooth_step((end + _RAMP_S - t) / _RAMP_S)
         if gesture.cycles:
-            phase = 2.0 * np.pi * gesture.cycles * np.clip((t - begin) / (end - begin), 0.0, 1.0)
+            cycles = max(1.0, min(gesture.cycles, float(np.floor(_MOST_HZ * (end - begin)))))
+            phase = 2.0 * np.pi * cycles * np.clip((t - begin) / (end - begin), 0.0, 1.0)
             level = level * (np.sin(phase) if gesture.degrees[1] else 0.5 - 0.5 * np.cos(phase))
         states[:, pose.HEAD if gesture.part == "head" else pose.TRUNK] += level[:, None] * np.deg2rad(gesture.degrees)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,9 @@ _MAX_GRADIENT_NORM = 1.0
 _DIVERGED = "the training has diverged; its last checkpoint is still good, and another seed or a lower rate may help"
 
 ProgressCallback = Callable[[int, int, dict[str, float]], None]
-"""Called with the step, the number of steps, and the latest numbers by name: a loss with its rate, or scores."""
+"""Called with the step, the number of steps, and the latest numbers by name: a loss with its rate, or scores; none
+where a training continues.
+"""
 
 
 @dataclass(frozen=True)
@@ -114,8 +117,11 @@ def train(
     wrapped = DistributedDataParallel(task) if processes.count > 1 else task
     end = loop.steps if loop.until is None else min(loop.until, loop.steps)
     report = report_progress or (lambda *_: None)
-    with Log(folder, step, processes.first) as log:
-        call = _Call(task, optimiser, loop, valid, folder, recipe, processes, log, report, step)
+    if step:
+        report(step, loop.steps, {})
+    with Log(folder, step, processes.first) as log, _interruptions(
+        _Call(task, optimiser, loop, valid, folder, recipe, processes, log, report, step)
+    ) as call:  # fmt: skip
         if loop.has_ended(folder, step, processes):
             end = step
         while step < end:
@@ -145,6 +151,7 @@ class _Call:
         self.task, self.optimiser, self.loop, self.valid = task, optimiser, loop, valid
         self.folder, self.recipe, self.processes = folder, recipe, processes
         self.log, self.report, self.first = log, report, first
+        self.kept_step = first
         self.started = self.saved = time.perf_counter()
         self.cpu_before = cpu_seconds(folder, first) - time.process_time()
 
@@ -178,7 +185,7 @@ class _Call:
 
     def save(self, step: int) -> None:
         checkpoint.save(self.folder, step, self.task, self.optimiser, self.recipe)
-        self.saved = time.perf_counter()
+        self.saved, self.kept_step = time.perf_counter(), step
 
     def keep(self, step: int) -> None:
         """Write a checkpoint where the last one is long ago, or where the call is interrupted, which is raised."""
@@ -193,6 +200,16 @@ class _Call:
                 self.save(step)
         if interruption is not None:
             raise interruption
+
+
+@contextmanager
+def _interruptions(call: _Call) -> Iterator[_Call]:
+    """The call; an interrupt of it says which step is kept."""
+    try:
+        yield call
+    except KeyboardInterrupt:
+        kept = f"step {call.kept_step} of {call.loop.steps} is kept in {call.folder}" if call.kept_step else ""
+        raise KeyboardInterrupt(f"{kept or 'no step is kept yet'}; the same command continues from there") from None
 
 
 def _step(

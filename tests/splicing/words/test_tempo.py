@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from conftest import random_clip
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import find_peaks
 
 from reference_poses import arms_out, with_pose
 from signing import word
@@ -30,7 +33,7 @@ from signsplice.splicing.methods.transition import GapTransition
 from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.passes.unhurried import LengthenGaps
 from signsplice.splicing.tempo import RUNNING_S, measured_tempo, seconds_a_sign
-from signsplice.splicing.words.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace, retimed
+from signsplice.splicing.words.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retimed
 from signsplice.splicing.words.word import FrameMap, SentenceWord
 
 CUTTER = CUTTERS["pose-velocity"]
@@ -293,3 +296,9 @@ def test_the_tempo_reached_is_that_of_signs_not_of_letters() -> None:
     assert measured_tempo(signs, 30.0, "citation").seconds == pytest.approx((30 + 21) / 2 / 30.0, abs=1e-3)
     assert measured_tempo(signs[:2], 30.0, "natural").seconds is None
     assert measured_tempo([signs[0], *signs[2:4], signs[5]], 30.0, "natural").seconds is None
+
+
+@given(st.lists(st.integers(0, 6) | st.floats(0.0, 6.0), min_size=1, max_size=60), st.floats(0.0, 3.0))
+def test_prominent_peaks_are_those_of_scipy(values: list[float], prominence: float) -> None:
+    array = np.array(values, dtype=float)
+    assert prominent_peaks(array, prominence) == find_peaks(array, prominence=prominence)[0].tolist()

@@ -17,6 +17,11 @@ export const t_pose = {
   BENT_DEG: 20.0,
 } as const;
 
+export const arms = {
+  RAISED_FRACTION: 0.4,
+  NO_REST_LIFT: 0.1,
+} as const;
+
 export const capsules = {
   SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
@@ -71,6 +76,7 @@ export const skin = {
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
   HEAD: ["head", "jaw", "leftEye", "rightEye"],
+  BODY: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder", "head", "jaw", "leftEye", "rightEye", "neck"],
   ARM: ["sleeve", "cuff"],
   LIMBS: {"arms": ["sleeve", "cuff"], "legs": ["leg"], "neck": ["neck"]},
   BINS: 6,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -39,6 +40,18 @@ def figures(**options: Any) -> None:
     """Write the figures alone."""
     call = PaperCall(**options)
     _write_figures(_results(call), call, required=True)
+
+
+@click.command()
+@takes(SCALE, OUT)
+@option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), default="out/report.pdf", metavar="PDF")
+def report(output: Path, **options: Any) -> None:
+    """Write the report of four pages as PDF (extra `report`)."""
+    from signsplice_paper import report as paper_report
+
+    call = PaperCall(**options)
+    paper_report.write(_results(call), call.out, call.scale, output)
+    print(output)
 
 
 def one_table(name: str) -> click.Command:
@@ -79,7 +92,9 @@ def _write_pages(results: Results, call: PaperCall, names: Sequence[str], claime
     if claimed:
         written += page_template.write(results, folder, call.scale)
     if not written:
-        raise InputError(f"{folder}: no row of scale {call.scale} for {' or '.join(names) or 'claims: *.template.md'}")
+        raise InputError(
+            f"{folder}: no row of scale {call.scale} for {' or '.join(names) or 'claims: ../templates/*.md'}"
+        )
     for path in written:
         print(path)
 
@@ -102,4 +117,4 @@ def _write_figures(results: Results, call: PaperCall, required: bool) -> None:
         warn([f"left out, for want of measurements at scale {call.scale}: {', '.join(left_out)}"])
 
 
-COMMANDS = (tables, *(one_table(f"table{number}") for number in (1, 2, 3)), claims, figures)
+COMMANDS = (tables, *(one_table(f"table{number}") for number in (1, 2, 3)), claims, figures, report)

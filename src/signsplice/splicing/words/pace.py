@@ -14,7 +14,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
-from scipy.signal import find_peaks
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.clearance import PART_M, Near, find_contacts, near_pairs, pair_clearances, skin_pairs
@@ -163,13 +162,31 @@ def _humps(speed: FloatArray) -> list[tuple[int, int]]:
     """First and last frame around each clear maximum of ``speed`` (T,), between the minima or the stillness on either
     side.
     """
-    peaks = (find_peaks(np.r_[0.0, speed, 0.0], prominence=_LEAST_PEAK_M_S)[0] - 1).tolist()
+    peaks = [peak - 1 for peak in prominent_peaks(np.r_[0.0, speed, 0.0], _LEAST_PEAK_M_S)]
     lows = [a + int(np.argmin(speed[a : b + 1])) for a, b in pairwise(peaks)]
     ranges = []
     for peak, low, high in zip(peaks, [0, *lows], [*lows, len(speed) - 1], strict=len(peaks) > 0):
         before, after = (np.flatnonzero(speed[part] < _STILL_M_S) for part in (slice(low, peak), slice(peak, high)))
         ranges.append((low + int(before[-1]) if len(before) else low, peak + int(after[0]) if len(after) else high))
     return ranges
+
+
+def prominent_peaks(values: FloatArray, prominence: float) -> list[int]:
+    """Local maxima of ``values`` (T,) that stand out by at least ``prominence``; of a plateau its middle. The same as
+    ``scipy.signal.find_peaks``, whose import takes a third of a second.
+    """
+    change = np.flatnonzero(np.diff(values))
+    firsts, lasts = np.r_[0, change + 1], np.r_[change, len(values) - 1]  # of each run of equal values
+    rises = np.r_[False, np.diff(values[firsts]) > 0, True]
+    found = []
+    for peak in ((firsts + lasts) // 2)[rises[:-1] & ~rises[1:]].tolist():
+        higher = np.flatnonzero(values > values[peak])
+        k = int(np.searchsorted(higher, peak))
+        left = values[higher[k - 1] + 1 if k else 0 : peak + 1].min()
+        right = values[peak : higher[k] if k < len(higher) else None].min()
+        if values[peak] - max(left, right) >= prominence:
+            found.append(peak)
+    return found
 
 
 def contact_frames(clip: Clip) -> list[tuple[int, int]]:

@@ -112,7 +112,7 @@ def body_tracks(sign: WrittenSign) -> tuple[Gesture, ...]:
     found = list[Gesture]()
     for lane in _lanes(sign, _BODIES):
         for n, group in enumerate(lane):
-            for tier in group:
+            for tier in {tier.code: tier for tier in group}.values():  # what is written twice is made once
                 row = _CODES[tier.tier].get(tier.code, ())
                 if row:
                     part, degrees, cycles = row

@@ -7,7 +7,7 @@ import io
 import json
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +17,8 @@ from signsplice.synth.written import elements, gestural, hamnosys, hns
 from signsplice.synth.written.reading import Reading
 from signsplice.synth.written.tree import WrittenSign
 
-SUFFIXES = (".sigml", ".xml", ".csv", ".json", ".txt", ".tsv", ".hns")
+SUFFIXES = (".sigml", ".xml", ".csv", ".json", ".txt", ".tsv")
+"""Suffixes of the files of written signs."""
 _MOST_BYTES, _MOST_SIGNS = 64 << 20, 200_000
 
 
@@ -33,33 +34,46 @@ class WrittenSigns:
     refused: tuple[InputError, ...] = ()
 
 
-def read(path: str | Path, lenient: bool = False) -> WrittenSigns:
-    """The signs of a file, or of all files of ``SUFFIXES`` below a folder in the order of their names.
+def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> WrittenSigns:
+    """The signs of a file, of all ``.sigml`` files below a folder in the order of their names, or of several.
 
     lenient: leave out what is not understood, with a note in the sign. Raises ``InputError`` where there is no such
-    file, no sign, or a file is broken as a whole.
+    file, no sign, or a file is broken as a whole and no other is read.
     """
-    path = Path(path)
-    if not path.is_dir():
-        return parse(read_bytes(path, _MOST_BYTES), str(path), lenient)
-    files = sorted(p for p in path.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
-    if not files:
-        raise InputError(f"{path}: no written signs in it, expected files that end in {' or '.join(SUFFIXES)}")
+    given = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+    named = [file for path in given for file in (_below(path) if path.is_dir() else [path])]
     found, refused = list[WrittenSign](), list[InputError]()
-    for file in files:
+    for file in named:
         try:
-            for one in _signs(read_bytes(file, _MOST_BYTES), str(file), lenient):
-                (refused if isinstance(one, InputError) else found).append(one)  # type: ignore[arg-type]
+            _sort(_signs(read_bytes(file, _MOST_BYTES), str(file), lenient), found, refused)
         except InputError as error:
+            if len(named) == 1:
+                raise
             refused.append(error)
-    return _numbered(found, refused, str(path))
+    return _numbered(found, refused, str(given[0]))
+
+
+def _below(folder: Path) -> list[Path]:
+    """The files of SiGML below a folder."""
+    found = sorted(path for path in folder.rglob("*.sigml") if path.is_file())
+    if not found:
+        raise InputError(f"{folder}: no .sigml files in it; name tables of HamNoSys themselves")
+    return found
+
+
+def _sort(read: Iterable[WrittenSign | InputError], found: list[WrittenSign], refused: list[InputError]) -> None:
+    """Add what is read to signs and errors."""
+    for item in read:
+        if isinstance(item, InputError):
+            refused.append(item)
+        else:
+            found.append(item)
 
 
 def parse(content: bytes, name: str, lenient: bool = False) -> WrittenSigns:
     """The signs of a file's content; its suffix says what it is. Raises as ``read`` does."""
     found, refused = list[WrittenSign](), list[InputError]()
-    for one in _signs(content, name, lenient):
-        (refused if isinstance(one, InputError) else found).append(one)  # type: ignore[arg-type]
+    _sort(_signs(content, name, lenient), found, refused)
     return _numbered(found, refused, name)
 
 

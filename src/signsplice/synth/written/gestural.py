@@ -10,22 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from signsplice.synth.written.elements import Element
-from signsplice.synth.written.gestural_values import (
-    BASES,
-    CONTACTS,
-    ELLIPSES,
-    KNOWN,
-    MANNER,
-    OPENINGS,
-    PLACES,
-    POSTURES,
-    REPEATS,
-    SIDES,
-    SILENT,
-    SITES,
-    WRISTS,
-    Values,
-)
+from signsplice.synth.written.gestural_values import KNOWN, MANNER, POSTURES, Values, factor
 from signsplice.synth.written.reading import Reading, merged, site, weak_has_own, with_weak
 from signsplice.synth.written.tiers import gestural_tiers
 from signsplice.synth.written.tree import (
@@ -38,6 +23,11 @@ from signsplice.synth.written.tree import (
     WrittenShape,
     WrittenSign,
 )
+
+_ELLIPSES = {"h": "l", "v": "u", "ur": "ur", "ul": "ul"}
+"""Direction of an ellipse's long axis -> letters."""
+_OPENINGS = {"slack": 0.6, "tight": 1.4}
+_GROWTH = {"increasing": "big", "decreasing": "small"}
 
 
 def sign(element: Element, reading: Reading) -> WrittenSign:
@@ -146,24 +136,26 @@ class _Gestural(Values):
 
     def shape(self, e: Element) -> WrittenShape | None:
         """The handshape of a ``handconfig``; None where it has none."""
-        base = self.choice(e, "handshape", BASES)
+        base = self.choice(e, "handshape")
         if not base:
-            own = set(e.attributes) - {"extfidir", "palmor", "second_extfidir", "second_palmor", *SILENT}
-            if own:
-                self.refuse(e, f"{sorted(own)[0]} without a handshape")
+            others = [
+                key for key in e.attributes if key in KNOWN[e.tag] and "extfidir" not in key and "palmor" not in key
+            ]
+            if others:
+                self.refuse(e, f"{others[0]} without a handshape")
             return None
-        between = self.choice(e, "second_handshape", BASES)
+        between = self.choice(e, "second_handshape")
         second = WrittenShape(
-            between, self.choice(e, "second_thumbpos", ("out", "across", "opposed")), self.bend(e, "second_mainbend"),
-            opening=OPENINGS.get(self.choice(e, "second_ceeopening", tuple(OPENINGS)), 1.0),
+            between, self.choice(e, "second_thumbpos"), self.bend(e, "second_mainbend"),
+            opening=_OPENINGS.get(self.choice(e, "second_ceeopening"), 1.0),
         )  # fmt: skip
         pair = self.digits(e, "contactpair")
         bends = tuple((n, bend) for n in range(1, 6) if (bend := self.bend(e, f"bend{n}")))
         return WrittenShape(
-            base, self.choice(e, "thumbpos", ("out", "across", "opposed")), self.bend(e, "mainbend"), bends,
+            base, self.choice(e, "thumbpos"), self.bend(e, "mainbend"), bends,
             self.digits(e, "specialfingers"), self.digits(e, "exempteddigits"),
             (self.digits(e, "opposedfinger") or (0,))[0], pair, bool(pair) and 1 not in pair,
-            OPENINGS.get(self.choice(e, "ceeopening", tuple(OPENINGS)), 1.0), self.flag(e, "thumbenclosed"),
+            _OPENINGS.get(self.choice(e, "ceeopening"), 1.0), self.flag(e, "thumbenclosed"),
             second if between else None,
         )  # fmt: skip
 
@@ -174,24 +166,23 @@ class _Gestural(Values):
         for child in e.children:
             if child.tag != "location_hand":
                 self.refuse(child, "is no part of a place")
-        sides = ("dorsal", "front", "palmar", *SIDES)
-        side = self.choice(e, "side", sides)
-        if side and side not in SIDES:
+        side = self.choice(e, "side")
+        if side and "_" not in side:
             self.reading.note(f"side={side} of <location_bodyarm> is left out", e.line)
             side = ""
-        other = self.choice(e, "second_location", PLACES)
-        second = Place(other, self.choice(e, "second_side", SIDES))
-        name = self.choice(e, "location", PLACES)
+        other = self.choice(e, "second_location")
+        second = Place(other, self.choice(e, "second_side"))
+        name = self.choice(e, "location")
         behind = self.flag(e, "behind")
         return Place(name, side, self.contact(e), behind, second if other else None, own[0] if own else None)
 
     def site(self, e: Element, weak: bool) -> Site | None:
         """A part of a hand; None where the element names none."""
         self.check(e)
-        part, digits = self.choice(e, "location", SITES), self.digits(e, "digits")
+        part, digits = self.choice(e, "location"), self.digits(e, "digits")
         if not part and digits:
             self.reading.note("<location_hand> without a location is read as the finger's midjoint", e.line)
-        other, others = self.choice(e, "second_location", SITES), self.digits(e, "second_digits")
+        other, others = self.choice(e, "second_location"), self.digits(e, "second_digits")
         second = None
         if other or others:
             second = site(other or part, others or digits, self.side(e, "second_side", weak))
@@ -199,15 +190,15 @@ class _Gestural(Values):
 
     def side(self, e: Element, key: str, weak: bool) -> str:
         """A side of a finger: left and right are as seen with the fingers up and the palm away from the signer."""
-        side = self.choice(e, key, ("palmar", "dorsal", "radial", "ulnar", "back", *SIDES))
-        if side in SIDES:
+        side = self.choice(e, key)
+        if "_" in side:
             is_left_hand = weak and not self.mirrored
             return "radial" if side.startswith("left") != is_left_hand else "ulnar"
         return "dorsal" if side == "back" else side
 
     def contact(self, e: Element) -> str:
         """How near a place or a pair is."""
-        return self.choice(e, "contact", CONTACTS)
+        return self.choice(e, "contact")
 
     # --- motions
 
@@ -219,11 +210,8 @@ class _Gestural(Values):
         self.check(e)
         makers = {"tgt_motion": self.targeted, "rpt_motion": self.repeated}
         made = makers[e.tag](e) if e.tag in makers else self.simple(e)
-        manner = replace(
-            made.manner,
-            speed=made.manner.speed * self.number(e, "speed"),
-            **{key: True for key in MANNER if self.flag(e, key)},
-        )
+        given = {key: True for key in MANNER if self.flag(e, key)}
+        manner = replace(made.manner, speed=made.manner.speed * factor(e, "speed", self.reading), **given)
         alternating = made.alternating or self.flag(e, "alternating")
         return replace(made, manner=manner, alternating=alternating, where=self.reading.where(f"<{e.tag}>", e.line))
 
@@ -237,32 +225,32 @@ class _Gestural(Values):
                 raise self.reading.error(f"has {len(parts)} motions, expected 2", f"<{tag}>", e.line)
             fused = self.flag(e, "fused")
             return Motion("fusion" if fused else kind, parts=parts, manner=WrittenManner(fused=fused))
-        size = self.choice(e, "size", ("small", "big"))
-        common: dict[str, Any] = {"size": size, "size_end": self.choice(e, "second_size", ("small", "big"))}
-        grows = self.choice(e, "incrdecr", ("increasing", "decreasing"))
-        common["size_end"] = {"increasing": "big", "decreasing": "small"}.get(grows, common["size_end"])
-        common |= {"ellipse": ELLIPSES.get(self.choice(e, "ellipse_direction", ELLIPSES), "")}
-        common |= {"ellipse_size": self.choice(e, "ellipse_size", ("small", "big"))}
-        common |= {"zigzag": self.choice(e, "zigzag_style", ("wavy", "zigzag"))}
-        common |= {"zigzag_size": self.choice(e, "zigzag_size", ("small", "big"))}
-        brushing = self.brushing(e)
+        size, brushing = self.choice(e, "size"), self.brushing(e)
+        common: dict[str, Any] = {
+            "size": size,
+            "size_end": _GROWTH.get(self.choice(e, "incrdecr")) or self.choice(e, "second_size"),
+            "zigzag": self.choice(e, "zigzag_style"),
+            "zigzag_size": self.choice(e, "zigzag_size"),
+            "brushing": brushing.place,
+            "brushing_pair": brushing.pair,
+        }
         if tag == "directedmotion":
             return Motion(
                 "straight", self.words(e, "direction", needed=True), curve=self.letters(e, "curve"),
-                curve_size=self.choice(e, "curve_size", ("small", "big")), **common,
-                brushing=brushing.place, brushing_pair=brushing.pair,
+                curve_size=self.choice(e, "curve_size"), **common,
             )  # fmt: skip
         if tag == "circularmotion":
             start, end = self.letters(e, "start"), self.letters(e, "end")
             more = sum(self.flag(e, key) for key in ("clockplus", "second_clockplus"))
             return Motion(
                 "circle", self.words(e, "axis", needed=True), turns=float(more + (not end)), start=start, end=end,
-                **common, brushing=brushing.place, brushing_pair=brushing.pair,
+                ellipse=_ELLIPSES.get(self.choice(e, "ellipse_direction"), ""),
+                ellipse_size=self.choice(e, "ellipse_size"), **common,
             )  # fmt: skip
         if tag == "wristmotion":
-            kind = self.choice(e, "motion", WRISTS)
+            kind = self.choice(e, "motion")
             if not kind:
-                self.refuse(e, f"has no motion, expected one of {' '.join(WRISTS)}")
+                self.refuse(e, "has no motion, expected one such as nodding")
             return Motion(kind or "hold", size=size)
         kinds = {"fingerplay": "fingerplay", "crossmotion": "crossing", "changeposture": "posture"}
         if tag == "no_motion":
@@ -300,7 +288,7 @@ class _Gestural(Values):
             raise self.reading.error("repeats no motion", "<rpt_motion>", e.line)
         whole = len(parts) > 1 or parts[0].repeat
         made = Motion("sequence", parts=parts) if whole else parts[0]
-        repeat, shift = self.choice(e, "repetition", REPEATS), self.letters(e, "repetition_baseshift")
+        repeat, shift = self.choice(e, "repetition"), self.letters(e, "repetition_baseshift")
         return replace(made, repeat=repeat or "fromstart", shift=shift)
 
 

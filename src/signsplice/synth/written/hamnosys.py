@@ -22,13 +22,11 @@ from signsplice.synth.written.reading import Reading, merged, weak_has_own
 from signsplice.synth.written.tree import Motion, Pair, WrittenManner, WrittenPosture, WrittenSign
 
 _MOST_SYMBOLS, _MOST_DEPTH = 1000, 12
-_SYMMETRY = {"symmpar": "parallel", "symmlr": "mirrored"}
+_SYMMETRY = symbols.KINDS["symmetry"]
 _KINDS = {"parbegin": "parallel", "seqbegin": "sequence", "fusionbegin": "fusion"}
 _CLOSERS = frozenset(symbols.BRACKETS.values())
-_UNSUPPORTED = {
-    "coreftag": "coreference", "corefref": "coreference", "wristtopulse": "a bent wrist", "wristtoback": "a bent wrist",
-    "wristtothumb": "a bent wrist", "wristtopinky": "a bent wrist", "mime": "a mimed action", "etc": "and so on",
-}  # fmt: skip
+_SHAPED = {"arc": ("curve", "straight"), "ellipse": ("ellipse", "circle"), "zigzag": ("zigzag", "straight", "circle")}
+"""Kind of symbol -> what of a motion it says, and of which kinds of motion."""
 
 
 def tokens(text: str, reading: Reading) -> list[Token]:
@@ -43,7 +41,7 @@ def tokens(text: str, reading: Reading) -> list[Token]:
         raise reading.error(f"has {len(words):,} symbols, expected at most {_MOST_SYMBOLS:,}", "", 0)
     found = list[Token]()
     for position, word in enumerate(words, 1):
-        name = symbols.SYMBOLS.get(word)
+        name = symbols.SYMBOLS.get(word) or symbols.PUNCTUATION.get(word)
         if name is None and word[:3].lower() == "ham":
             name = word[3:]
         found += named(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
@@ -52,14 +50,17 @@ def tokens(text: str, reading: Reading) -> list[Token]:
 
 def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]:
     """One symbol by its name without ham; none where it is left out. ``shown``: how errors call it."""
-    if name in symbols.ALIASES:
-        reading.note(f"ham{name} is read as ham{symbols.ALIASES[name]}", position)
-        name = symbols.ALIASES[name]
+    if meant := symbols.KINDS["alias"].get(name):
+        reading.note(f"ham{name} is read as ham{meant}", position)
+        name = meant
+    if name in symbols.PUNCTUATION.values():
+        reading.note(f"{shown} is left out", position)
+        return []
     if name not in symbols.NAMES:
         reading.refuse("is no symbol of HamNoSys 4", shown, position)
         return []
-    if name in _UNSUPPORTED:
-        reading.refuse(f"stands for {_UNSUPPORTED[name]}, which is not made", f"ham{name}", position)
+    if meaning := symbols.KINDS["unmade"].get(name, "").replace("-", " "):
+        reading.refuse(f"stands for {meaning}, which is not made", f"ham{name}", position)
         return []
     return [] if name == "version40" else [Token(name, position)]
 
@@ -139,7 +140,7 @@ class _Parser(Slots):
                     break
                 self.next()
                 self.reading.note("hamplus outside brackets joins the actions beside it", t.position)
-                other = self.action()
+                other = self.action_or_hold(t)
                 found[-1] = Motion("split", parts=(found[-1], other), where=self.where(t))
                 continue
             found.append(self.action())
@@ -160,9 +161,13 @@ class _Parser(Slots):
         if t.name == "nondominant":
             self.next()
             rest = Motion("hold", where=self.where(t))
-            inner = self.action() if self.peek() is not None and not self.at(*_CLOSERS, "plus") else rest
-            return Motion("split", parts=(rest, inner), where=self.where(t))
+            return Motion("split", parts=(rest, self.action_or_hold(t)), where=self.where(t))
         return self.modified(replace(self.core(t), where=self.where(t)))
+
+    def action_or_hold(self, t: Token) -> Motion:
+        """One action, or none where none comes after the symbol."""
+        ends = self.peek() is None or self.at(*_CLOSERS, "plus")
+        return Motion("hold", where=self.where(t)) if ends else self.action()
 
     def core(self, t: Token) -> Motion:
         """An action without what modifies it."""
@@ -170,6 +175,8 @@ class _Parser(Slots):
         if is_posture(name) or (name in symbols.BRACKETS and self.is_posture_bracket()):
             self.reading.note(f"{t.shown} after the first action is read as hamreplace", t.position)
             return self.posture_change(t)
+        if self.is_location():
+            return Motion("posture")  # to where ``modified`` finds
         self.next()
         if name == "replace":
             return self.posture_change(t)
@@ -181,11 +188,10 @@ class _Parser(Slots):
             return Motion("straight", (name.removeprefix("move"),))
         if name.startswith("circle"):
             return Motion("circle", (name.removeprefix("circle"),))
-        if name in symbols.WRISTS:
+        if name in symbols.KINDS["wrist"]:
             return Motion(name)
         if name == "fingerplay":
-            digits = [symbols.DIGITS[d.name] for d in self.take(*symbols.DIGITS)]
-            return Motion("fingerplay", digits=tuple(digits))
+            return Motion(name, digits=tuple(symbols.DIGITS[d.name] for d in self.take(*symbols.DIGITS)))
         if name != "nomotion":
             self.reading.refuse("modifies no action", t.shown, t.position)
         return Motion("hold")
@@ -222,20 +228,21 @@ class _Parser(Slots):
         """An action with its sizes, curves, manner, target and repetitions."""
         sized = "size"
         while (t := self.peek()) is not None:
-            name = t.name
-            if name in symbols.ARCS or name in ("wavy", "zigzag") or name in symbols.ELLIPSES:
-                m, sized = self.shaped(m, t)
-            elif name in ("smallmod", "largemod"):
-                m = _sized(m, sized, "small" if name == "smallmod" else "big")
-            elif name in ("increasing", "decreasing"):
-                m = _sized(m, "size_end", "big" if name == "increasing" else "small")
+            name, kinds = t.name, symbols.KINDS
+            if shaping := next((kind for kind in _SHAPED if name in kinds[kind]), ""):
+                sized = f"{_SHAPED[shaping][0]}_size"
+                m = self.shaped(m, shaping, t)
+            elif name in kinds["size"]:
+                m = _sized(m, sized, kinds["size"][name])
+            elif name in kinds["growth"]:
+                m = _sized(m, "size_end", kinds["growth"][name])
             elif name.startswith("clock"):
                 m = self.clocked(m, t)
-            elif name in symbols.MANNERS:
+            elif name in kinds["manner"]:
                 m = replace(m, manner=replace(m.manner, **{name: True}))
             elif name in symbols.REPEATS:
-                outer = replace(m, repeat="") if not m.repeat else Motion("sequence", parts=(m,), where=m.where)
-                m = replace(outer, repeat=symbols.REPEATS[name])
+                again = Motion("sequence", parts=(m,), where=m.where) if m.repeat else m
+                m = replace(again, repeat=symbols.REPEATS[name])
             elif name == "alternatingmotion":
                 m = replace(m, alternating=True)
             elif self.is_location():
@@ -246,23 +253,15 @@ class _Parser(Slots):
             self.next()
         return m
 
-    def shaped(self, m: Motion, t: Token) -> tuple[Motion, str]:
-        """A motion with a curve, a zigzag or a long axis, and what a size after it is the size of."""
-        if t.name in symbols.ARCS:
-            fits, key, value = m.kind == "straight", "curve", symbols.ARCS[t.name]
-        elif t.name in symbols.ELLIPSES:
-            fits, key, value = m.kind == "circle", "ellipse", symbols.ELLIPSES[t.name]
-        else:
-            fits, key, value = m.kind in ("straight", "circle"), "zigzag", t.name
-        if not fits:
-            if m.parts:
-                parts = list(m.parts)
-                parts[-1], _ = self.shaped(parts[-1], t)
-                return replace(m, parts=tuple(parts)), f"{key}_size"
-            self.reading.refuse(f"does not go with a motion of the kind {m.kind}", t.shown, t.position)
-            return m, "size"
-        changed: dict[str, Any] = {key: value}
-        return replace(m, **changed), f"{key}_size"
+    def shaped(self, m: Motion, shaping: str, t: Token) -> Motion:
+        """A motion, or the last within its brackets, with a curve, a zigzag or a long axis."""
+        key, *kinds = _SHAPED[shaping]
+        if m.kind in kinds:
+            return _sized(m, key, symbols.KINDS[shaping][t.name])
+        if m.parts:
+            return replace(m, parts=(*m.parts[:-1], self.shaped(m.parts[-1], shaping, t)))
+        self.reading.refuse(f"does not go with a motion of the kind {m.kind}", t.shown, t.position)
+        return m
 
     def clocked(self, m: Motion, t: Token) -> Motion:
         """A circle with its start, then its end; each whole circle is a turn more."""
@@ -283,12 +282,12 @@ class _Parser(Slots):
             return replace(m, brushing=found.place)
         if found.pair is not None and found.pair.contact == "brushing":
             return replace(m, brushing_pair=found.pair)
-        target = m.target
-        if target is not None and found.pair is not None and found.pair == Pair(contact=found.pair.contact):
+        target, contact = m.target, "" if found.pair is None else found.pair.contact
+        if target is not None and found == WrittenPosture(pair=Pair(contact=contact)):  # nearer to the same place
             if target.pair is not None:
-                return replace(m, target=replace(target, pair=replace(target.pair, contact=found.pair.contact)))
-            if target.place is not None:
-                return replace(m, target=replace(target, place=replace(target.place, contact=found.pair.contact)))
+                found = WrittenPosture(pair=replace(target.pair, contact=contact))
+            elif target.place is not None:
+                found = WrittenPosture(place=replace(target.place, contact=contact))
         return replace(m, target=merged(target, found))
 
 

@@ -9,9 +9,8 @@ from signsplice.synth.written import symbols
 from signsplice.synth.written.reading import Reading
 from signsplice.synth.written.tree import Where
 
-SIDES = {"lrat": "at", "lrbeside": "beside"}
-SITES = (*symbols.DIGITS, *symbols.FINGER_PARTS, *symbols.HAND_PARTS, *symbols.WRIST_SIDES)
-LOCATION = frozenset((*SIDES, *SITES, *symbols.PLACES, *symbols.CONTACTS, "behind"))
+SITES = (*symbols.DIGITS, *symbols.FINGER_PARTS, *symbols.HAND_PARTS)
+LOCATION = frozenset((*symbols.SIDES, *SITES, *symbols.PLACES, *symbols.CONTACTS, "behind"))
 PALMS = tuple(f"palm{d}" for d in ("u", "ur", "r", "dr", "d", "dl", "l", "ul"))
 
 
@@ -35,6 +34,11 @@ class Token:
 def is_posture(name: str) -> bool:
     """Whether a symbol is a handshape or a direction of fingers or palm."""
     return name in symbols.SHAPES or name.startswith("extfinger") or name in PALMS
+
+
+def is_action(name: str) -> bool:
+    """Whether a symbol begins an action."""
+    return name.startswith(("move", "circle")) or name in (*symbols.KINDS["wrist"], "fingerplay", "nomotion", "replace")
 
 
 class Row:
@@ -83,17 +87,25 @@ class Row:
 
     def is_posture_bracket(self) -> bool:
         """Whether brackets that come next hold slots, not actions."""
-        ahead = 0
-        while (t := self.peek(ahead)) is not None and t.name in (*symbols.BRACKETS, "nondominant"):
-            ahead += 1
-        return t is not None and (is_posture(t.name) or t.name in LOCATION)
+        names = self._bracket()
+        return any(is_posture(name) or name in LOCATION for name in names) and not any(map(is_action, names))
 
     def is_location(self) -> bool:
         """Whether a place, a site or a contact comes next, or brackets of them."""
-        ahead = 0
-        while (t := self.peek(ahead)) is not None and t.name in ("parbegin", "seqbegin"):
-            ahead += 1
-        return t is not None and t.name in LOCATION
+        t = self.peek()
+        if t is None or t.name not in ("parbegin", "seqbegin"):
+            return t is not None and t.name in LOCATION
+        return all(name in LOCATION or name in ("plus", "between", *symbols.BRACKETS) for name in self._bracket())
+
+    def _bracket(self) -> list[str]:
+        """The names of the symbols within the brackets that come next, openers among them; none where none comes."""
+        found, depth = list[str](), 0
+        for t in self.tokens[self._at :]:
+            depth += (t.name in symbols.BRACKETS) - (t.name in symbols.BRACKETS.values())
+            if depth < 1:
+                break
+            found.append(t.name)
+        return found
 
     def slot_follows(self) -> bool:
         """Whether a slot comes after the next symbol."""

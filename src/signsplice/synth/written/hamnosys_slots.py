@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 from signsplice.synth.written import symbols
-from signsplice.synth.written.hamnosys_row import PALMS, SIDES, SITES, Row, Token, is_posture
+from signsplice.synth.written.hamnosys_row import PALMS, SITES, Row, Token, is_posture
 from signsplice.synth.written.reading import merged, with_weak
 from signsplice.synth.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape
 
@@ -127,18 +127,26 @@ class Slots(Row):
     def fingers(self, made: WrittenShape) -> WrittenShape:
         """A handshape with a finger that bends on its own, crosses another, or is selected."""
         digit = symbols.DIGITS[self.next().name]
+        self.left_out_parts()
         t, after = self.peek(), self.peek(1)
         following = after.name if after is not None else ""
         if t is not None and t.name in ("cross", "touch") and following in symbols.DIGITS:
             crossed = self.next().name == "cross"
-            return replace(made, pair=(digit, symbols.DIGITS[self.next().name]), crossed=crossed)
+            other = symbols.DIGITS[self.next().name]
+            self.left_out_parts()
+            if 1 in (digit, other):  # the thumb meets a finger
+                return replace(made, opposed=max(digit, other))
+            return replace(made, pair=(digit, other), crossed=crossed)
         if t is not None and t.name in symbols.BENDS:
             return replace(made, bends=(*made.bends, (digit, symbols.BENDS[self.next().name])))
-        for part in self.take(*symbols.FINGER_PARTS):
-            self.reading.note(f"{part.shown} within a handshape is left out", part.position)
         if digit == 1 and t is not None and (t.name in symbols.THUMBS or t.name == "between"):
             return made
         return replace(made, special=(*made.special, digit))
+
+    def left_out_parts(self) -> None:
+        """Pass over parts of fingers within a handshape: where fingers meet is not made as finely."""
+        for part in self.take(*symbols.FINGER_PARTS):
+            self.reading.note(f"{part.shown} within a handshape is left out", part.position)
 
     # --- places
 
@@ -180,7 +188,7 @@ class Slots(Row):
 
     def place(self, weak: bool = True) -> WrittenPosture:
         """A place or a site with its side, and the other of two between which it is; empty where a contact comes."""
-        before = self.take(*SIDES)
+        before = self.take(*symbols.SIDES)
         t = self.peek()
         if t is not None and t.name in symbols.PLACES:
             place = Place(symbols.PLACES[self.next().name], self.sided(before))
@@ -200,15 +208,15 @@ class Slots(Row):
 
     def sided(self, before: Sequence[Token]) -> str:
         """The side of a place: a symbol before it says left, one after it right."""
-        after = self.take(*SIDES)
+        after = self.take(*symbols.SIDES)
         if before:
-            return f"left_{SIDES[before[0].name]}"
-        return f"right_{SIDES[after[0].name]}" if after else ""
+            return f"left_{symbols.SIDES[before[0].name]}"
+        return f"right_{symbols.SIDES[after[0].name]}" if after else ""
 
-    def between(self, names: Sequence[str] | dict[str, str]) -> bool:
+    def between(self, names: Container[str]) -> bool:
         """Whether the other of two places or sites follows; hambetween is passed."""
         after = self.peek(1)
-        if self.at("between") and after is not None and (after.name in names or after.name in SIDES):
+        if self.at("between") and after is not None and (after.name in names or after.name in symbols.SIDES):
             self.next()
             return True
         return False
@@ -224,7 +232,7 @@ class Slots(Row):
             elif not part and not digits:
                 part = t.name
             else:
-                side = symbols.HAND_PARTS.get(t.name, "") or symbols.WRIST_SIDES.get(t.name, "")
+                side = symbols.HAND_PARTS[t.name]
         if word := self.sided(before):
             side = "radial" if word.startswith("left") != (weak and not self.mirrored) else "ulnar"
         made = Site(part or "midjoint", tuple(digits[:2]), side)

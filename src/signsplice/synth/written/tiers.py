@@ -55,7 +55,7 @@ def _tier(e: Element, lane: str, start: int, reading: Reading) -> Tier | None:
     if name == "shoulder" and lane == "head_tier":
         reading.note("<shoulder_movement> among movements of the head is read as one", e.line)
         name = "head"
-    for silent in e.attributes.keys() - {key, "movement", "direction", "amount", "speed"}:
+    for silent in sorted(e.attributes.keys() - {key, "movement", "direction", "amount", "speed"}):
         reading.note(f"{silent[:40]} of <{e.tag}> is left out", e.line)
     amount, speed = (factor(e, k, reading) for k in ("amount", "speed"))
     return Tier(name, code, start, amount, speed, lane.removesuffix("_tier") or LANES[name])

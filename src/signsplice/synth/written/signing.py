@@ -1,0 +1,67 @@
+"""Written signs as clips: the compiler's sign, signed by the standard signer, with its face."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from signsplice.errors import InputError
+from signsplice.motion.clip import Clip
+from signsplice.synth import planner
+from signsplice.synth.segment_plan import FPS
+from signsplice.synth.written import faces, files
+from signsplice.synth.written.compiler import compile_sign
+from signsplice.synth.written.tree import WrittenSign
+
+
+def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
+    """The clip of a written sign, named by its gloss, from rest to rest. Raises ``InputError`` that names gloss, symbol
+    and place for what cannot be made, or, where ``lenient``, is as usual where it is not written.
+    """
+    word = planner.isolated(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
+    return faces.with_face(word.clip, sign, (word.events.start, word.events.end + 1))
+
+
+def warnings(sign: WrittenSign) -> tuple[str, ...]:
+    """What a reader mended or left out of a sign, and what of its face and body is not made, one line each."""
+    return tuple(f"{sign.where.file}: {sign.gloss}: {line}" for line in (*sign.notes, *faces.left_out(sign)))
+
+
+def find(path: str | Path, gloss: str = "", lenient: bool = False) -> WrittenSign:
+    """A sign of a file by its gloss in any case, or the only one. Raises ``InputError`` for what is not there, or what
+    refuses it.
+    """
+    read = files.read(path, lenient)
+    wanted = [sign for name, sign in read.signs.items() if not gloss or name.casefold() == gloss.casefold()]
+    if len(wanted) == 1:
+        return wanted[0]
+    refused = [error for error in read.refused if not gloss or f" {gloss.casefold()}: " in str(error).casefold()]
+    if refused and not wanted:
+        raise refused[0]
+    shown = ", ".join(list(read.signs)[:5])
+    what = f"no sign {gloss[:60]!r}" if gloss else f"{len(read.signs)} signs"
+    raise InputError(f"{path}: {what}, expected the gloss of one of its signs: {shown}{', ...' if shown else ''}")
+
+
+def sign(path: str | Path, gloss: str = "", *, fps: float = FPS, lenient: bool = False) -> Clip:
+    """A sign of a file of SiGML or HamNoSys (``.sigml``, ``.csv``, ``.json``, ``.txt``) as a clip with its face.
+
+    gloss: of a sign, GLOSS#2 for the second of a gloss; may be left out where the file has one sign. lenient: leave out
+    what is not understood. No signer has checked such signs. Raises ``InputError`` for what is not there, not
+    understood, or not made.
+    """
+    return signed(find(path, gloss, lenient), fps, lenient)
+
+
+def clips(content: bytes, name: str, most: int, fps: float = FPS) -> Iterator[Clip]:
+    """The clips of all signs of a file's content, in its order. Raises ``InputError`` for the first that is refused, or
+    more than ``most``.
+    """
+    read = files.parse(content, name)
+    if read.refused:
+        raise read.refused[0]
+    if len(read.signs) > most:
+        raise InputError(f"{name}: {len(read.signs)} signs, expected at most {most}")
+    for one in read.signs.values():
+        yield signed(one, fps)

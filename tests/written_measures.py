@@ -1,0 +1,336 @@
+"""Signs in gestural SiGML against the motion that is made of them: an XML reader and a geometry of its own, which share
+nothing with the compiler but the body's skin and the table of places.
+
+    python tests/written_measures.py FOLDER [--every N] [--json FILE] [--worst N]
+
+Of each sign: the first posture (fingers, palm, place) and the last one, each looked for in all frames of the motion, so
+that no timing is taken over; each written touch; how deep hands are in the body or in one another. Letters are summed
+and normalised; palms follow the table of docs/hamnosys.md; places lie at the heights and distances named there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+import xml.etree.ElementTree as ET
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.body import collision
+from signsplice.errors import InputError
+from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip
+from signsplice.synth.locations import body_locations
+from signsplice.synth.signer import JOINTS, STANDARD
+from signsplice.synth.written import signing
+
+LETTERS = {"u": (0, 1, 0), "d": (0, -1, 0), "l": (1, 0, 0), "r": (-1, 0, 0), "o": (0, 0, 1), "i": (0, 0, -1)}
+HEIGHT = {"neck": 21.0, "shouldertop": 19.0, "shoulders": 14.0, "chest": 5.0, "stomach": -10.0, "belowstomach": -22.0}
+"""Heights of places of the trunk above the chest's joint, cm."""
+DEPTH = {"close": 25.0, "": 30.0, "armextended": 42.0}
+"""How far in front of the chest's joint a hand is that is not on the skin, cm."""
+ASIDE = {"neck": 6.0, "shouldertop": 15.0, "shoulders": 15.0, "chest": 12.0, "stomach": 12.0, "belowstomach": 12.0}
+ON_HEAD = {
+    "headtop": "crown",
+    "forehead": "forehead",
+    "eyebrows": "eye",
+    "eyes": "eye",
+    "nose": "nose",
+    "nostrils": "nose",
+    "ear": "ear",
+    "earlobe": "ear",
+    "cheek": "cheek",
+    "lips": "mouth",
+    "tongue": "mouth",
+    "teeth": "mouth",
+    "chin": "chin",
+    "underchin": "under-chin",
+}
+PAIRED = ("eyes", "eyebrows", "ear", "earlobe", "cheek", "shouldertop")
+HEAD_GAP = {"touch": 0.0, "": 0.0, "close": 4.0, "armextended": 25.0}
+LIMITS = {"fingers": 10.0, "palm": 10.0, "place": 3.0}
+"""Degrees, degrees, cm."""
+FLAT = ("flat", "fist", "finger2345")
+MOVES = ("directedmotion", "circularmotion", "tgt_motion", "changeposture", "wristmotion", "fingerplay", "par_motion",
+         "seq_motion", "rpt_motion", "split_motion", "nomotion", "no_motion", "crossmotion")  # fmt: skip
+
+
+@dataclass
+class Asked:
+    """What a posture asks of the strong hand; None where it says nothing.
+
+    fingers, palm: unit vectors
+    places: points, chest axes, any of which will do, cm
+    touch: whether a touch is written
+    """
+
+    fingers: FloatArray | None = None
+    palm: FloatArray | None = None
+    places: list[FloatArray] = field(default_factory=list)
+    touch: bool = False
+
+
+def letters(*words: str | None) -> FloatArray | None:
+    found = [np.sum([LETTERS[c] for c in word], axis=0, dtype=float) for word in words if word]
+    if not found:
+        return None
+    total = np.sum([one / max(float(np.linalg.norm(one)), 1e-9) for one in found], axis=0)
+    length = float(np.linalg.norm(total))
+    return None if length < 1e-6 else np.asarray(total / length)
+
+
+def palm_of(word: str, fingers: FloatArray) -> FloatArray:
+    """The palm's normal: a roll about the fingers' direction."""
+    across = np.array([fingers[2], 0.0, -fingers[0]])  # Y x F
+    if float(np.linalg.norm(across)) < 1e-6:
+        across = np.array([1.0, 0.0, 0.0])  # straight up or down counts as out
+    across /= np.linalg.norm(across)
+    if fingers[2] < -1e-6:
+        across = -across
+    down = np.cross(fingers, across)
+    down /= np.linalg.norm(down)
+    level = np.array([0.0, -1.0, 0.0])
+    if abs(float(fingers[1])) > 0.999:
+        level = np.array([0.0, 0.0, 1.0 if fingers[1] > 0 else -1.0])
+    if float(down @ level) < 0:
+        down = -down
+    a = np.arctan2(word.count("l") - word.count("r"), word.count("d") - word.count("u"))
+    return np.asarray(np.cos(a) * down + np.sin(a) * across)
+
+
+def place_points(element: ET.Element, two: bool, points: dict[str, FloatArray]) -> list[FloatArray]:
+    """Where a place is; several where the notation leaves a choice (of a pair of organs, with two hands)."""
+    contact = element.get("contact", "")
+    found = []
+    for name, side in (
+        (element.get("location", ""), element.get("side", "")),
+        (element.get("second_location", ""), element.get("second_side", "")),
+    ):
+        if name:
+            options = _one_place(name, side, contact, two, points)
+            if not options:
+                return []
+            found.append(options)
+    if not found:
+        return []
+    if len(found) == 1:
+        return found[0]
+    return [(a + b) / 2 for a in found[0] for b in found[1]]
+
+
+def _one_place(name: str, side: str, contact: str, two: bool, points: dict[str, FloatArray]) -> list[FloatArray]:
+    if name in ON_HEAD:
+        point, normal = points[ON_HEAD[name]], points[ON_HEAD[name] + "/n"]
+        aside = 6.0 + 10.0 * side.endswith("beside")
+        if name in PAIRED:
+            xs = [abs(point[0]) + 10.0 * side.endswith("beside")]
+        else:
+            xs = [aside] if side else ([0.0, aside] if two else [0.0])
+        signs = [1.0] if side.startswith("left") else [-1.0]
+        return [
+            np.array([sign * x, point[1], point[2]])
+            + HEAD_GAP.get(contact, 0.0) * np.array([sign * abs(normal[0]), normal[1], normal[2]])
+            for x in xs
+            for sign in signs
+        ]
+    if name == "head":
+        height, at = 33.0, 6.0
+    elif name in HEIGHT:
+        height, at = HEIGHT[name], ASIDE[name]
+    else:
+        return []
+    if contact == "touch":
+        return []  # on the skin: the touch is measured, and where along the body it may slide is not
+    depth = DEPTH.get(contact, 30.0) if name != "head" else {"close": 18.0}.get(contact, DEPTH.get(contact, 30.0))
+    x = at + 10.0 * side.endswith("beside") if side else (at if name in PAIRED else 0.0)
+    xs = [x, at] if two and not side else [x]
+    sign = 1.0 if side.startswith("left") else -1.0
+    return [np.array([sign * one, height, depth]) for one in xs]
+
+
+def asked(manual: ET.Element) -> tuple[Asked, Asked]:
+    """The first posture of a sign and its last; of a compound those of its parts at either end."""
+    inner = [child for child in manual if child.tag == "sign_manual"]
+    if inner:
+        return asked(inner[0])[0], asked(inner[-1])[1]
+    two = manual.get("both_hands") == "true"
+    start, end, moved, seen = [], [], False, Counter[str]()
+    for child in manual:
+        moved = moved or child.tag in MOVES
+        if not moved:
+            start.append(child)
+    for one in manual.iter():
+        if one.tag in ("split_handconfig", "split_location", "split_motion"):
+            seen["split"] += 1
+        if one.tag == "tgt_motion":
+            end = [child for child in one if child.tag in ("handconfig", "location_bodyarm")] or end
+        if one.tag == "rpt_motion" and one.get("repetition") in ("reverse", "tofroto", "continue", "continue_several"):
+            seen["back"] += 1
+    first = _posture(start, two, None)
+    last = Asked()
+    if end and not seen["split"] and not seen["back"]:
+        last = _posture(end, two, first.fingers)
+        last.places = []
+    if seen["split"]:
+        first.places = []
+    return first, last
+
+
+def _posture(elements: list[ET.Element], two: bool, fingers: FloatArray | None) -> Asked:
+    found = Asked()
+    flat = [e for e in elements if e.tag == "handconfig"]
+    for e in elements:
+        if e.tag == "split_handconfig":
+            flat += list(e)[:1]
+    word = None
+    for e in flat:
+        if e.get("extfidir"):
+            found.fingers = letters(e.get("extfidir"), e.get("second_extfidir"))
+        if e.get("palmor"):
+            word = (e.get("palmor", ""), e.get("second_palmor"))
+    about = found.fingers if found.fingers is not None else fingers
+    if word and about is not None and not set("oi") & set(word[0] + (word[1] or "")):
+        normals = [palm_of(one, about) for one in word if one]
+        total = np.sum(normals, axis=0)
+        if float(np.linalg.norm(total)) > 0.5:
+            found.palm = total / np.linalg.norm(total)
+    for e in elements:
+        for one in e.iter("location_bodyarm"):
+            found.touch = found.touch or one.get("contact") == "touch"
+            if e.tag == "location_bodyarm":
+                found.places = place_points(one, two, POINTS)
+        if e.tag == "handconstellation":
+            found.touch = found.touch or e.get("contact") == "touch"
+    return found
+
+
+def _points() -> dict[str, FloatArray]:
+    found = body_locations(STANDARD)
+    return {name: one.point for name, one in found.items()} | {f"{name}/n": one.normal for name, one in found.items()}
+
+
+POINTS = _points()
+
+
+@dataclass(frozen=True, eq=False)
+class Hand:
+    """The strong hand in every frame, chest axes: directions (T, 3), points (T, K, 3) of which any may be at a place."""
+
+    fingers: FloatArray
+    palm: FloatArray
+    sites: FloatArray
+
+
+def hand(clip: Clip, side: str = "Right") -> Hand:
+    rotations, positions = kinematics.forward(clip)
+    chest = rotations[:, JOINTS["Spine2"]]
+    at = positions[:, JOINTS["Spine2"]]
+    turn = np.einsum("tba,tbc->tac", chest, rotations[:, JOINTS[f"{side}Hand"]])
+    away = -1.0 if side == "Right" else 1.0
+    names = [f"{side}Hand", *(f"{side}Hand{f}{n}" for f in ("Thumb", "Index", "Middle", "Ring", "Pinky") for n in (1, 2, 3))]
+    tips = kinematics.tip_positions(clip, rotations, positions)
+    ends = [k for k, site in enumerate(clip.skeleton.end_sites) if clip.skeleton.names[site.joint].split(":")[-1] in names]
+    world = np.concatenate([positions[:, [JOINTS[n] for n in names]], tips[:, ends]], axis=1)
+    palm = (world[:, 0] + world[:, 7]) / 2  # between wrist and middle knuckle
+    sites = np.einsum("tba,tkb->tka", chest, np.concatenate([world, palm[:, None]], axis=1) - at[:, None])
+    return Hand(turn @ np.array([away, 0.0, 0.0]), turn @ np.array([0.0, -1.0, 0.0]), sites)
+
+
+def angle(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.rad2deg(np.arccos(np.clip(a @ b, -1.0, 1.0))))
+
+
+def missed(what: Asked, seen: Hand) -> dict[str, float]:
+    """Errors at the frame where they are least together: degrees, degrees, cm."""
+    errors = {}
+    if what.fingers is not None:
+        errors["fingers"] = angle(seen.fingers, what.fingers)
+    if what.palm is not None:
+        errors["palm"] = angle(seen.palm, what.palm)
+    if what.places:
+        errors["place"] = np.min([np.linalg.norm(seen.sites - p, axis=-1).min(axis=1) for p in what.places], axis=0)
+    if not errors:
+        return {}
+    best = int(np.argmin(np.max([error / LIMITS[name] for name, error in errors.items()], axis=0)))
+    return {name: float(error[best]) for name, error in errors.items()}
+
+
+def clip_of(path: Path) -> Clip:
+    """The motion of a file's first sign."""
+    return signing.sign(path)
+
+
+def skins(clip: Clip) -> tuple[float, float]:
+    """How deep a hand is at worst in head, trunk, the other arm or its hand, and the least distance to any of them, cm."""
+    depth = collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))[0]
+    deepest = float(depth.max())
+    return max(deepest, 0.0), max(-deepest, 0.0)
+
+
+def measure(path: Path) -> dict[str, object]:
+    """The row of one file."""
+    root = ET.parse(path).getroot()
+    sign = root.find("hamgestural_sign")
+    manual = None if sign is None else sign.find("sign_manual")
+    row: dict[str, object] = {"file": path.name, "gloss": "" if sign is None else sign.get("gloss", "")}
+    began = time.perf_counter()
+    try:
+        clip = clip_of(path)
+    except InputError as error:
+        return row | {"refused": str(error)}
+    row["ms"] = 1000 * (time.perf_counter() - began)
+    row["seconds"] = len(clip) / clip.fps
+    if manual is None:
+        return row
+    first, last = asked(manual)
+    side = "Left" if manual.get("nondominant") == "true" else "Right"
+    seen = hand(clip, side)
+    row["first"] = missed(first, seen)
+    row["last"] = missed(last, seen)
+    row["deep"], row["near"] = skins(clip)
+    row["touch"] = any(e.get("contact") == "touch" for e in manual.iter())
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--every", type=int, default=1, help="only every N-th file")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--worst", type=int, default=8)
+    options = parser.parse_args()
+    rows = [measure(path) for path in sorted(options.folder.glob("*.sigml"))[:: options.every]]
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1))
+    made = [row for row in rows if "refused" not in row]
+    print(f"{len(rows)} signs, {len(made)} made ({len(made) / len(rows):.1%})")
+    for reason, n in Counter(str(row["refused"]).split(":")[-1].strip()[:70] for row in rows if "refused" in row).most_common(12):
+        print(f"  refused {n}: {reason}")
+    ms = np.array([row["ms"] for row in made])
+    seconds = np.array([row["seconds"] for row in made])
+    print(f"milliseconds a sign: median {np.median(ms):.0f}, p95 {np.percentile(ms, 95):.0f}")
+    print(f"seconds a clip: median {np.median(seconds):.2f}, 5 to 95 %: {np.percentile(seconds, 5):.2f} to {np.percentile(seconds, 95):.2f}")
+    for posture in ("first", "last"):
+        for name, limit in LIMITS.items():
+            errors = [(row[posture][name], row["gloss"]) for row in made if name in row.get(posture, {})]
+            if errors:
+                values = np.array([e for e, _ in errors])
+                print(
+                    f"{posture} {name}: {len(values)} asked, within {limit:g}: {np.mean(values <= limit):.1%}, median {np.median(values):.1f}, "
+                    f"p95 {np.percentile(values, 95):.1f}; worst " + ", ".join(f"{g} {e:.0f}" for e, g in sorted(errors)[: -options.worst - 1 : -1])
+                )
+    touches = [(row["near"], row["gloss"]) for row in made if row.get("touch")]
+    near = np.array([d for d, _ in touches])
+    print(f"touches: {len(near)} written, within .5 cm: {np.mean(near <= 0.5):.1%}; worst " + ", ".join(f"{g} {d:.1f}" for d, g in sorted(touches)[: -options.worst - 1 : -1]))
+    deep = [(row["deep"], row["gloss"]) for row in made if "deep" in row]
+    values = np.array([d for d, _ in deep])
+    print(f"deepest hand: over .5 cm in {np.mean(values > 0.5):.1%}; worst " + ", ".join(f"{g} {d:.1f}" for d, g in sorted(deep)[: -options.worst - 1 : -1]))
+
+
+if __name__ == "__main__":
+    main()
