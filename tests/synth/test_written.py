@@ -404,6 +404,18 @@ def test_a_doctype_that_names_a_file_reads_none() -> None:
     assert len(files.parse(text.encode(), "x.sigml").signs) == 10
 
 
+@pytest.mark.parametrize("bracket", ["seq", "par", "fusion"])
+@pytest.mark.parametrize(
+    "slots", ["fist", "extfingero palmd", "chest touch", "between", "", "plus", "fist plus flathand"]
+)
+def test_brackets_of_slots_after_an_action_end(bracket: str, slots: str) -> None:
+    for lenient in (True, False):
+        try:
+            read(f"{POINT} moveu {bracket}begin {slots} {bracket}end moved", lenient)
+        except ss.InputError:
+            assert not lenient
+
+
 def test_deep_elements_brackets_and_long_signs_are_refused() -> None:
     with pytest.raises(ss.InputError, match="40 levels"):
         files.parse(b"<sigml>" + b"<a>" * 100_000, "x.sigml")

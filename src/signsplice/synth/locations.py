@@ -18,11 +18,12 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
-from signsplice.synth.avoidance import TOLERANCE_CM, hand_clearances, penetration
+from signsplice.synth.avoidance import hand_clearances
 from signsplice.synth.composed import handshape
 from signsplice.synth.hand_parts import HandPart, hand_part
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import ON_ARM, PLACES, REST, Posture, Vector, on_arm
+from signsplice.synth.reaching import beside_shoulder, in_contact
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, JOINTS, Signer, skeleton
 
@@ -43,8 +44,6 @@ _ON_BASE = {
 _ON_WEAK_ARM = {name: (bone, float(at), float(skin), _vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
-_CONTACT_ROUNDS = 12
-"""How often a hand whose part touches is moved out of what it lies in, or back, at most."""
 _TOUCH_ROUNDS = 3
 """How often a hand that is written to lie on the skin is moved there."""
 
@@ -202,33 +201,22 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
     signer, normal = weak.signer, locate(posture.location, weak).normal
     hand_state = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), angles])
     if posture.touch:
-        return _in_contact(hand_state, quat, weak, meets, (4.0 if posture.location in ON_ARM else 0.7) * normal)
+        part = rotation.rotate(quat, hand_part(posture.part).centre(handshape(posture.shape).points))
+        wrist, quat = beside_shoulder(wrist, quat, part * signer.hands * signer.scale, signer)
+        hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])
+        return in_contact(
+            hand_state,
+            quat,
+            None if meets else weak.hand,
+            signer,
+            (4.0 if posture.location in ON_ARM else 0.7) * normal,
+        )
     for _ in range(_TOUCH_ROUNDS * (posture.on_skin and normal.any())):
         gaps = hand_clearances(pose.of_hands(hand_state, weak.hand)[None], signer)[0]
         gap = gaps[2 if on_arm(posture.location) else 0]
         wrist = wrist + (max(posture.off, 0.0) * signer.scale - gap) * normal
         hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])
     return hand_state
-
-
-def _in_contact(hand_state: FloatArray, quat: FloatArray, weak: WeakArm, meets: bool, normal: FloatArray) -> FloatArray:
-    """A hand state (27,) moved as little as may be until the hand is no deeper in the body, or in the other hand, than
-    a touch: by turns back to where its part touches, and out of what it lies in, rather along ``normal`` (3,).
-    """
-    signer = replace(weak.signer, left_handed=False)
-    wanted, made, free = hand_state[:3].copy(), hand_state.copy(), hand_state
-    for n in range(_CONTACT_ROUNDS):
-        depth, out = penetration(pose.of_hands(made, made if meets else weak.hand)[None], signer)
-        if depth[0, 0] > TOLERANCE_CM:
-            way = out[0, 0] + normal
-            wrist = made[:3] + (depth[0, 0] - 0.5 * TOLERANCE_CM) * (0.6 if meets else 1.0) * way / np.linalg.norm(way)
-        else:
-            free = made
-            if np.linalg.norm(wanted - made[:3]) < 0.1 or n >= _CONTACT_ROUNDS - 4:
-                break
-            wrist = 0.5 * (made[:3] + wanted)
-        made = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), hand_state[6:]])
-    return free if free is not hand_state else made
 
 
 def strong_wrist(

@@ -260,26 +260,16 @@ def _path(line: _Line, text: str, key: str = "path") -> Path:
 def _circle(line: _Line, words: list[str], key: str, text: str) -> Path:
     """A circle about an axis, AXIS:CM:TURNS[:START[:RATIO]]."""
     axis = _direction(line, words[0])
-    start = _across(line, _direction(line, words[3]) if len(words) > 3 else (0.0, 1.0, 0.0), axis, text)
-    return Path(
-        "circle",
-        axis,
-        size=_number(line, key, words[1], 0.5, 30.0),
-        revolutions=_number(line, key, words[2], -6.0, 6.0),
-        start=start,
-        ratio=_number(line, key, words[4], 0.1, 10.0) if len(words) > 4 else 1.0,
-    )
-
-
-def _across(line: _Line, vector: Vector, axis: Vector, text: str) -> Vector:
-    """The unit vector at right angles to an axis that is nearest to a vector."""
-    along = sum(a * b for a, b in zip(vector, axis, strict=True))
-    across = [a - along * b for a, b in zip(vector, axis, strict=True)]
+    start = _direction(line, words[3]) if len(words) > 3 else (0.0, 1.0, 0.0)
+    along = sum(a * b for a, b in zip(start, axis, strict=True))
+    across = [a - along * b for a, b in zip(start, axis, strict=True)]
     length = math.sqrt(sum(c * c for c in across))
     if length < 0.1:
-        raise line.error(f"path={text}: the circle's start lies on its axis, expected a start across it")
+        raise line.error(f"{key}={text}: the circle's start lies on its axis, expected a start across it")
+    size, turns = _number(line, key, words[1], 0.5, 30.0), _number(line, key, words[2], -6.0, 6.0)
+    ratio = _number(line, key, words[4], 0.1, 10.0) if len(words) > 4 else 1.0
     x, y, z = (c / length for c in across)
-    return x, y, z
+    return Path("circle", axis, size=size, revolutions=turns, start=(x, y, z), ratio=ratio)
 
 
 def _local(line: _Line, text: str) -> Local:

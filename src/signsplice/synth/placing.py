@@ -143,5 +143,5 @@ def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign:
         wanted = wanted + axes((site.skin * unit + posture.off * signer.scale, 0.0, 0.0))
     missing = wanted - here
     length = float(np.linalg.norm(missing))
-    left = 0.05 if posture.touch else _LEFT_CM * signer.scale
-    return missing * max(0.0, min(length, _MOST_CM) - left) / max(length, 1e-9), arm
+    stays = 0.05 if posture.touch else _LEFT_CM * signer.scale
+    return missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9), arm

@@ -7,7 +7,7 @@ two hands as ``hands=base``: the weak hand has postures and paths of its own.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,9 +22,11 @@ from signsplice.synth.signer import STANDARD
 from signsplice.synth.written.directions import plus, unit
 from signsplice.synth.written.faces import body_tracks
 from signsplice.synth.written.hands import KINDS, HandState, checked, palm_point, resting, weak_arm
+from signsplice.synth.written.kinds import alternates, is_symmetric, is_two_handed, splits
 from signsplice.synth.written.places import ON_ARM, Spot, part_of_hand, point_of, spot
+from signsplice.synth.written.repetition import Tracked, collapsed
 from signsplice.synth.written.steps import Step, View, common_tempo, spread, steps
-from signsplice.synth.written.tree import Motion, Pair, Place, WrittenPosture, WrittenSign
+from signsplice.synth.written.tree import Pair, Place, WrittenPosture, WrittenSign
 
 _GAP_CM = {"close": 3.0, "armextended": 12.0}
 """Between two hands that are a pair; 0 for every other contact."""
@@ -58,13 +60,13 @@ def _where(sign: WrittenSign) -> str:
 def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
     parts = sign.parts or (sign,)
     gloss = re.sub(r"[\s=:]+", "-", sign.gloss.strip()) or "SIGN"
-    mirrored = all(_is_symmetric(part) for part in parts)
-    two = any(_is_two_handed(part) for part in parts)
+    mirrored = all(is_symmetric(part) for part in parts)
+    two = any(is_two_handed(part) for part in parts)
     made = _Compiler("symmetric" if mirrored else "base" if two else "one", lenient)
     for part in parts:
         made.add(part)
     hands = made.hands
-    if mirrored and any(part.alternating or _alternates(part.motions) for part in parts):
+    if mirrored and any(part.alternating or alternates(part.motions) for part in parts):
         if _one_move(made):
             hands = "alternating"
         else:
@@ -106,70 +108,12 @@ def _one_move(made: _Compiler) -> bool:
     return len(moves) == 1 and (moves[0].path.kind == "circle" or not moves[0].strong.touch)
 
 
-def _alternates(motions: tuple[Motion, ...]) -> bool:
-    return any(motion.alternating or _alternates(motion.parts) for motion in motions)
-
-
-def _is_two_handed(sign: WrittenSign) -> bool:
-    postures = [sign.posture, *_targets(sign.motions)]
-    arm = any(_at_weak_arm(posture) for posture in postures)
-    return sign.hands != "one" or sign.holdover or arm or _splits(sign.motions)
-
-
-def _at_weak_arm(posture: WrittenPosture) -> bool:
-    names = ("upperarm", "elbow", "elbowinside", "lowerarm", "wristback", "wristpulse")
-    pair = posture.pair is not None and (posture.pair.weak is not None)
-    return pair or posture.weak is not None or (posture.place is not None and posture.place.name in names)
-
-
-def _is_symmetric(sign: WrittenSign) -> bool:
-    """Whether both hands mirror one another in all that is written."""
-    if sign.hands != "mirrored" or sign.holdover or _splits(sign.motions):
-        return False
-    return all(_alike(posture) for posture in (sign.posture, *_targets(sign.motions)))
-
-
-def _alike(posture: WrittenPosture) -> bool:
-    pair = posture.pair
-    meets = pair is None or (pair.weak == pair.strong and (pair.place is None or pair.place.contact != "touch"))
-    sides = posture.place is None or posture.place.name not in (
-        "lowerarm",
-        "wristback",
-        "elbow",
-        "upperarm",
-        "wristpulse",
-    )
-    return posture.weak is None and meets and sides
-
-
-def _targets(motions: tuple[Motion, ...]) -> list[WrittenPosture]:
-    found = []
-    for motion in motions:
-        found += [motion.target] if motion.target is not None else []
-        pair = motion.brushing_pair
-        found += [WrittenPosture(pair=pair)] if pair is not None else []
-        found += _targets(motion.parts)
-    return found
-
-
-def _splits(motions: tuple[Motion, ...]) -> bool:
-    return any(m.kind in ("split", "swap") or m.repeat == "swap" or _splits(m.parts) for m in motions)
-
-
-@dataclass(frozen=True)
-class _Tracked:
-    """A segment, and whether it is an unmarked way back."""
-
-    segment: Segment
-    back: bool = False
-
-
 class _Compiler:
     """The segments of a sign so far and both hands at their end."""
 
     def __init__(self, hands: str, lenient: bool) -> None:
         self.hands, self.lenient = hands, lenient
-        self.track: list[_Tracked] = []
+        self.track: list[Tracked] = []
         self.strong, self.weak = HandState(0), HandState(1)
         self.pair: Pair | None = None
         self.saved: dict[tuple[int, int], HandState] = {}
@@ -181,7 +125,7 @@ class _Compiler:
         held = self.weak if sign.holdover else HandState(1)
         self.strong, self.weak, self.pair = HandState(0, meets=self.hands == "symmetric"), HandState(1), None
         self.saved = {}
-        own = _is_two_handed(sign)
+        own = is_two_handed(sign)
         if sign.hands != "weak":
             self.strong = checked(self.strong.written(sign.posture, self.kind), self.lenient)
         if sign.holdover:
@@ -203,7 +147,7 @@ class _Compiler:
             mine = steps(motion, View(), 100 + n) if sign.hands != "weak" else []
             its: list[Step] = []
             if self.hands == "base" and own:
-                moves = sign.hands not in ("one", "two") or _splits((motion,))
+                moves = sign.hands not in ("one", "two") or splits((motion,))
                 its = steps(motion, weak_view, 100 + n) if moves else [_of_weak_hand(step) for step in mine]
             count = max(len(mine), len(its))
             strong_steps += spread(mine, count)
@@ -370,7 +314,7 @@ class _Compiler:
         weak = (self.weak.made if self.weak.posture is not None else resting()) if self.hands == "base" else None
         last = self.track[-1].segment if self.track else None
         if last is None:
-            self.track.append(_Tracked(Segment("X", strong, weak)))
+            self.track.append(Tracked(Segment("X", strong, weak)))
             return
         if on_base(strong.location) and on_base(last.strong.location) and its.path.kind != "straight":
             mine = replace(mine, path=Path())  # carried along
@@ -389,58 +333,7 @@ class _Compiler:
         if not still or segment.local or segment.weak_local or circles:
             if still and not circles:
                 segment = replace(segment, path=Path())
-            self.track.append(_Tracked(segment, back))
+            self.track.append(Tracked(segment, back))
         pause = max(mine.pause_s, its.pause_s)
         if pause:
-            self.track.append(_Tracked(Segment("H", strong, weak, seconds=pause)))
-
-
-def collapsed(track: list[_Tracked]) -> list[Segment]:
-    """Segments with repetitions of one movement as ``times=``, of circles and local movements as more of them."""
-    out: list[Segment] = []
-    k = 0
-    while k < len(track):
-        segment = track[k].segment
-        again = 1
-        while (
-            segment.kind == "M" and out and k + 2 < len(track) and track[k + 1].back
-            and track[k + 2].segment == segment
-            and (track[k + 1].segment.strong, track[k + 1].segment.weak) == (out[-1].strong, out[-1].weak)
-        ):  # fmt: skip
-            again, k = again + 1, k + 2
-        before = out[-1] if out else None
-        k += 1
-        if again == 1 and before is not None and _continues(before, segment):
-            out[-1] = _longer(before, segment)
-            continue
-        out.append(replace(segment, times=again) if again > 1 else segment)
-    return out
-
-
-def _continues(before: Segment, segment: Segment) -> bool:
-    """Whether a segment is another turn, or more of the same local movement, in one place."""
-    same = before.kind == segment.kind == "M" and before.strong == segment.strong and before.weak == segment.weak
-    shape = replace(before.path, revolutions=0.0) == replace(segment.path, revolutions=0.0)
-    own = replace(before.weak_path, revolutions=0.0) == replace(segment.weak_path, revolutions=0.0)
-    kinds = before.local == segment.local or (
-        before.local and segment.local and before.local.kind == segment.local.kind
-    )
-    return bool(same and shape and own and kinds and before.tempo == segment.tempo and before.times == 1)
-
-
-def _longer(before: Segment, segment: Segment) -> Segment:
-    """Two segments in one place as one."""
-    local, own = before.local, before.weak_local
-    circling = segment.path.kind == "circle" or segment.weak_path.kind == "circle"
-    if not circling:
-        local = local and replace(local, cycles=min(local.cycles + 2.0, 10.0))
-        own = own and replace(own, cycles=min(own.cycles + 2.0, 10.0))
-    turns = [min(a.revolutions + b.revolutions, 6.0) for a, b in
-             ((before.path, segment.path), (before.weak_path, segment.weak_path))]  # fmt: skip
-    return replace(
-        before,
-        local=local,
-        weak_local=own,
-        path=replace(before.path, revolutions=turns[0]),
-        weak_path=replace(before.weak_path, revolutions=turns[1]),
-    )
+            self.track.append(Tracked(Segment("H", strong, weak, seconds=pause)))

@@ -37,8 +37,7 @@ def tokens(text: str, reading: Reading) -> list[Token]:
         words = [c for c in text if not c.isspace()]
         if len(words) < len(text.strip()):
             reading.note("blanks are left out", 0)
-    if len(words) > _MOST_SYMBOLS:
-        raise reading.error(f"has {len(words):,} symbols, expected at most {_MOST_SYMBOLS:,}", "", 0)
+    _check_length(len(words), reading)
     found = list[Token]()
     for position, word in enumerate(words, 1):
         name = symbols.SYMBOLS.get(word) or symbols.PUNCTUATION.get(word)
@@ -46,6 +45,11 @@ def tokens(text: str, reading: Reading) -> list[Token]:
             name = word[3:]
         found += named(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
     return found
+
+
+def _check_length(n_symbols: int, reading: Reading) -> None:
+    if n_symbols > _MOST_SYMBOLS:
+        raise reading.error(f"has {n_symbols:,} symbols, expected at most {_MOST_SYMBOLS:,}", "", 0)
 
 
 def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]:
@@ -69,6 +73,7 @@ def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
     """The tree of a notation's symbols. Raises ``FormatError`` for what is not understood, or notes it where the
     reading is lenient.
     """
+    _check_length(len(found), reading)
     where = reading.where("", found[0].position if found else 0)
     if not found:
         raise reading.error("has no symbol of HamNoSys", "", 0)
@@ -172,7 +177,7 @@ class _Parser(Slots):
     def core(self, t: Token) -> Motion:
         """An action without what modifies it."""
         name = t.name
-        if is_posture(name) or (name in symbols.BRACKETS and self.is_posture_bracket()):
+        if is_posture(name) or self.is_posture_bracket():
             self.reading.note(f"{t.shown} after the first action is read as hamreplace", t.position)
             return self.posture_change(t)
         if self.is_location():

@@ -111,7 +111,6 @@ class Row:
         """Whether a slot comes after the next symbol."""
         self._at += 1
         t = self.peek()
-        bracket = t is not None and t.name == "parbegin" and self.is_posture_bracket()
-        found = t is not None and (is_posture(t.name) or bracket or self.is_location())
+        found = t is not None and (is_posture(t.name) or self.is_posture_bracket() or self.is_location())
         self._at -= 1
         return found

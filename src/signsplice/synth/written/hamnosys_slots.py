@@ -30,7 +30,7 @@ class Slots(Row):
                     break
                 self.reading.note("hamplus outside brackets joins the slots beside it", self.next().position)
                 found = with_weak(found, self.slot(WrittenPosture()))
-            elif is_posture(t.name) or (t.name == "parbegin" and self.is_posture_bracket()) or self.is_location():
+            elif is_posture(t.name) or self.is_posture_bracket() or self.is_location():
                 found = _added(found, self.slot(found))
             else:
                 break
@@ -74,7 +74,7 @@ class Slots(Row):
         while (t := self.peek()) is not None and t.name != "plus" and t.name not in symbols.BRACKETS.values():
             if t.name == "nondominant":
                 self.next()
-            elif is_posture(t.name) or self.is_location() or (t.name == "parbegin" and self.is_posture_bracket()):
+            elif is_posture(t.name) or self.is_location() or self.is_posture_bracket():
                 found = _added(found, self.slot(found))
             else:
                 break
