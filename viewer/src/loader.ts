@@ -171,7 +171,7 @@ export class Loader {
     const scenes = await Promise.all(
       dials.requested().map((options) =>
         'glosses' in source
-          ? own.sentence({ ...options, glosses: source.glosses, formats: FORMATS }, signal)
+          ? own.sentence({ ...options, glosses: source.glosses, face_rules: true, formats: FORMATS }, signal)
           : own.splice(source.files, { ...options, formats: FORMATS }, signal),
       ),
     );

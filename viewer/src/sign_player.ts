@@ -201,7 +201,7 @@ export class SignPlayer extends Base {
       else if (line.length > MOST_AT_ONCE) await this.#showStream(line, avatar, signal);
       else {
         const formats = [avatar ? ('vrma' as const) : ('glb' as const)];
-        const scene = await new Service(this.#absolute(this.service)).sentence({ glosses: line, formats }, signal);
+        const scene = await new Service(this.#absolute(this.service)).sentence({ glosses: line, face_rules: true, formats }, signal);
         await this.#showSource(sourceOf(scene), avatar, signal);
       }
     } catch (error) {
