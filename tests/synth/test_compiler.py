@@ -283,6 +283,19 @@ def test_a_compiled_sign_can_be_mended_as_text() -> None:
     assert notation.parse(notation_text(one))["WORD"] == one
 
 
+def test_a_place_between_the_middle_and_a_side_is_half_way_to_the_side() -> None:
+    between = Place("shoulders", contact="close", between=Place("chest", "right_at"))
+    location = made(replace(INDEX, place=between)).segments[0].strong.location
+    assert location == "space:6,9.5,25"
+
+
+def test_frames_of_postures_are_where_the_hands_have_come_to_them() -> None:
+    word = planner.isolated(made(INDEX, straight("d", size="big"), straight("r", size="small")))
+    heights = [word.states[frame, 1] for _, frame in word.posture_frames]
+    assert [n for n, _ in word.posture_frames] == [0, 1, 2]
+    assert heights[0] - heights[1] == pytest.approx(20.0, abs=3.0)
+
+
 TOUCHES = [
     ("finger2", "u", "l", Place("chin", contact="touch"), "2.tip"),
     ("finger2", "ul", "d", Place("forehead", "right_beside", "touch", hand=Site("nail", (2,))), "2.nail"),

@@ -26,7 +26,7 @@ from signsplice.synth.signer import JOINTS, Signer, skeleton
 _ROUNDS = 3
 _RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
-_LEFT_CM = 0.8
+_LEFT_CM = 0.5
 """How far from its place a hand that touches nothing may stay."""
 _LEFT_ALONE = ON_ARM | {REST}
 """Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""

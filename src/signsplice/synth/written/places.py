@@ -19,7 +19,7 @@ from signsplice.synth.written.directions import plus
 from signsplice.synth.written.tree import Place, Site, WrittenShape
 
 _HEIGHTS = {
-    "head": 33.0, "neck": 21.0, "shouldertop": 17.0, "shoulders": 14.0, "chest": 5.0, "stomach": -10.0,
+    "head": 33.0, "neck": 21.0, "shouldertop": 19.0, "shoulders": 14.0, "chest": 5.0, "stomach": -10.0,
     "belowstomach": -22.0, "neutral": 0.0, "": -3.0,
 }  # fmt: skip
 """Heights above the chest joint of places that have space before them."""
@@ -86,8 +86,7 @@ def spot(place: Place, own_side: bool) -> Spot:
     if place.between.name not in _SKIN:
         raise InputError(f"halfway of {place.name!r} and {place.between.name!r} is no place on head or trunk")
     contact = place.contact or place.between.contact
-    one = _one(replace(place, side=place.side or place.between.side), contact, own_side)
-    other = _one(replace(place.between, side=place.between.side or place.side), contact, own_side)
+    one, other = (_one(end, contact, own_side) for end in (place, place.between))
     if one.location.startswith("space:") or other.location.startswith("space:"):
         middle = tuple(0.5 * (a + b) for a, b in zip(point_of(one), point_of(other), strict=True))
         return Spot(_space(middle), part=part, head=one.head and other.head)
