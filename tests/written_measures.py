@@ -15,7 +15,8 @@ import json
 import time
 import xml.etree.ElementTree as ET
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -53,8 +54,8 @@ ON_HEAD = {
 }
 PAIRED = ("eyes", "eyebrows", "ear", "earlobe", "cheek", "shouldertop")
 HEAD_GAP = {"touch": 0.0, "": 0.0, "close": 4.0, "armextended": 25.0}
-LIMITS = {"fingers": 10.0, "palm": 10.0, "place": 3.0}
-"""Degrees, degrees, cm."""
+LIMITS = {"fingers": 10.0, "palm": 10.0, "place": 3.0, "deep": 0.5, "touch": 0.5}
+"""Degrees and cm."""
 FLAT = ("flat", "fist", "finger2345")
 MOVES = ("directedmotion", "circularmotion", "tgt_motion", "changeposture", "wristmotion", "fingerplay", "par_motion",
          "seq_motion", "rpt_motion", "split_motion", "nomotion", "no_motion", "crossmotion")  # fmt: skip
@@ -159,7 +160,8 @@ def asked(manual: ET.Element) -> tuple[Asked, Asked]:
     if inner:
         return asked(inner[0])[0], asked(inner[-1])[1]
     two = manual.get("both_hands") == "true"
-    start, end, moved, seen = [], [], False, Counter[str]()
+    start, end = list[ET.Element](), list[ET.Element]()
+    moved, seen = False, Counter[str]()
     for child in manual:
         moved = moved or child.tag in MOVES
         if not moved:
@@ -219,7 +221,7 @@ POINTS = _points()
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """The strong hand in every frame, chest axes: directions (T, 3), points (T, K, 3) of which any may be at a place."""
+    """A hand in every frame, chest axes: directions (T, 3), points (T, K, 3) of which any may be at a place."""
 
     fingers: FloatArray
     palm: FloatArray
@@ -232,9 +234,14 @@ def hand(clip: Clip, side: str = "Right") -> Hand:
     at = positions[:, JOINTS["Spine2"]]
     turn = np.einsum("tba,tbc->tac", chest, rotations[:, JOINTS[f"{side}Hand"]])
     away = -1.0 if side == "Right" else 1.0
-    names = [f"{side}Hand", *(f"{side}Hand{f}{n}" for f in ("Thumb", "Index", "Middle", "Ring", "Pinky") for n in (1, 2, 3))]
+    names = [
+        f"{side}Hand",
+        *(f"{side}Hand{f}{n}" for f in ("Thumb", "Index", "Middle", "Ring", "Pinky") for n in (1, 2, 3)),
+    ]
     tips = kinematics.tip_positions(clip, rotations, positions)
-    ends = [k for k, site in enumerate(clip.skeleton.end_sites) if clip.skeleton.names[site.joint].split(":")[-1] in names]
+    ends = [
+        k for k, site in enumerate(clip.skeleton.end_sites) if clip.skeleton.names[site.joint].split(":")[-1] in names
+    ]
     world = np.concatenate([positions[:, [JOINTS[n] for n in names]], tips[:, ends]], axis=1)
     palm = (world[:, 0] + world[:, 7]) / 2  # between wrist and middle knuckle
     sites = np.einsum("tba,tkb->tka", chest, np.concatenate([world, palm[:, None]], axis=1) - at[:, None])
@@ -260,41 +267,57 @@ def missed(what: Asked, seen: Hand) -> dict[str, float]:
     return {name: float(error[best]) for name, error in errors.items()}
 
 
-def clip_of(path: Path) -> Clip:
-    """The motion of a file's first sign."""
-    return signing.sign(path)
-
-
 def skins(clip: Clip) -> tuple[float, float]:
-    """How deep a hand is at worst in head, trunk, the other arm or its hand, and the least distance to any of them, cm."""
-    depth = collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))[0]
-    deepest = float(depth.max())
+    """How deep a hand is at worst in head, trunk, the other arm or its hand; the least distance to any of them; cm."""
+    deepest = float(collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))[0].max())
     return max(deepest, 0.0), max(-deepest, 0.0)
 
 
-def measure(path: Path) -> dict[str, object]:
-    """The row of one file."""
-    root = ET.parse(path).getroot()
-    sign = root.find("hamgestural_sign")
-    manual = None if sign is None else sign.find("sign_manual")
-    row: dict[str, object] = {"file": path.name, "gloss": "" if sign is None else sign.get("gloss", "")}
-    began = time.perf_counter()
-    try:
-        clip = clip_of(path)
-    except InputError as error:
-        return row | {"refused": str(error)}
-    row["ms"] = 1000 * (time.perf_counter() - began)
-    row["seconds"] = len(clip) / clip.fps
-    if manual is None:
-        return row
-    first, last = asked(manual)
-    side = "Left" if manual.get("nondominant") == "true" else "Right"
-    seen = hand(clip, side)
-    row["first"] = missed(first, seen)
-    row["last"] = missed(last, seen)
-    row["deep"], row["near"] = skins(clip)
-    row["touch"] = any(e.get("contact") == "touch" for e in manual.iter())
-    return row
+@dataclass
+class Row:
+    """What was measured of a sign.
+
+    gloss: its gloss
+    refused: why there is no motion, or ""
+    ms, seconds: processor time, and length of the clip
+    errors: by posture and parameter ("first palm"), and "deep"; "touch" where one is written
+    """
+
+    gloss: str
+    refused: str = ""
+    ms: float = 0.0
+    seconds: float = 0.0
+    errors: dict[str, float] = field(default_factory=dict)
+
+
+def rows(path: Path) -> Iterator[Row]:
+    """The rows of a file's signs."""
+    for sign in ET.parse(path).getroot().iter("hamgestural_sign"):
+        row, manual = Row(sign.get("gloss", "")), sign.find("sign_manual")
+        began = time.process_time()
+        try:
+            clip = signing.sign(path, row.gloss)
+        except InputError as error:
+            row.refused = str(error)
+        else:
+            row.ms, row.seconds = 1e3 * (time.process_time() - began), len(clip) / clip.fps
+            if manual is not None:
+                row.errors = errors_of(manual, clip)
+        yield row
+
+
+def errors_of(manual: ET.Element, clip: Clip) -> dict[str, float]:
+    """Errors of a sign's motion: degrees and cm."""
+    seen = hand(clip, "Left" if manual.get("nondominant") == "true" else "Right")
+    found = {
+        f"{posture} {name}": error
+        for posture, what in zip(("first", "last"), asked(manual), strict=True)
+        for name, error in missed(what, seen).items()
+    }
+    found["deep"], near = skins(clip)
+    if any(one.get("contact") == "touch" for one in manual.iter()):
+        found["touch"] = near
+    return found
 
 
 def main() -> None:
@@ -304,32 +327,26 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--worst", type=int, default=8)
     options = parser.parse_args()
-    rows = [measure(path) for path in sorted(options.folder.glob("*.sigml"))[:: options.every]]
+    every = [row for path in sorted(options.folder.glob("*.sigml"))[:: options.every] for row in rows(path)]
     if options.json:
-        options.json.write_text(json.dumps(rows, indent=1))
-    made = [row for row in rows if "refused" not in row]
-    print(f"{len(rows)} signs, {len(made)} made ({len(made) / len(rows):.1%})")
-    for reason, n in Counter(str(row["refused"]).split(":")[-1].strip()[:70] for row in rows if "refused" in row).most_common(12):
+        options.json.write_text(json.dumps([asdict(row) for row in every], indent=1))
+    made = [row for row in every if not row.refused]
+    print(f"{len(every)} signs, {len(made)} made ({len(made) / len(every):.1%})")
+    for reason, n in Counter(row.refused[:110] for row in every if row.refused).most_common(12):
         print(f"  refused {n}: {reason}")
-    ms = np.array([row["ms"] for row in made])
-    seconds = np.array([row["seconds"] for row in made])
-    print(f"milliseconds a sign: median {np.median(ms):.0f}, p95 {np.percentile(ms, 95):.0f}")
-    print(f"seconds a clip: median {np.median(seconds):.2f}, 5 to 95 %: {np.percentile(seconds, 5):.2f} to {np.percentile(seconds, 95):.2f}")
-    for posture in ("first", "last"):
-        for name, limit in LIMITS.items():
-            errors = [(row[posture][name], row["gloss"]) for row in made if name in row.get(posture, {})]
-            if errors:
-                values = np.array([e for e, _ in errors])
-                print(
-                    f"{posture} {name}: {len(values)} asked, within {limit:g}: {np.mean(values <= limit):.1%}, median {np.median(values):.1f}, "
-                    f"p95 {np.percentile(values, 95):.1f}; worst " + ", ".join(f"{g} {e:.0f}" for e, g in sorted(errors)[: -options.worst - 1 : -1])
-                )
-    touches = [(row["near"], row["gloss"]) for row in made if row.get("touch")]
-    near = np.array([d for d, _ in touches])
-    print(f"touches: {len(near)} written, within .5 cm: {np.mean(near <= 0.5):.1%}; worst " + ", ".join(f"{g} {d:.1f}" for d, g in sorted(touches)[: -options.worst - 1 : -1]))
-    deep = [(row["deep"], row["gloss"]) for row in made if "deep" in row]
-    values = np.array([d for d, _ in deep])
-    print(f"deepest hand: over .5 cm in {np.mean(values > 0.5):.1%}; worst " + ", ".join(f"{g} {d:.1f}" for d, g in sorted(deep)[: -options.worst - 1 : -1]))
+    for what, numbers in (("ms of processor time", [r.ms for r in made]), ("s a clip", [r.seconds for r in made])):
+        low, middle, high = np.percentile(numbers, (5, 50, 95))
+        print(f"{what}: median {middle:.2f}, 5 to 95 %: {low:.2f} to {high:.2f}")
+    for name in dict.fromkeys(name for row in made for name in row.errors):
+        found = sorted((row.errors[name], row.gloss) for row in made if name in row.errors)
+        values = np.array([error for error, _ in found])
+        limit = LIMITS[name.split()[-1]]
+        print(
+            f"{name}: {len(found)}, within {limit:g}: {np.mean(values <= limit):.1%}, median {np.median(values):.1f}",
+            end="",
+        )
+        worst = ", ".join(f"{gloss} {error:.1f}" for error, gloss in found[: -options.worst - 1 : -1])
+        print(f", p95 {np.percentile(values, 95):.1f}; worst {worst}")
 
 
 if __name__ == "__main__":
