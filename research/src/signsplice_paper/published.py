@@ -67,7 +67,6 @@ NAMES = {
     "nat": "NAT",
     "conv-interp": "Convolutional interpolation",
     "lpt-printed-equal": "LpTransformer, equal treatment",
-    "lpt-printed-equal-half": "LpTransformer, equal treatment, half of SPSN's steps",
     "conv-s2s-plain": "ConvS2S as printed",
     "lstm-plain": "LSTM as printed",
     "transformer-plain": "Transformer as printed",
