@@ -60,7 +60,7 @@ def _avatar(signer: Clip) -> Clip:
         if name.endswith(("Arm", "ForeArm", "Hand")):
             offsets[joint] *= _ARM
     skeleton = replace(signer.skeleton, offsets=offsets)
-    at_rest = Face(ARKIT_CHANNELS, np.zeros((1, len(ARKIT_CHANNELS))))  # with it the figure has targets for a face
+    at_rest = Face(ARKIT_CHANNELS, np.full((1, len(ARKIT_CHANNELS)), 1e-6))  # what is 0 throughout gets no target
     return replace(signer[:1], skeleton=skeleton, channels=None, name="avatar", face=at_rest)
 
 

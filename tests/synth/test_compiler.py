@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
+from signsplice.motion import rotation
 from signsplice.synth import hand, locations, notation, planner, pose
 from signsplice.synth.avoidance import between_hands, hand_clearances
 from signsplice.synth.composed import BASES, THUMBS, handshape, is_handshape
@@ -16,9 +17,9 @@ from signsplice.synth.hand_parts import hand_part, is_part
 from signsplice.synth.locations import WeakArm, axes
 from signsplice.synth.notation_text import notation_text
 from signsplice.synth.phonology import Sign, is_location
-from signsplice.synth.signer import STANDARD
+from signsplice.synth.signer import JOINTS, STANDARD
 from signsplice.synth.thumbs import thumb_depth
-from signsplice.synth.written import compile_sign
+from signsplice.synth.written import compile_sign, signing
 from signsplice.synth.written.directions import direction, facing
 from signsplice.synth.written.tree import (
     Motion,
@@ -349,3 +350,13 @@ def test_a_swing_moves_the_wrist_sideways_and_a_stir_both_ways() -> None:
         one = word.segments[1]
         span = np.ptp(word.states[one.begin : one.end + 1, pose.ROTVEC], axis=0)
         assert {k for k in (1, 2) if span[k] > 0.25} == set(moved), kind
+
+
+def test_an_elbow_that_jumps_is_named_with_its_frame() -> None:
+    clip = signing.signed(sign(INDEX, straight("u")))
+    assert not clip.notes
+    arm = JOINTS["RightArm"]
+    local_quats = clip.local_rotations.copy()
+    local_quats[20:, arm] = rotation.multiply(local_quats[20:, arm], rotation.from_euler([1.5], "Z"))
+    (line,) = signing.jumps(replace(clip, local_rotations=local_quats))
+    assert "jumps at frame 20" in line

@@ -134,7 +134,7 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
     else:
         written = signing.find(file, gloss or "", lenient)
         clip = signing.signed(written, _rate(fps), lenient)
-        warn(signing.warnings(written))
+        warn([*signing.warnings(written), *clip.notes])
     path = output or f"{folders.file_name(clip.name)}.bvh"
     check_outputs(path, None, [file])
     formats.save(clip, path)

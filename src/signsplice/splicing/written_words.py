@@ -70,7 +70,9 @@ class _Words:
 def _prepared(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord | str:
     """A word made ready for a lexicon, or a line that refuses it."""
     try:
-        return replace(prepare(signing.signed(sign, lenient=lenient), form), warnings=signing.warnings(sign))
+        clip = signing.signed(sign, lenient=lenient)
+        lines = (*signing.warnings(sign), *(f"{sign.where.file}: {sign.gloss}: {line}" for line in clip.notes))
+        return replace(prepare(clip, form), warnings=lines)
     except InputError as error:
         return str(error)
 

@@ -54,8 +54,11 @@ def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> Wri
 
 
 def _below(folder: Path) -> list[Path]:
-    """The files of SiGML below a folder."""
-    found = sorted(path for path in folder.rglob("*.sigml") if path.is_file())
+    """The files of SiGML below a folder, the shortest names first: of two signs of a gloss, NAME.sigml comes before
+    NAME-CL{THING}.sigml.
+    """
+    found = [path for path in folder.rglob("*.sigml") if path.is_file()]
+    found.sort(key=lambda path: (len(path.name), path))
     if not found:
         raise InputError(f"{folder}: no .sigml files in it; name tables of HamNoSys themselves")
     return found

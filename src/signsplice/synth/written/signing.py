@@ -6,13 +6,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from signsplice.errors import InputError
+from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner
 from signsplice.synth.segment_plan import FPS
+from signsplice.synth.signer import JOINTS
 from signsplice.synth.written import faces, files
 from signsplice.synth.written.compiler import compile_sign
 from signsplice.synth.written.tree import WrittenSign
+
+_FASTEST_CM_S = 450.0
+"""An elbow that is faster about its shoulder jumps; those of the words that ship stay below 275."""
 
 
 def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
@@ -20,7 +27,18 @@ def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
     and place for what cannot be made, or, where ``lenient``, is as usual where it is not written.
     """
     word = planner.isolated(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
-    return faces.with_face(word.clip, sign, (word.events.start, word.events.end + 1))
+    clip = faces.with_face(word.clip, sign, (word.events.start, word.events.end + 1))
+    return replace(clip, notes=(*clip.notes, *jumps(clip)))
+
+
+def jumps(clip: Clip) -> Iterator[str]:
+    """A line for the elbow that goes farthest in a frame, where that is more than an arm can."""
+    chest, *arms = (JOINTS[name] for name in ("Spine2", "LeftArm", "LeftForeArm", "RightArm", "RightForeArm"))
+    rotations, positions = kinematics.forward(clip, [chest, *arms])
+    seen = np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1])
+    steps = np.linalg.norm(np.diff(seen[:, 1::2] - seen[:, ::2], axis=0), axis=-1).max(axis=1) * clip.fps
+    if steps.size and steps.max() > _FASTEST_CM_S:
+        yield f"an elbow jumps at frame {int(steps.argmax()) + 1}: the arm cannot do what is written; look at the sign"
 
 
 def warnings(sign: WrittenSign) -> tuple[str, ...]:
