@@ -14,11 +14,14 @@ LINK = re.compile(r"!?\[[^]]*\]\(([^)\s]+)\)")
 
 
 def pages() -> list[Path]:
-    """The Markdown files under version control; all that are not in hidden or generated folders without git."""
+    """The Markdown files under version control; all that are not in hidden or generated folders without git. Templates
+    are checked as the pages that they become.
+    """
     listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=False)
     if listed.returncode == 0 and listed.stdout:
-        return [ROOT / line for line in listed.stdout.splitlines() if (ROOT / line).is_file()]
-    skipped = {"node_modules", "out", "build", "dist"}
+        lines = [line for line in listed.stdout.splitlines() if "/templates/" not in line]
+        return [ROOT / line for line in lines if (ROOT / line).is_file()]
+    skipped = {"node_modules", "out", "build", "dist", "templates"}
     found = sorted(ROOT.rglob("*.md"))
     return [p for p in found if not any(part in skipped or part[0] == "." for part in p.relative_to(ROOT).parts)]
 
