@@ -45,7 +45,7 @@ def test_a_page_that_may_not_call_can_read_why(pages: Ask) -> None:
     assert refused.status_code == 403
     assert refused.headers["access-control-allow-origin"] == OTHER["Origin"]
     assert refused.headers["vary"] == "Origin"
-    assert "may not call this service (its allowed_origins allow one)" in refused.json()["error"]
+    assert "may not call this service (`signsplice serve --allow-origin` allows one)" in refused.json()["error"]
 
 
 def test_a_page_that_may_not_call_reads_nothing_else(pages: Ask) -> None:

@@ -71,8 +71,8 @@ class App {
     const words = spelled(scene).join(', ');
     const name = titleOf(scene);
     status(
-      translate('shown', { name, frames, seconds: (frames / fps).toFixed(2) }) +
-        (words && translate('spelled', { words })) +
+      (words && translate('spelled', { words })) +
+        translate('shown', { name, frames, seconds: (frames / fps).toFixed(2) }) +
         (people[0]?.fitted?.isMoved && avatar ? translate('fitted', { avatar: avatar.name }) : ''),
     );
     document.title = `${name} – signsplice`;

@@ -84,7 +84,7 @@ class Limits:
         origin = headers.get(b"origin")
         is_unsafe = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
         if origin is not None and is_unsafe and not self._is_allowed(origin, host):
-            return 403, f"a page of {origin!r} may not call this service (its allowed_origins allow one)"
+            return 403, f"a page of {origin!r} may not call this service (`signsplice serve --allow-origin` allows one)"
         if headers.get(b"content-encoding", "identity") != "identity":
             return 415, "the body is compressed; send it uncompressed"
         length = headers.get(b"content-length", "0")
