@@ -63,8 +63,8 @@ def build(
     out, and a build that was stopped goes on. IN may also be a .sigml file or a folder of them, or a table of the
     columns gloss and hamnosys (.csv), or its like in .json or .txt (docs/hamnosys.md).
     """
-    joint_of = read_roles(roles)
     check_apart(output, [*inputs, roles, recipe] if len(inputs) > 1 else [roles, recipe])
+    joint_of = read_roles(roles)
     others = {"signer": signer, "roles": joint_of, "skip_broken": skip_broken, "recipe": recipe, "limits": limits()}
     _build(inputs, output, strict, compact=compact, jobs=jobs, lenient=lenient, **others)
 
