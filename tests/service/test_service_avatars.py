@@ -100,7 +100,7 @@ def test_motion_without_a_mesh_is_the_same_motion(client: httpx.Client, folder: 
     ("name", "content", "options", "error"),
     [
         ("a.vrm", b"no avatar", {"text": "hi"}, "a.vrm:1: is no JSON"),
-        ("a.bvh", b"", {"text": "hi"}, "a.bvh: a file with suffix .bvh is no avatar, expected .vrm, .glb, .gltf or .fbx"),
+        ("a.bvh", b"", {"text": "hi"}, "a.bvh: a file with suffix .bvh is no avatar, expected .vrm"),
         ("../../a", b"", {"text": "hi"}, "a: a file with suffix (none) is no avatar"),
         ("a.vrm", b"", {}, "no glosses and text, expected one of them"),
         ("a.vrm", b"", {"text": "hi", "avatar": "Ann"}, "options: an avatar is named"),
