@@ -46,7 +46,7 @@ def figures(**options: Any) -> None:
 @takes(SCALE, OUT)
 @option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), default="out/report.pdf", metavar="PDF")
 def report(output: Path, **options: Any) -> None:
-    """Write the report of four pages as PDF (extra `report`)."""
+    """Write the report of three pages as PDF (extra `report`)."""
     from signsplice_paper import report as paper_report
 
     call = PaperCall(**options)
