@@ -142,7 +142,7 @@ def _covered(points: FloatArray, normals: FloatArray, spacing: float) -> NDArray
         near = np.where(met, near, 0)
         away = points[near] - points[part, None]
         height = np.einsum("nkx,nx->nk", away, normals[part])
-        beside = np.einsum("nkx,nkx->nk", away, away) - height**2
+        across = np.einsum("nkx,nkx->nk", away, away) - height**2
         facing = np.einsum("nkx,nx->nk", normals[near], normals[part]) > _FACING
-        out[part] = (met & (height > _COVER[0]) & (beside < spacing**2) & facing).any(axis=1)
+        out[part] = (met & (height > _COVER[0]) & (across < spacing**2) & facing).any(axis=1)
     return out

@@ -23,7 +23,7 @@ from signsplice.synth.composed import handshape
 from signsplice.synth.hand_parts import HandPart, hand_part
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.phonology import ON_ARM, PLACES, REST, Posture, Vector, on_arm
-from signsplice.synth.reaching import beside_shoulder, in_contact
+from signsplice.synth.reaching import clear_of_shoulder, in_contact
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, JOINTS, Signer, skeleton
 
@@ -202,7 +202,7 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
     hand_state = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), angles])
     if posture.touch:
         part = rotation.rotate(quat, hand_part(posture.part).centre(handshape(posture.shape).points))
-        wrist, quat = beside_shoulder(wrist, quat, part * signer.hands * signer.scale, signer)
+        wrist, quat = clear_of_shoulder(wrist, quat, part * signer.hands * signer.scale, signer)
         hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])
         return in_contact(
             hand_state,

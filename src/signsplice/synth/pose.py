@@ -154,9 +154,9 @@ class Wrist:
     flexion: FloatArray
 
 
-def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, turns: FloatArray | float = 0.0) -> Wrist:
+def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray | float = 0.0) -> Wrist:
     """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), the elbow where they are
-    smallest, and where the signer's manner says so, low; turned from there by ``turns`` (...).
+    smallest, and where the signer's manner says so, low; turned from there by ``swivels`` (...).
 
     The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
     each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump.
@@ -172,7 +172,7 @@ def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, turns: FloatArra
         cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3], signer)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
-    swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1) + turns
+    swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1) + swivels
     chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis), wanted)
     return Wrist(swivel, *_split(chosen))
 

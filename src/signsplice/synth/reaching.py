@@ -18,7 +18,7 @@ _FROM_SHOULDER_CM, _MOST_LEAN = 19.0, np.deg2rad(40.0)
 """How near to its shoulder a wrist can be, and how far a hand that touches is turned for that."""
 
 
-def beside_shoulder(
+def clear_of_shoulder(
     wrist: FloatArray, quat: FloatArray, part: FloatArray, signer: Signer
 ) -> tuple[FloatArray, FloatArray]:
     """Wrist (3,) and rotation (4,) of a hand turned about a part of it, ``part`` (3,) from the wrist, so that the wrist

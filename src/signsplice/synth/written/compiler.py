@@ -83,7 +83,7 @@ def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
     return replace(parse(text)[gloss], gestures=body_tracks(sign))
 
 
-def _same_way(mine: Step, its: Step) -> bool:
+def _same_direction(mine: Step, its: Step) -> bool:
     """Whether the strong hand goes the weak one's way."""
     own = View((-1.0, 1.0, 1.0), 1)
     there = replace(mine.path, direction=own.polar(mine.path.direction), start=own.polar(mine.path.start))
@@ -167,7 +167,7 @@ class _Compiler:
             self._swap()
         self.weak = self._moved(self.weak, its, None, None)
         now = self.weak.made if self.weak.posture is not None else None
-        alone = its.path.kind != "straight" and not _same_way(mine, its)
+        alone = its.path.kind != "straight" and not _same_direction(mine, its)
         self.strong = self._moved(self.strong, mine, now, before, alone)
         for target in dict.fromkeys(t for t in targets if t is not None):
             self._place(target, first=False, hands=(target is mine.target, target is its.target))

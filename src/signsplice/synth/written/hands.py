@@ -219,7 +219,7 @@ def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool)
     if posture.touch and not fast and length <= _SLIDE_CM:
         normal = locations.locate(posture.location, weak_arm(weak)).normal * _AXES
         if normal.any() and abs(float(normal @ np.array(travel))) < _SLIDE_COSINE * length:
-            slid = _beside(posture.location, travel)
+            slid = _slid_location(posture.location, travel)
             if slid and normal[2] > 0.6:
                 return replace(posture, location=slid)
             if on_arm(posture.location):
@@ -227,7 +227,7 @@ def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool)
     return replace(posture, shift=plus(posture.shift, travel), touch=False)
 
 
-def _beside(location: str, travel: Vector) -> str:
+def _slid_location(location: str, travel: Vector) -> str:
     """A location on the body so far beside another one; "" where that is halfway of two, or none."""
     name, _, offset = location.partition(":")
     if "/" in location or name == "space" or on_arm(location):
