@@ -141,19 +141,17 @@ def build(
     """Build a lexicon at ``output`` from every clip below ``folder``, or several, with few clips in memory at a time.
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
-    for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each, rather than
-    stop at the first. recipe: of an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: what does not
-    fit is left out, and a build that was stopped goes on. jobs: processes; None: one a core where there are
-    many files. limits: of each clip. Raises ``InputError``,
-    also where one of the folders lies in the other; then nothing has changed at ``output``.
+    for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each. recipe: of
+    an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: what does not fit is left out, and a build
+    that was stopped goes on. jobs: processes; None: one a core. limits: of each clip. more: words that are ready.
+    Raises ``InputError``, also where one of the folders lies in the other; then nothing has changed at ``output``.
     """
     check_target(output)
     given, made = [folder] if isinstance(folder, (str, Path)) else [*folder], Path(output).resolve()
     sources, left_out = _gathered(given, output, recipe, signer)
     checks = " and ".join(f"`signsplice lexicon check {quote(str(one))}`" for one in given)
     if left_out and not recipe:
-        others = f" (and {len(left_out) - 1} more: {checks})" if len(left_out) > 1 else ""
-        raise InputError(left_out[0] + others)
+        raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
     store = made.with_name(f".{made.name}.prepared") if recipe else None
     task = FileTask((), (), "int16" if compact else "float32", roles, limits, store)
     warnings: list[str] = [*left_out]
@@ -185,10 +183,15 @@ def build(
         if not builder.n_words:
             what = "clip" if given else "sign"
             raise InputError(f"{given[0] if given else output}: every {what} is broken, the first one: {left_out[0]}")
-    unread: tuple[str, ...] = ()
-    if _is_archive(recipe):
-        unread = tuple(line for one in given for line in archives.unread(Path(one), archives.find_recipe(recipe)))
-    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, tuple(warnings), tuple(left_out), unread)
+    lines = tuple(warnings), tuple(left_out), _unread(given, recipe)
+    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, *lines)
+
+
+def _unread(given: Sequence[str | Path], recipe: str) -> tuple[str, ...]:
+    """Lines about files of archives that nothing reads."""
+    if not _is_archive(recipe):
+        return ()
+    return tuple(line for one in given for line in archives.unread(Path(one), archives.find_recipe(recipe)))
 
 
 def check(
