@@ -1,8 +1,8 @@
 """Avatars: the skeleton of a ``.vrm`` (0.x or 1.0), ``.glb`` or ``.fbx`` file in its rest pose, with its mesh. No
 animation is needed.
 
-The skeleton holds the joints that have a role, and those between them. All others (hair, skirts, twisted forearms) are
-carried by the nearest of these above them. A VRM avatar of version 0.x, which faces -Z, is turned to face +Z, as those
+The skeleton holds the joints that have a role, and those between them. What others carry (hair, skirts, twisted
+forearms, the joints of a spine between its roles) follows the nearest joint with a role above them. A VRM avatar of version 0.x, which faces -Z, is turned to face +Z, as those
 of version 1.0 do. VRM's players take its rest pose as the T-pose.
 """
 
@@ -125,7 +125,8 @@ class AvatarReader(MeshReader):
         )  # fmt: skip
         lacks = _lacking_fingers(avatar.label, named)
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
-        rows = {node: k for k, node in enumerate(order)}
+        # Joints without a role stay at rest: what they carry follows the joint with a role above them.
+        rows = {node: k for k, node in enumerate(order) if k == 0 or node in nodes.values()}
         parts, points = self.skin(rows, turn, origin, skin)
         if points is None:
             line = f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions"
