@@ -283,7 +283,7 @@ def test_a_cuff_over_the_hand_is_no_hand(tmp_path: Path, broad: Avatar) -> None:
 def test_what_bones_between_those_with_a_role_carry_is_measured(tmp_path: Path, broad: Avatar) -> None:
     """Metacarpals carry the palm, and half an upper arm or a bone of the spine what is around it, in many rigs."""
     named, parents, offsets = list(broad.names), list(broad.parents), list(broad.offsets)
-    moved = {}
+    moved: dict[str, int] = {}
     fingers = ("Index", "Middle", "Ring", "Little")
     between = {f"{side}{finger}Proximal": [f"{side}{finger}Palm"] for side in SIDES for finger in fingers}
     between |= {f"{side}LowerArm": [f"{side}UpperArm"] for side in SIDES}

@@ -13,7 +13,7 @@ A capsule with too few vertices keeps its usual proportions, scaled as its neigh
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np

@@ -1,0 +1,125 @@
+"""Eyes and jaws that are bones: a gaze turns them within an avatar's ranges, and comes back from its file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import face_avatars
+import signsplice as ss
+from signsplice.body.capsules import Avatar
+from signsplice.formats.avatar_face import look_at_of
+from signsplice.formats.gltf_face import lost_in
+from signsplice.motion import rotation
+from signsplice.motion.clip import Clip
+from signsplice.motion.face import Face
+from signsplice.motion.gaze import LOOKS, SIDES, LookAt, eye_coefficients, eye_quats
+from signsplice.rig.info import rig_info
+
+LEFT_UP = {"eyeLookOutLeft": 1.0, "eyeLookInRight": 0.5, "eyeLookUpLeft": 0.25, "eyeLookUpRight": 0.25, "jawOpen": 0.6}
+
+
+def looking(clip: Clip, **weights: float) -> Clip:
+    """The clip with a gaze or a mouth that grows from rest to ``weights``."""
+    rows = np.linspace(0.0, 1.0, len(clip))[:, None] * [*weights.values()]
+    return replace(clip, face=Face(tuple(weights), rows))
+
+
+def signed(clip: Clip, folder: Path, kind: str) -> Clip:
+    """The clip on an avatar of a kind."""
+    return ss.retarget(clip, ss.read_avatar(face_avatars.write(folder, kind))).clip
+
+
+def face_of(path: Path) -> Face:
+    face = ss.load(path).face
+    assert face is not None
+    return face
+
+
+@pytest.mark.parametrize("kind", face_avatars.WITH_BONES)
+def test_a_gaze_turns_eyes_and_an_open_mouth_the_jaw_and_both_come_back(
+    kind: str, words: dict[str, Clip], tmp_path: Path
+) -> None:
+    clip = looking(words["HELLO"][:8], **LEFT_UP)
+    on_avatar = signed(clip, tmp_path, kind)
+    ss.save(on_avatar, tmp_path / "out.glb")
+    found, names = face_of(tmp_path / "out.glb"), [*LEFT_UP]
+    assert np.abs(found.of(names) - looking(clip, **LEFT_UP).face.of(names)).max() < 1e-5  # type: ignore[union-attr]
+    others = [name for name in found.channels if name not in LEFT_UP]
+    assert found.of(others).max() < 1e-5
+    assert lost_in(tmp_path / "out.glb", on_avatar) == ()
+    assert np.array_equal(
+        face_of(tmp_path / "out.glb").mirrored().of(["eyeLookOutRight"]), found.of(["eyeLookOutLeft"])
+    )
+
+
+@pytest.mark.parametrize("kind", face_avatars.WITH_BONES)
+def test_eyes_turn_by_the_output_of_the_range_maps(kind: str, words: dict[str, Clip], tmp_path: Path) -> None:
+    ss.save(signed(looking(words["HELLO"][:4], **LEFT_UP), tmp_path, kind), tmp_path / "out.glb")
+    shown = ss.load(tmp_path / "out.glb")
+    rig = rig_info(shown.skeleton)
+    degrees = LookAt().eyes if kind == "bones.glb" else face_avatars.EYES_DEG
+    for side, share, most in (("left", 1.0, degrees[1]), ("right", 0.5, degrees[0])):
+        joint = rig.roles.joints[f"{side}Eye"]
+        upright = rig.t_pose.rotations[joint]
+        ahead = rotation.rotate(rotation.inverse(upright), [0.0, 0.0, 1.0])
+        x, y, z = rotation.rotate(upright, rotation.rotate(shown.local_rotations[-1, joint], ahead))
+        assert np.degrees(np.arctan2(x, z)) == pytest.approx(share * most, abs=0.01), "to the signer's left"
+        assert np.degrees(np.arcsin(y)) == pytest.approx(0.25 * degrees[3], abs=0.01)
+    jaw = rig.roles.joints["jaw"]
+    upright = rig.t_pose.rotations[jaw]
+    ahead = rotation.rotate(rotation.inverse(upright), [0.0, 0.0, 1.0])
+    assert rotation.rotate(upright, rotation.rotate(shown.local_rotations[-1, jaw], ahead))[1] < -0.1, "down"
+
+
+@pytest.mark.parametrize("kind", ["", "bones1.vrm", "bones0.vrm"])
+def test_a_vrm_animation_has_the_gaze_as_its_look_at(kind: str, words: dict[str, Clip], tmp_path: Path) -> None:
+    """For any avatar the coefficients stand beside it, and count when it is read."""
+    both = {"eyeLookOutLeft": 0.8, "eyeLookInRight": 0.4, "eyeLookDownLeft": 0.5, "eyeLookDownRight": 0.5}
+    clip = looking(words["HELLO"][:5], **both, jawOpen=0.7)
+    clip = signed(clip, tmp_path, kind) if kind else clip
+    ss.save(clip, tmp_path / "out.vrma")
+    found = face_of(tmp_path / "out.vrma")
+    # One gaze for both eyes: half of .8 * 80 + .4 * 60 is 44 degrees.
+    expected = both if not kind else {"eyeLookOutLeft": 44 / 80, "eyeLookInRight": 44 / 60, "eyeLookDownLeft": 0.5}
+    for name, weight in (*expected.items(), ("jawOpen", 0.7)):
+        assert found.of([name])[-1, 0] == pytest.approx(weight, abs=1e-4)
+    assert len([name for name in found.channels if name.startswith(LOOKS)]) == (8 if kind else 4)
+
+
+@pytest.mark.parametrize("kind", face_avatars.KINDS)
+def test_an_avatar_whose_face_has_targets_for_them_keeps_its_bones_at_rest(kind: str, tmp_path: Path) -> None:
+    avatar = ss.read_avatar(face_avatars.write(tmp_path, kind))
+    assert avatar.file is not None
+    assert avatar.file.look_at is None
+    assert not avatar.file.opens_jaw
+
+
+def test_the_presets_of_a_look_at_by_bones_are_no_expressions(tmp_path: Path) -> None:
+    avatar = ss.read_avatar(face_avatars.write(tmp_path, "bones1.vrm"))
+    assert isinstance(avatar, Avatar)
+    assert avatar.file is not None
+    assert {control.name for control in avatar.file.face} == {"blinkLeft", "blinkRight"}
+    assert avatar.file.look_at == LookAt(face_avatars.GAZE_DEG, face_avatars.EYES_DEG)
+
+
+@pytest.mark.parametrize("broken", [None, 3, {}, {"type": "bone"}, {"type": "bone", "rangeMapHorizontalInner": []}])
+def test_a_broken_look_at_has_the_usual_ranges(broken: object) -> None:
+    assert look_at_of({"extensions": {"VRMC_vrm": {"lookAt": broken}}})[0] == LookAt()
+    worse = {"type": "bone", "rangeMapHorizontalInner": {"inputMaxValue": float("nan"), "outputScale": 1e9}}
+    assert look_at_of({"extensions": {"VRMC_vrm": {"lookAt": worse}}})[0] == LookAt()
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2), st.lists(st.booleans(), min_size=2, max_size=2))
+def test_a_gaze_to_one_side_comes_back_from_an_eye(weights: list[float], turned: list[bool]) -> None:
+    names = [LOOKS[turned[0]], LOOKS[2 + turned[1]]]
+    for side in SIDES:
+        face = Face((names[0] + side, names[1] + side), np.array([weights]))
+        found = eye_coefficients(eye_quats(face, side, (30.0, 40.0, 20.0, 25.0)), side, (30.0, 40.0, 20.0, 25.0))
+        assert [found[name + side][0] for name in names] == pytest.approx(weights, abs=1e-6)
+        assert sum(values[0] for values in found.values()) == pytest.approx(sum(weights), abs=1e-5)
