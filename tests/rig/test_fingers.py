@@ -243,6 +243,7 @@ def test_the_hand_tells_the_side_where_names_do_not(scheme: str, hand: str) -> N
     "chain",
     [
         "LeftHandIndex1=leftIndexProximal",
+        "Finger1_Left=leftThumbMetacarpal/Finger2_Left=leftThumbProximal/Finger3_Left=leftThumbDistal",
         "LeftHandIndex1=leftIndexProximal/LeftHandIndex2=leftIndexIntermediate",
         "LeftHandIndex1=leftIndexProximal/LeftHandIndex2=leftIndexIntermediate/LeftHandIndexEnd",
         "LeftHandIndex2=leftIndexIntermediate/LeftHandIndex3=leftIndexDistal",

@@ -92,6 +92,9 @@ def find_fingers(
         above = nearest[joint] = nearest[parent] if parent >= 0 else -1
         part = _part(words) if inside[joint] and own_side in (side, side if hand is None else "") else None
         if part:
+            over_it = parts.get(above)
+            if over_it and part.has_number and over_it.has_number and part.finger != over_it.finger:
+                part = over_it._replace(segment=(over_it.segment or 1) + 1)  # Finger1/Finger2: segments, not fingers
             parts[joint] = part
             if above in parts and parts[above][:2] == part[:2]:
                 over[joint] = above
