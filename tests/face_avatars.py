@@ -108,7 +108,7 @@ def _vrm_1(roles: Any, shapes: Any, node: int) -> tuple[str, dict[str, Any]]:
         for name, row in shapes.items()
     }
     kinds = {
-        kind: {n: r for n, r in rows.items() if (n in _OLD) == (kind == "preset")} for kind in ("preset", "custom")
+        kind: {n: r for n, r in rows.items() if (n in PRESETS) == (kind == "preset")} for kind in ("preset", "custom")
     }
     bones = {role: {"node": joint} for role, joint in roles.items()}
     meta = {"name": "figure", "authors": ["signsplice"], "licenseUrl": "https://vrm.dev/licenses/1.0/"}
@@ -120,7 +120,7 @@ def _vrm_0(roles: Any, shapes: Any, mesh: int) -> tuple[str, dict[str, Any]]:
     groups = [
         {
             "name": name,
-            "presetName": _OLD.get(name, "unknown"),
+            "presetName": _OLD.get(name, name.lower() if name in PRESETS else "unknown"),
             "binds": [{"mesh": mesh, "index": ARKIT_CHANNELS.index(c), "weight": 100.0 * w} for c, w in row.items()],
         }
         for name, row in shapes.items()

@@ -57,7 +57,7 @@ def bones_of(
     """
     look_at, is_bones = look_at_of(document)
     eyes = is_bones is not False and "leftEye" in roles and "rightEye" in roles
-    used = tuple(c for c in controls if not (eyes and is_bones and (preset_of(c.name) or "").startswith("look")))
+    used = tuple(c for c in controls if not (eyes and is_bones and c.name.lower().startswith("look")))
     shown = {channel for control in used for channel in shape_of(control.name) or ()}
     eyes = eyes and not any(channel.startswith(LOOKS) for channel in shown)
     return used, look_at if eyes else None, "jaw" in roles and "jawOpen" not in shown
