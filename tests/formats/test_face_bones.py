@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +25,7 @@ from signsplice.motion.face_shapes import preset_of
 from signsplice.motion.gaze import LOOKS, SIDES, LookAt, eye_coefficients, eye_quats
 from signsplice.rig.info import rig_info
 
+VIEWER = Path(__file__).resolve().parents[2] / "viewer"
 LEFT_UP = {"eyeLookOutLeft": 1.0, "eyeLookInRight": 0.5, "eyeLookUpLeft": 0.25, "eyeLookUpRight": 0.25, "jawOpen": 0.6}
 
 
@@ -91,6 +95,26 @@ def test_a_vrm_animation_has_the_gaze_as_its_look_at(kind: str, words: dict[str,
     for name, weight in (*expected.items(), ("jawOpen", 0.7)):
         assert found.of([name])[-1, 0] == pytest.approx(weight, abs=1e-4)
     assert len([name for name in found.channels if name.startswith(LOOKS)]) == (8 if kind else 4)
+
+
+@pytest.mark.skipif(
+    shutil.which("node") is None or not (VIEWER / "node_modules").is_dir(),
+    reason="no node, or viewer/node_modules is not installed",
+)
+def test_a_player_turns_eyes_and_jaw_as_far_as_the_ranges_say(words: dict[str, Clip], tmp_path: Path) -> None:
+    """Up and down are left out: three-vrm 3.5 takes the one's range for the other's."""
+    clip = looking(words["HELLO"][:4], eyeLookOutLeft=0.6, eyeLookInRight=0.8, jawOpen=0.5)
+    files: list[str] = []
+    for kind in face_avatars.WITH_BONES[1:]:
+        ss.save(signed(clip, tmp_path, kind), tmp_path / f"{kind}.vrma")
+        files += [str(tmp_path / kind), str(tmp_path / f"{kind}.vrma")]
+    command = ["node", str(VIEWER / "checks" / "look.mjs"), *files]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    for rows in json.loads(done.stdout.splitlines()[-1]):  # .6 of 80 and .8 of 60 are 48 degrees, .6 of 12 and .8 of 9
+        assert rows["leftEye"] == pytest.approx([7.2, 0.0], abs=0.01)
+        assert rows["rightEye"] == pytest.approx([7.2, 0.0], abs=0.01)
+        assert rows["jaw"] == pytest.approx([0.0, 10.0], abs=0.01)
 
 
 @pytest.mark.parametrize("kind", face_avatars.KINDS)
