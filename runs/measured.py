@@ -101,6 +101,20 @@ def dips(row: Mapping[str, Any], key: str = "dips") -> str:
     return "-" if None in both else "/".join(f"{100 * one:.0f}" for one in both)
 
 
+FACES = ("face_jumps", "half_blinks")
+
+
+def faces(row: Figures) -> str:
+    """Percent of seams in which a face jumps, and in which it blinks by half."""
+    return "/".join(f"{100 * row[key]:.1f}" if row.get(key) is not None else "-" for key in FACES)
+
+
+def worst_faces(found: Mapping[str, Figures], method: str) -> str:
+    """The largest of these of a method, over all rests."""
+    rows = [of(found[name], "method").get(method, {}) for name in RESTS.values()]
+    return faces({key: max((row[key] for row in rows if row.get(key) is not None), default=None) for key in FACES})
+
+
 def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object]]]:
     """Every method at seams, and the default with every rest."""
     rows = of(found["joins"], "method")
@@ -119,6 +133,10 @@ def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
               {dips(ours, "stroke_dips")} %; at natural tempo {dips(rows.get(NATURAL, {}))} %.
             - {percent(ours["deep"])} of the default's transitions lead a hand more than 5 mm into the body; {deep} % of
               the classical ones without collision avoidance (`hold` apart, which does not move).
+            - Seams in which a face jumps or blinks by half, with random faces: {faces(ours)} % by default,
+              {faces(rows.get(NATURAL, {}))} % at natural tempo, {faces(rows.get(STITCHER, {}))} % by the stitcher; with
+              other rests up to {worst_faces(found, DEFAULT)} and {worst_faces(found, NATURAL)} % by default and at
+              natural tempo.
         """),
         "",
         *markdown(

@@ -301,6 +301,22 @@ RIGS: dict[str, tuple[str, list[str]]] = {
             ),
         ],
     ),
+    "rigify 1, limbs in halves": (
+        "rigify",
+        [
+            "hips=hips/spine=spine/ribs=chest/neck=neck/head=head",
+            *both_sides(
+                [
+                    "ribs/shoulder.L=leftShoulder/upper_arm.L.01=leftUpperArm/upper_arm.L.02/forearm.L.01=leftLowerArm"
+                    "/forearm.L.02/hand.L=leftHand/palm.01.L",
+                    "hips/thigh.L.01=leftUpperLeg/thigh.L.02/shin.L.01=leftLowerLeg/shin.L.02/foot.L=leftFoot"
+                    "/toe.L=leftToes",
+                ],
+                r"\.L",
+                ".R",
+            ),
+        ],
+    ),
     "smplx": (
         "smplx",
         [
@@ -627,6 +643,21 @@ RIGS: dict[str, tuple[str, list[str]]] = {
                 ],
                 "^l",
                 "r",
+            ),
+        ],
+    ),
+    "makehuman, one arm bone less": (
+        "makehuman",
+        [
+            "root=hips/spine05=spine/spine04/spine03=chest/spine02/spine01=upperChest/neck01=neck/neck02/head=head",
+            *both_sides(
+                [
+                    "spine01/clavicle_L=leftShoulder/shoulder01_L/shoulder02_L=leftUpperArm/upperarm02_L"
+                    "/lowerarm01_L=leftLowerArm/lowerarm02_L/wrist_L=leftHand",
+                    "root/pelvis_L/upperleg01_L=leftUpperLeg/upperleg02_L/lowerleg01_L=leftLowerLeg/foot_L=leftFoot",
+                ],
+                "_L$",
+                "_R",
             ),
         ],
     ),

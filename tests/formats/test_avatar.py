@@ -19,6 +19,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.info import rig_info
+from signsplice.rig.naming import SIDES
 
 WAYS: dict[str, dict[str, Any]] = {
     "vrm 1.0": {"version": "1.0"},
@@ -279,18 +280,21 @@ def test_a_cuff_over_the_hand_is_no_hand(tmp_path: Path, broad: Avatar) -> None:
     np.testing.assert_allclose(spans[0], spans[1], atol=0.005)
 
 
-def test_palms_of_hands_with_metacarpal_bones_are_measured(tmp_path: Path, broad: Avatar) -> None:
-    """Bones from the wrist to the fingers carry the palm in place of the wrist, as in rigs with metacarpals."""
+def test_what_bones_between_those_with_a_role_carry_is_measured(tmp_path: Path, broad: Avatar) -> None:
+    """Metacarpals carry the palm, and half an upper arm or a bone of the spine what is around it, in many rigs."""
     named, parents, offsets = list(broad.names), list(broad.parents), list(broad.offsets)
-    moved = {}
-    for side in ("left", "right"):
-        for finger in ("Index", "Middle", "Ring", "Little"):
-            joint = rig_info(broad).roles.joints[f"{side}{finger}Proximal"]
-            named.append(f"{side}{finger}Metacarpal")
-            parents.append(int(broad.parents[joint]))
-            offsets.append(0.2 * np.asarray(broad.offsets[joint]))
-            parents[joint], offsets[joint] = len(named) - 1, 0.8 * np.asarray(broad.offsets[joint])
-            moved[f"{side}{finger}Palm"] = len(named) - 1
+    moved: dict[str, int] = {}
+    fingers = ("Index", "Middle", "Ring", "Little")
+    between = {f"{side}{finger}Proximal": [f"{side}{finger}Palm"] for side in SIDES for finger in fingers}
+    between |= {f"{side}LowerArm": [f"{side}UpperArm"] for side in SIDES}
+    between |= {"chest": [key for key in broad.body.keys if key.startswith(("belly", "chest"))]} if broad.body else {}
+    for role, keys in between.items():
+        joint = rig_info(broad).roles.joints[role]
+        named.append(f"over {role}")
+        parents.append(int(broad.parents[joint]))
+        offsets.append(0.2 * np.asarray(broad.offsets[joint]))
+        parents[joint], offsets[joint] = len(named) - 1, 0.8 * np.asarray(broad.offsets[joint])
+        moved |= dict.fromkeys(keys, len(named) - 1)
     order = sorted(range(len(named)), key=lambda joint: depth(parents, joint))
     row = {joint: n for n, joint in enumerate(order)}
     assert broad.body is not None
@@ -307,9 +311,9 @@ def test_palms_of_hands_with_metacarpal_bones_are_measured(tmp_path: Path, broad
     read = ss.read_avatar(avatars.write(tmp_path / "m.vrm", rig, parts, hair=False))
     assert not read.warnings
     assert read.body is not None
-    for side in ("left", "right"):
-        ours, true = (body.radii[body.keys.index(f"{side}MiddlePalm")] for body in (read.body, broad.body))
-        np.testing.assert_allclose(ours, true, rtol=0.3)
+    for key in (*(f"{side}{part}" for side in SIDES for part in ("MiddlePalm", "UpperArm")), "belly1", "chest1"):
+        ours, true = (body.radii[body.keys.index(key)] for body in (read.body, broad.body))
+        np.testing.assert_allclose(ours, true, rtol=0.1)
 
 
 def depth(parents: list[int], joint: int) -> int:

@@ -59,6 +59,12 @@ SCHEMES: dict[str, tuple[str, str, str, tuple[str, str]]] = {
         LEFT,
     ),
     "Vicon": ("T I M R P", "LHand{}1/LHand{}2/LHand{}3", "(LHand{})/LHand{}1/LHand{}2/LHand{}3", ("^L", "R")),
+    "Rigify 1, first segments in halves": (
+        LITTLE,
+        "{}.01.L.01/({}.01.L.02)/{}.02.L/{}.03.L",
+        "(palm.L)/finger_{}.01.L.01/(finger_{}.01.L.02)/finger_{}.02.L/finger_{}.03.L",
+        (r"\.L", ".R"),
+    ),
     "Rigify": (
         "thumb index middle ring pinky",
         "{}.01.L/{}.02.L/{}.03.L",
@@ -237,6 +243,7 @@ def test_the_hand_tells_the_side_where_names_do_not(scheme: str, hand: str) -> N
     "chain",
     [
         "LeftHandIndex1=leftIndexProximal",
+        "Finger1_Left=leftThumbMetacarpal/Finger2_Left=leftThumbProximal/Finger3_Left=leftThumbDistal",
         "LeftHandIndex1=leftIndexProximal/LeftHandIndex2=leftIndexIntermediate",
         "LeftHandIndex1=leftIndexProximal/LeftHandIndex2=leftIndexIntermediate/LeftHandIndexEnd",
         "LeftHandIndex2=leftIndexIntermediate/LeftHandIndex3=leftIndexDistal",

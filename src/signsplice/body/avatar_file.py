@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.gaze import LookAt
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class AvatarFile:
     face: what moves its face.
     n_targets: node -> number of morph targets, of the nodes that the face moves.
     expressions: names of the expressions of VRM that move a target, presets as VRM 1.0 has them.
+    look_at: how eyes that are bones turn; None where the gaze moves none.
+    opens_jaw: whether the jaw is a bone and no morph target opens the mouth.
     """
 
     content: bytes
@@ -42,3 +45,5 @@ class AvatarFile:
     face: tuple[FaceControl, ...] = ()
     n_targets: Mapping[int, int] = field(default_factory=dict)
     expressions: tuple[str, ...] = ()
+    look_at: LookAt | None = None
+    opens_jaw: bool = False

@@ -13,7 +13,7 @@ A capsule with too few vertices keeps its usual proportions, scaled as its neigh
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -101,17 +101,6 @@ def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
     return None if body is None or left is None or right is None else AvatarSkin(body, (left, right), points)
 
 
-def _palm_joints(skeleton: Skeleton, roles: Mapping[str, int], side: str) -> list[int]:
-    """The joints that carry a palm: the wrist, and bones between it and the fingers but the thumb."""
-    wrist, found = roles[f"{side}Hand"], {roles[f"{side}Hand"]}
-    for finger in FINGERS[1:]:
-        joint = int(skeleton.parents[roles.get(f"{side}{finger}Proximal", wrist)])
-        while joint > wrist:
-            found.add(joint)
-            joint = int(skeleton.parents[joint])
-    return sorted(found)
-
-
 class _Fitting:
     """The capsules while they are fitted. World: the rest pose, root at the origin, left +X, up +Y, forward +Z."""
 
@@ -129,7 +118,6 @@ class _Fitting:
             for up in [np.array([0.0, 1.0, 0.0])]
             if f"{side}Hand" in self.roles
         }
-        self.palms = {side: _palm_joints(skeleton, self.roles, side) for side in SIDES if f"{side}Hand" in self.roles}
         at = self.rest[self.usual.joints]
         self.starts, self.ends = at + self.usual.starts @ self._turn.T, at + self.usual.ends @ self._turn.T
         self.radii = self.usual.radii.copy()
@@ -258,7 +246,7 @@ class _Fitting:
         axis /= length
         up = up - (up @ axis) * axis
         up /= np.linalg.norm(up)
-        since = self.points.of(self.palms[side]) - start
+        since = self.points.of(self.roles[f"{side}Hand"]) - start
         along, height, beside = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
         (lows, long, wide), found, thick = _SLICES, [], _THICK * self.usual.radii[row].max()
         for low in lows:

@@ -1,9 +1,10 @@
 """Avatars: the skeleton of a ``.vrm`` (0.x or 1.0), ``.glb`` or ``.fbx`` file in its rest pose, with its mesh. No
 animation is needed.
 
-The skeleton holds the joints that have a role, and those between them. All others (hair, skirts, twisted forearms) are
-carried by the nearest of these above them. A VRM avatar of version 0.x, which faces -Z, is turned to face +Z, as those
-of version 1.0 do. VRM's players take its rest pose as the T-pose.
+The skeleton holds the joints that have a role, and those between them. What others carry (hair, skirts, twisted
+forearms, the joints of a spine between its roles) follows the nearest joint with a role above them. A VRM avatar of
+version 0.x, which faces -Z, is turned to face +Z, as those of version 1.0 do. VRM's players take its rest pose as the
+T-pose.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from signsplice.body.capsules import Avatar
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import listed
-from signsplice.formats.avatar_face import face_controls
+from signsplice.formats.avatar_face import bones_of, face_controls
 from signsplice.formats.avatar_writer import pack
 from signsplice.formats.fbx_avatar import as_glb
 from signsplice.formats.gltf_document import Fields
@@ -119,13 +120,16 @@ class AvatarReader(MeshReader):
         _ = rig_info(avatar).arm_joints  # raises where there are no arms
         origin = self.world(order[0])[:3, 3]
         above = self.parents.get(order[0])
+        controls, n_targets, expressions = face_controls(self)
+        controls, look_at, opens_jaw = bones_of(self.json, nodes, controls)
         file = AvatarFile(
             self._whole(content), tuple(order), turn, np.stack([self.world(node) for node in order]),
-            np.eye(4) if above is None else self.world(above), *face_controls(self),
+            np.eye(4) if above is None else self.world(above), controls, n_targets, expressions, look_at, opens_jaw,
         )  # fmt: skip
         lacks = _lacking_fingers(avatar.label, named)
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
-        rows = {node: k for k, node in enumerate(order)}
+        # Joints without a role stay at rest: what they carry follows the joint with a role above them.
+        rows = {node: k for k, node in enumerate(order) if k == 0 or node in nodes.values()}
         parts, points = self.skin(rows, turn, origin, skin)
         if points is None:
             line = f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions"

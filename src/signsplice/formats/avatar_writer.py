@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import struct
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.face_shapes import target_weights
+from signsplice.motion.gaze import bone_quats
+from signsplice.rig.info import rig_info
 from signsplice.rig.placement import place, placement
 
 _SAME = 1e-12
@@ -45,7 +48,7 @@ def _written(clip: Clip, file: AvatarFile) -> bytes:
     document: Fields = json.loads(text)
     standing = Clip(clip.skeleton, np.tile(rotation.IDENTITY, (1, len(clip.skeleton), 1)),
                     (file.turn @ file.worlds[0, :3, 3])[None], clip.fps)  # fmt: skip
-    clip = place(clip, placement(standing))
+    clip = with_bones(place(clip, placement(standing)), file)
     writer = DocumentWriter()
     times = writer.times(clip)
     quats = _local_quats(clip, file)  # (T, J, 4)
@@ -64,6 +67,19 @@ def _written(clip: Clip, file: AvatarFile) -> bytes:
     if isinstance(extras, dict) and clip.skeleton.roles:
         extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
     return pack(document, blob)
+
+
+def with_bones(clip: Clip, file: AvatarFile) -> Clip:
+    """The clip with its face shown by the bones of eyes and jaw, where the avatar's file says that they show it."""
+    found = {} if clip.face is None else bone_quats(clip.face, file.look_at, file.opens_jaw)
+    if not found:
+        return clip
+    rig, quats = rig_info(clip.skeleton), np.array(clip.local_rotations)
+    for role, turned in found.items():
+        joint = rig.roles.joints[role]
+        upright = rig.t_pose.rotations[joint]
+        quats[:, joint] = rotation.multiply(rotation.multiply(rotation.inverse(upright), turned), upright)
+    return replace(clip, local_rotations=quats)
 
 
 def pack(document: Fields, blob: bytes) -> bytes:

@@ -1,27 +1,36 @@
 """Faces in glTF documents: weights of morph targets, and the expressions of VRM, there and back.
 
-A target is known by its name (``motion.face_shapes``), or by the expression of a VRM avatar that moves it alone. Broken
+A target is known by its name (``motion.face_shapes``), or by the expression of a VRM avatar that moves it alone. A gaze
+may also be bones of eyes or the look-at of a VRM animation, an open mouth the bone of a jaw (``motion.gaze``). Broken
 expressions are passed over, as joints do not depend on them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from signsplice.body.capsules import Avatar
+from signsplice.formats.avatar_face import look_at_of
 from signsplice.formats.gltf_document import FACE_EXTRA, VRM_ANIMATION, Fields
 from signsplice.formats.gltf_keys import INTERPOLATIONS, Keys, sample
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, SkeletonDocument
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.limits import NO_LIMITS
+from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import Face
+from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import channel_of, face_from, shape_of, target_weights
+from signsplice.motion.gaze import LOOKS, SIDES, LookAt, bone_coefficients, eye_coefficients, gaze_quats, has_gaze
+from signsplice.rig.info import rig_info
 
+_AT_MOST = "degreesAtMost"
+"""Name, in the extras of a look-at, of the degrees of a gaze inward, outward, down and up with its coefficient at 1."""
 _LIDS = {"eyeBlinkLeft": "blinkLeft", "eyeBlinkRight": "blinkRight"}
 _PRESETS = ("aa", "ih", "ou", "ee", "oh", *_LIDS.values())
 """Presets of a VRM animation; look-at is none of its expressions, and no coefficient says what a person feels."""
@@ -48,10 +57,51 @@ class FaceReader(SkeletonDocument):
                 self.limits.check_memory("weights of a face", n_bytes, self.given_bytes, self.file)
                 for name, track in zip(names, values.T, strict=False):
                     tracks.setdefault(name, track)
+        shown = {channel for name in tracks for channel in shape_of(name) or ()}
+        if not any(channel.startswith(LOOKS) for channel in shown):
+            tracks |= self._look_at(animation, times, fps)
         for name in _names(_object(animation.get("extras")).get(FACE_EXTRA)):
             if channel_of(name) is not None:
                 tracks.setdefault(name, np.zeros(len(times)))
         return face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
+
+    def _look_at(self, animation: Fields, times: FloatArray, fps: float) -> dict[str, FloatArray]:
+        """Coefficient -> values (T,) of the gaze of a VRM animation; empty where it has none."""
+        fields = _object(_object(_object(self.json.get("extensions")).get(VRM_ANIMATION)).get("lookAt"))
+        found: dict[str, FloatArray] = {}
+        for channel in animation["channels"]:
+            if channel["target"]["path"] == "rotation" and channel["target"].get("node") == fields.get("node", -1):
+                quats = self._weights(animation, channel["sampler"], times, fps)
+                if quats.shape[1] != 4 or not np.abs(quats).sum(axis=1).all():
+                    raise self._error("its look-at is no rotation")
+                at_most = _object(fields.get("extras")).get(_AT_MOST)
+                valid = isinstance(at_most, list) and len(at_most) == 4 and all(isinstance(v, float) for v in at_most)
+                degrees = tuple(at_most) if valid and at_most else LookAt().gaze
+                for side in SIDES:
+                    found |= eye_coefficients(rotation.normalize(quats), side, degrees)
+        return found
+
+    def _with_bones(self, clip: Clip) -> Clip:
+        """The clip with the gaze and the open mouth that its bones show, where its face has none of its own."""
+        rig = rig_info(clip.skeleton)
+        quats = {}
+        for role in ("leftEye", "rightEye", "jaw"):
+            if (joint := rig.roles.joint(role)) is not None:
+                upright = rig.t_pose.rotations[joint]
+                turned = rotation.multiply(upright, clip.local_rotations[:, joint])
+                quats[role] = rotation.multiply(turned, rotation.inverse(upright))
+        found = bone_coefficients(quats, look_at_of(self.json)[0])
+        face = clip.face
+        found = {name: v for name, v in found.items() if face is None or not (
+            has_gaze(face) if name.startswith(LOOKS) else name in face.channels)}  # fmt: skip
+        if not found:
+            return clip
+        values = np.stack(list(found.values()), axis=1)
+        if face is not None:
+            values = np.concatenate([face.weights, values], axis=1)
+        names = (*(() if face is None else face.channels), *found)
+        order = sorted(range(len(names)), key=lambda k: ARKIT_CHANNELS.index(names[k]))
+        return replace(clip, face=Face(tuple(names[k] for k in order), values[:, order]))
 
     def _weights(self, animation: Fields, number: int, times: FloatArray, fps: float) -> FloatArray:
         """The values (T, N) of a sampler of N targets, or of a translation."""
@@ -125,6 +175,14 @@ def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
             writer.channel(number, "weights", times, target_weights(face, names)[0].ravel())
 
 
+def write_look_at(writer: DocumentWriter, face: Face, times: int, look_at: LookAt) -> Fields:
+    """The look-at of a VRM animation: a node that turns as the gaze does, and what a gaze at its limit is."""
+    node = writer.node("lookAt")
+    writer.gltf.scenes[0].nodes.append(node)
+    writer.channel(node, "rotation", times, rotation.continuous(gaze_quats(face, look_at)))
+    return {"node": node, "extras": {_AT_MOST: list(look_at.gaze)}}
+
+
 def write_expressions(
     writer: DocumentWriter, face: Face, times: int, avatar: Collection[str] = ()
 ) -> dict[str, dict[str, dict[str, int]]]:
@@ -149,7 +207,10 @@ def lost_in(path: str | Path, clip: Clip) -> tuple[str, ...]:
         return ()
     document = SkeletonDocument(str(path), Path(path).read_bytes(), NO_LIMITS, None)
     names = {name for node in range(len(document.nodes)) for name in target_names(document.json, node)}
-    return target_weights(clip.face, sorted(names))[1]
+    file = clip.skeleton.file if isinstance(clip.skeleton, Avatar) else None
+    bones = () if file is None else (*LOOKS * (file.look_at is not None), *("jawOpen",) * file.opens_jaw)
+    lost = target_weights(clip.face, sorted(names))[1]
+    return tuple(name for name in lost if not (bones and name.startswith(bones)))
 
 
 def _names(value: Any) -> list[str]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, ROLES_EXTRA, VRM_ANIMATION, Fields
+from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, ROLES_EXTRA, Fields
 from signsplice.formats.gltf_face import FaceReader, target_names, vrm_expressions
 from signsplice.formats.gltf_keys import DRIFT, INTERPOLATIONS, LEAST_FPS, MOST_FPS, Keys, frame_rate, sample
 from signsplice.formats.gltf_skeleton import EVEN, printable, unique
@@ -101,7 +101,7 @@ class _AnimationReader(FaceReader):
         stretches = change > _HELD * float(np.abs(offsets).max())
         names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
         named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._stored_roles(names)
-        return Clip(
+        clip = Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=named or None),
             local_quats,
             roots,
@@ -112,6 +112,7 @@ class _AnimationReader(FaceReader):
             notes=_notes(self.json["animations"]),
             face=self._face(self.json["animations"][0], times, fps),
         )
+        return self._with_bones(clip)
 
     def _stored_roles(self, names: Sequence[str]) -> dict[str, str]:
         """Role -> joint name from the extras of a file that we wrote, for joints that exist."""
@@ -253,8 +254,8 @@ def _notes(animations: Sequence[Fields]) -> tuple[str, ...]:
 
 
 def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
-    """What an animation moves besides joints and a face, by name, which a clip does not hold: other expressions and
-    look-at of a VRM animation, other morph targets, properties that a pointer animates, and what has no node.
+    """What an animation moves besides joints and a face, by name, which a clip does not hold: other expressions of a
+    VRM animation, other morph targets, properties that a pointer animates, and what has no node.
     """
     targets = [channel["target"] for channel in animation["channels"]]
     animated = {target.get("node") for target in targets}
@@ -271,13 +272,10 @@ def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
 
 
 def _vrm(document: Fields, animated: set[Any]) -> Iterator[str]:
-    """The expressions that are none of a face, and the look-at, of a VRM animation whose nodes are animated."""
-    vrm = _object(_object(document.get("extensions")).get(VRM_ANIMATION))
+    """The expressions that are none of a face, of a VRM animation whose nodes are animated."""
     for name, node in vrm_expressions(document):
         if node in animated and shape_of(name) is None:
             yield f"expression {name}"
-    if _number(_object(vrm.get("lookAt")).get("node")) in animated:
-        yield "look-at"
 
 
 def _morph_targets(document: Fields, node: Any) -> list[str]:
@@ -291,8 +289,3 @@ def _morph_targets(document: Fields, node: Any) -> list[str]:
 
 def _object(value: Any) -> Fields:
     return value if isinstance(value, dict) else {}
-
-
-def _number(value: Any) -> Any:
-    """A node's number; what is none, and cannot be looked up, is -1."""
-    return value if isinstance(value, int) else -1

@@ -1,6 +1,6 @@
 """VRM animations (``.vrma``, VRMC_vrm_animation 1.0): rotations of the humanoid's bones from a T-pose, for any avatar.
 
-The file holds no mesh and no eyes, which the format leaves to look-at; a face is its expressions.
+The file holds no mesh and no eyes, which the format leaves to look-at; a face is its expressions and that.
 ``gltf_reader`` says what is read.
 """
 
@@ -13,12 +13,14 @@ from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
+from signsplice.formats.avatar_writer import with_bones
 from signsplice.formats.gltf_document import VRM_ANIMATION
-from signsplice.formats.gltf_face import write_expressions
+from signsplice.formats.gltf_face import write_expressions, write_look_at
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.gaze import LookAt, has_gaze
 from signsplice.rig.info import rig_info
 
 __all__ = ["document", "encode", "parse"]
@@ -44,7 +46,8 @@ def document(clip: Clip) -> GLTF2:
     rig = rig_info(clip.skeleton)
     if "hips" not in rig.roles.joints:
         raise InputError("no hips found among the joints, which a VRM animation needs; name them with a roles file")
-    clip = in_front(clip)
+    file = clip.skeleton.file if isinstance(clip.skeleton, Avatar) else None
+    clip = in_front(clip if file is None else with_bones(clip, file))
     metres = rig.sizes.unit.metres
     hips = rig.roles.joints["hips"]
     bones = {role: joint for role, joint in rig.roles.joints.items()
@@ -81,9 +84,11 @@ def document(clip: Clip) -> GLTF2:
     human_bones = {role: {"node": node} for role, node in nodes.items()}
     extension: dict[str, object] = {"specVersion": "1.0", "humanoid": {"humanBones": human_bones}}
     if clip.face is not None:
-        file = clip.skeleton.file if isinstance(clip.skeleton, Avatar) else None
         expressions = () if file is None else file.expressions
         extension["expressions"] = write_expressions(writer, clip.face, times, expressions)
+        look_at = LookAt() if file is None else file.look_at
+        if look_at is not None and has_gaze(clip.face):
+            extension["lookAt"] = write_look_at(writer, clip.face, times, look_at)
     writer.gltf.extensionsUsed.append(VRM_ANIMATION)
     writer.gltf.extensions[VRM_ANIMATION] = extension
     return writer.finish(clip.name, clip.fps)

@@ -92,6 +92,9 @@ def find_fingers(
         above = nearest[joint] = nearest[parent] if parent >= 0 else -1
         part = _part(words) if inside[joint] and own_side in (side, side if hand is None else "") else None
         if part:
+            over_it = parts.get(above)
+            if over_it and part.has_number and over_it.has_number and part.finger != over_it.finger:
+                part = over_it._replace(segment=(over_it.segment or 1) + 1)  # Finger1/Finger2: segments, not fingers
             parts[joint] = part
             if above in parts and parts[above][:2] == part[:2]:
                 over[joint] = above
@@ -135,6 +138,10 @@ def _segments(finger: int, chain: list[int], parts: Mapping[int, _Part], first_o
     while chain and _METACARPAL.search(parts[chain[0]].words) and (finger or len(chain) > 3):
         chain.pop(0)
     if len(chain) > 3:
+        # Rigify's index.01.L.01 and index.01.L.02 are halves of one segment.
+        whole = [joint for over, joint in pairwise([-1, *chain]) if over < 0 or not _same_segment(parts, over, joint)]
+        chain = whole if len(whole) >= 3 else chain
+    if len(chain) > 3:
         numbers = [parts[joint].segment for joint in chain]
         if (finger and has_end) or (numbers[1] is not None and (numbers[0] is None or numbers[0] < first)):
             chain.pop(0)
@@ -142,6 +149,10 @@ def _segments(finger: int, chain: list[int], parts: Mapping[int, _Part], first_o
     segments = [_segment(finger, parts[joint], first) for joint in chain]
     clear = all(0 <= segment <= 2 for segment in segments) and all(a < b for a, b in pairwise(segments))
     return dict(zip(segments if len(chain) < 3 and clear else range(3), chain, strict=False))
+
+
+def _same_segment(parts: Mapping[int, _Part], one: int, other: int) -> bool:
+    return parts[one].segment is not None and parts[one].segment == parts[other].segment
 
 
 def _segment(finger: int, part: _Part, first: int) -> int:

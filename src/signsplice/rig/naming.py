@@ -61,8 +61,9 @@ vrm       | shoulder upperarm lowerarm hand | upperleg lowerleg foot toes/toe | 
 unity     | shoulder upperarm lowerarm hand | upperleg lowerleg foot toes/toe | spine spine chest upperchest
     | marks thumbintermediate
 vroid     | shoulder upperarm lowerarm hand | upperleg lowerleg foot toebase | spine spine chest upperchest
-rigify    | shoulder upperarm forearm hand | thigh shin foot toe | hips spine | neck spine004
-    | head spine006/head/spine005 | marks palm01 palm02 palm03 palm04 heel02
+# Its first version parts a limb's bend from its twist, as upper_arm.L.01 and .02 or upper_arm.01.L.
+rigify    | shoulder upperarm/upperarm01 forearm/forearm01 hand | thigh/thigh01 shin/shin01 foot toe | hips spine
+    | neck spine004 | head spine006/head/spine005 | marks palm01 palm02 palm03 palm04 heel02
 # The classic BVH names (Biovision, Xsens' BVH). They and SMPL-X say shoulder for upper arm, hip for upper leg.
 bvh       | collar shoulder/uparm elbow/lowarm/forearm wrist/hand
     | hip/upleg knee/lowleg ankle/foot toe/toes/toebase/foot | marks hand chest chest2 chest3 chest4
@@ -84,7 +85,7 @@ optitrack | shoulder uarm farm hand | thigh shin foot toe | marks ab
 # ASF/AMC.
 acclaim   | clavicle humerus radius wrist/hand | femur tibia foot toes | hips root
     | marks hipjoint lowerback upperback thorax
-makehuman | clavicle upperarm01 lowerarm01 wrist | upperleg01 lowerleg01 foot toe11 | hips root
+makehuman | clavicle upperarm01/shoulder02 lowerarm01 wrist | upperleg01 lowerleg01 foot toe11 | hips root
 autorig   | shoulder armstretch/arm forearmstretch/forearm hand | thighstretch/thigh legstretch/leg foot toes01
     | hips rootx | neck neckx | head headx
 advancedSkeleton | scapula shoulder elbow wrist | hip knee ankle toes | hips rootm | neck neckm | head headm
