@@ -31,7 +31,7 @@ class Curve:
     - system: the system's name
     - split: the split whose training part it learned from
     - scale: smoke, cpu or paper
-    - optimiser: adamw or sgd
+    - optimiser: adamw, sgd or sgd-momentum
     - fr: frames that Culling keeps on each side, None without Culling
     - seed: the training's seed
     - points: the numbers of each point, named by ``columns``; None where one is not known

@@ -47,7 +47,7 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
     pyplot = plotting()
     written: list[Path] = []
     left_out: list[str] = []
-    for optimiser in OPTIMISERS:
+    for optimiser in ("adamw", "sgd"):
         plots = _Plots(results, scale, optimiser, pyplot)
         by_name: dict[str, Callable[[], Any]] = {
             "figure4a": plots.accuracy_by_fr,

@@ -17,7 +17,7 @@ from signsplice_paper import published
 from signsplice_paper.layout import number, short
 from signsplice_paper.results import CLASSICAL, CLIP_SCALES, CORPUS_TRAINED, FITTED, MEAN, SHIPPED, ResultRow, Results
 
-OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD"}
+OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD", "sgd-momentum": "SGD with momentum"}
 MISSING, UNTRAINED, BELOW = "not trained yet", "not trained: no token found", "below the mean transition"
 TIMES = ("ms_mean", "ms_median")
 """Scores of the last seed alone, timed on one day with other systems: a machine is not as fast on every day."""
@@ -132,8 +132,9 @@ def lines(
     for system in systems:
         out.append(line(results, system, scale, split, seeds=seeds))
         by_sgd = line(results, system, scale, split, "sgd")
-        if by_sgd.rows or system == published.PRINTED:
-            out.append(by_sgd)
+        with_momentum = line(results, system, scale, split, "sgd-momentum")
+        out += [by_sgd] if by_sgd.rows or system == published.PRINTED else []
+        out += [with_momentum] if with_momentum.rows else []
     return out
 
 

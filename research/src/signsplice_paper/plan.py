@@ -58,7 +58,7 @@ class Run:
 
     - system: name of the system
     - scale: one of ``SCALES``
-    - optimiser: adamw or sgd
+    - optimiser: adamw, sgd or sgd-momentum
     - split: the split whose training part it learns from
     - fr: frames that Culling keeps on each side, None for the default
     - seed: of weights, batches and noise
@@ -127,8 +127,8 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
        together with seeds; at scale ``smoke`` seed 1. While the best rival is not known (None), and all rivals are
        wanted, the list ends before them.
     4. LpTransformer for every fr with seed 0, and with seeds 1 and 2 where the choice names them, values of fr and
-       systems; the systems of the related work on both splits; the four systems in the treatment that they lack; and
-       SGD: of the systems in ``BY_SGD``, or of those that the choice names together with SGD.
+       systems; the systems of the related work on both splits; the four systems in the treatment that they lack;
+       LpTransformer by SGD with momentum; and SGD: of the systems in ``BY_SGD``, or of those that the choice names together with SGD.
     """
     wanted, smoke = choice or Choice(), scale == "smoke"
     if scale == "small":
@@ -156,6 +156,7 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
         Run(system, scale, "adamw", split) for split in SPLITS[: 1 if smoke else None] for system in published.RELATED
     ]
     last += [] if smoke else [Run(system, scale, "adamw", "random") for system in TREATED]
+    last += [] if smoke else [Run(published.PRINTED, scale, "sgd-momentum", "random")]
     last += sgd if scale != "paper" else []
     return chosen + [run for run in last if wanted.allows(run)]
 

@@ -39,7 +39,7 @@ class ResultRow:
     - system: the system's or method's name
     - split: the split that is judged
     - scale: smoke, cpu or paper; for methods on clips one of ``CLIP_SCALES``; ``MEAN`` for the mean transition
-    - optimiser: adamw or sgd, empty for methods on clips
+    - optimiser: adamw, sgd or sgd-momentum, empty for methods on clips
     - part: the part of the split that is judged
     - fr: frames that Culling keeps on each side, None without Culling
     - seed: the training's seed, None for methods on clips

@@ -120,16 +120,22 @@ def test_snapshots_are_the_weights_at_every_validation(tmp_path: Path) -> None:
     assert all(torch.equal(value, last[name]) for name, value in task.state_dict().items())
 
 
-def test_sgd_has_the_papers_rate_and_resumes_exactly(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", ["sgd", "sgd-momentum"])
+def test_sgd_resumes_exactly_and_without_momentum_has_the_papers_rate(tmp_path: Path, method: str) -> None:
     weights = []
     for folder, untils in (("a", (None,)), ("b", (2, 3, None))):
         (tmp_path / folder).mkdir()
         for until in untils:
             task, data, valid = product_toy("transition")
-            config = PaperLoop(6, 4, 2e-3, seed=1, every=4, until=until, method="sgd")
+            config = PaperLoop(6, 4, 2e-3, seed=1, every=4, until=until, method=method)
             train(task, config, data, valid, tmp_path / folder, "toy", ALONE)
         weights.append(task.state_dict())
     assert all(torch.equal(value, weights[1][name]) for name, value in weights[0].items())
-    assert {config.rate_at(step) for step in range(100)} == {1e-3}, "the paper's, to the plateau"
+    if method == "sgd":
+        assert {config.rate_at(step) for step in range(100)} == {1e-3}, "the paper's, to the plateau"
+    else:
+        adamw = PaperLoop(6, 4, 2e-3, seed=1, every=4)
+        assert [config.rate_at(step) for step in range(6)] == [adamw.rate_at(step) for step in range(6)]
+    assert stopping.highest_rate("sgd", 0.5) == 1e-3 and stopping.highest_rate("adamw", 0.5) == 0.5
     with pytest.raises(InputError, match="optimiser 'lion', expected one of adamw, sgd"):
         PaperLoop(1, 1, 1.0, 0, method="lion")

@@ -24,7 +24,7 @@ _folder = partial(option, metavar="DIR", type=click.Path(path_type=Path))
 
 SCALES = click.Choice(("smoke", "small", "cpu", "paper"))
 SPLITS = click.Choice(("random", "unseen-words", "unseen-signer"))
-OPTIMISERS = click.Choice(("adamw", "sgd"))
+OPTIMISERS = click.Choice(("adamw", "sgd", "sgd-momentum"))
 
 SCALE = option("--scale", type=SCALES, default="cpu", help="How large the systems are and how long they are trained.")
 PAIRS = _folder("--pairs", default="out/pairs", help="Corpus of pairs.")

@@ -213,6 +213,7 @@ _SCHEDULES = {
     "tfgn-wc": _PartSchedule((60, 1700, 60_000), 32),
     "transformer": _PartSchedule((60, 3000, 60_000), 32),
     "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 2.1e-3),
+    "conv-s2s-plain": _PartSchedule((60, 1500, 60_000), 32, 7e-4),  # by 2.1e-3 it diverges after 205 steps
     "lstm": _PartSchedule((60, 6000, 60_000), 32, 3e-3),
     "progressive": _PartSchedule((60, 2000, 60_000)),
     "mixture": _PartSchedule((60, 2600, 60_000)),
@@ -275,7 +276,7 @@ def parts(
             (1e-2, schedule.rate, 3e-4)[column],
             name in _PLAIN_LOSS,
         )
-        for name, schedule in ((name, _SCHEDULES[_SAME_SIZES.get(name, name)]) for name in names)
+        for name, schedule in ((name, _SCHEDULES.get(name) or _SCHEDULES[_SAME_SIZES[name]]) for name in names)
     )
 
 

@@ -32,7 +32,7 @@ from signsplice_paper.train.graphs import paper_graphs
 from signsplice_paper.train.networks.generator import Generator
 from signsplice_paper.train.pairs_data import PairsData
 from signsplice_paper.train.scales import MOST_SGD_CPU_S, SGD_PATIENCE, UNBIASED, SystemPart, parts, task
-from signsplice_paper.train.stopping import SGD_RATE, PaperLoop
+from signsplice_paper.train.stopping import PaperLoop, highest_rate
 from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
 
 GRAPHS = "graphs"
@@ -47,7 +47,7 @@ class Training:
 
     - system: one of ``scales.SYSTEMS``
     - scale: one of ``scales.SCALES``
-    - optimiser: adamw or sgd
+    - optimiser: adamw, sgd or sgd-momentum
     - split: the split whose training part is learned from
     - seed: of weights, batches and noise
     - fr: frames that Culling keeps on each side, None for the default
@@ -150,7 +150,7 @@ def trained(
         steps=part.steps,
         batch=part.batch,
         method=training.optimiser,
-        rate=part.rate,
+        rate=highest_rate(training.optimiser, part.rate),
         seed=training.seed,
         every=max(1, part.steps // n_judgements),
         n_judged=training.n_judged,
@@ -262,7 +262,7 @@ def facts(
         "parts": {
             part.name: {
                 **{k: v for k, v in part.facts().items() if k != "config"},
-                "rate": SGD_RATE if training.optimiser == "sgd" else part.rate,
+                "rate": highest_rate(training.optimiser, part.rate),
                 "steps": step,
                 "stopped": why,
                 "scores": _last_scores(folder),
