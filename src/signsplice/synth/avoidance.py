@@ -40,8 +40,9 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
     signer = replace(signer, left_handed=False)
     level = curves.fade_window(len(states)) if ends else np.ones(len(states))
     mean = np.zeros((len(states), 2, 3))
+    depth, exits = penetration(states, signer)
     for n in range(2 * _ROUNDS):
-        depth, out = penetration(states, signer)
+        out = exits
         if n >= _ROUNDS:
             if depth.max() < _STUCK_CM:
                 break
@@ -53,10 +54,10 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
         if not push.any():
             break
         displacements = curves.spread_in_time(push[..., None] * out, _KERNEL) * level[:, None, None]  # (T, 2, 3)
-        moved = states.copy()
-        for which in (0, 1):
-            moved[:, 27 * which : 27 * which + 3] += displacements[:, which]
-        states = moved
+        states = states.copy()
+        pose.hands(states)[..., pose.WRIST] += displacements
+        frames = displacements.any(axis=(1, 2))
+        depth[frames], exits[frames] = penetration(states[frames], signer)
     return states
 
 

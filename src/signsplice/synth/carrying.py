@@ -148,10 +148,13 @@ def _touching(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     nearest = near.clearances.argmin(axis=-1)[..., None]  # (T, 2, 1)
     wanted = np.take_along_axis(near.clearances, nearest, axis=-1)
     weight = pose.smooth_step((_TOUCH_CM - wanted / signer.scale) / (_TOUCH_CM - _HELD_CM))
-    for _ in range(_ROUNDS):
-        clearances, out, _ = _clearances(states, signer)
-        missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (T, 2, 1)
-        push = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
-        push = gaussian_filter1d(push, _SMOOTHED_FRAMES, axis=0, mode="nearest")
+    frames = weight.any(axis=(1, 2))
+    pushes = np.zeros((len(states), 2, 3))
+    nearest, wanted, weight = nearest[frames], wanted[frames], weight[frames]
+    for _ in range(_ROUNDS * bool(frames.any())):
+        clearances, out, _ = _clearances(states[frames], signer)
+        missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
+        pushes[frames] = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
+        push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")
         pose.hands(states)[..., pose.WRIST] += push * [np.ones(3), _MIRRORED]
     return states

@@ -43,13 +43,15 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     signer = replace(signer, left_handed=False)
     wanted = [one for one in _postures(segments, sign) if one[2].location not in _LEFT_ALONE]
     moves, turns = np.zeros((2, len(states), 2, 3))
-    best, quats, moved = (np.inf, states), pose.hand_rotations(states, signer), states
+    frames = sorted({frame for frame, *_ in wanted})
+    rows = {frame: row for row, frame in enumerate(frames)}
+    least, best = np.inf, (moves, turns)
     for n in range(_ROUNDS + 1):
-        posed = posed_signer(moved, signer)
-        found = [(frame, which, *_missing(posed, frame, which, posture, sign)) for frame, which, posture in wanted]
+        posed = posed_signer(_moved(states[frames], moves[frames], turns[frames], signer), signer)
+        found = [(frame, which, *_missing(posed, rows[frame], which, posture, sign)) for frame, which, posture in wanted]
         left = sum(float(np.linalg.norm(miss)) for *_, miss, _ in found)
-        if left < best[0]:
-            best = (left, moved)
+        if left < least:
+            least, best = left, (moves, turns)
         if n == _ROUNDS or left == 0.0:
             break
         moves = moves + _spread([one[:3] for one in found], len(states), fps)
@@ -60,12 +62,17 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
             ]
             turns = turns + _spread(lean, len(states), fps)
         moves, turns = (_limited(x, most) for x, most in ((moves, _MOST_CM), (turns, _MOST_TURN)))
-        moved = states.copy()
-        both = pose.hands(moved)
-        both[..., pose.WRIST] += moves
-        turned = rotation.multiply(rotation.exp(turns), quats)
-        both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
-    return best[1]
+    return _moved(states, *best, signer) if best[0].any() or best[1].any() else states
+
+
+def _moved(states: FloatArray, moves: FloatArray, turns: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands moved (T, 2, 3), and turned by rotation vectors (T, 2, 3)."""
+    quats = rotation.multiply(rotation.exp(turns), pose.hand_rotations(states, signer))
+    moved = states.copy()
+    both = pose.hands(moved)
+    both[..., pose.WRIST] += moves
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
+    return moved
 
 
 def _turn(arm: FloatArray, miss: FloatArray) -> FloatArray:
