@@ -61,21 +61,22 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
     return states
 
 
-def penetration(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
+def penetration(states: FloatArray, signer: Signer, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Depth (T, 2) of each hand, strong first, in head, trunk, the other arm or its hand, or of its forearm in the
-    other arm, cm, negative where it is free; and the unit direction (T, 2, 3) out of there in the chest's axes,
+    other arm, cm, some negative number where it is free by more than ``slack`` (then without a direction); and the unit direction (T, 2, 3) out of there in the chest's axes,
     mirrored for the weak hand as its state is.
     """
     local_quats, roots = pose.rotations(states, signer)
     rotations, positions = kinematics.forward(Clip(skeleton(signer), local_quats, roots, 30.0))
-    depth, out = collision.hand_penetration(skeleton(signer), rotations, positions, forearms=True)
+    posed = collision.posed_capsules(skeleton(signer), rotations, positions)
+    depth, out = posed.near_pairs(slack, forearms=True).penetration()
     out = np.einsum("tba,thb->tha", rotations[:, JOINTS["Spine2"]], out)
     return depth[:, ::-1], out[:, ::-1] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
 
 
 def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
     """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
-    depth, _ = penetration(states, replace(signer, left_handed=False))
+    depth, _ = penetration(states, replace(signer, left_handed=False), NEAR_CM)
     return np.asarray(depth.max(axis=1) > -NEAR_CM)
 
 

@@ -45,10 +45,14 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     moves, turns = np.zeros((2, len(states), 2, 3))
     frames = sorted({frame for frame, *_ in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
+    centres = [_part(pose.hands(states)[frame, which], posture, signer) for frame, which, posture in wanted]
     least, best = np.inf, (moves, turns)
     for n in range(_ROUNDS + 1):
         posed = posed_signer(_moved(states[frames], moves[frames], turns[frames], signer), signer)
-        found = [(frame, which, *_missing(posed, rows[frame], which, posture, sign)) for frame, which, posture in wanted]
+        found = [
+            (frame, which, *_missing(posed, rows[frame], which, posture, sign, centre))
+            for (frame, which, posture), centre in zip(wanted, centres, strict=True)
+        ]
         left = sum(float(np.linalg.norm(miss)) for *_, miss, _ in found)
         if left < least:
             least, best = left, (moves, turns)
@@ -113,18 +117,23 @@ def _postures(segments: Sequence[TimedSegment], sign: Sign) -> Iterator[tuple[in
                 yield from ((frame, which, posture) for frame in ends)
 
 
-def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> tuple[FloatArray, FloatArray]:
+def _part(hand_state: FloatArray, posture: Posture, signer: Signer) -> FloatArray:
+    """Where the part of a right hand that a posture names is in the hand's axes, (3,), cm."""
+    return hand_part(posture.part).centre(hand.points(hand_state[pose.FINGERS])) * signer.hands * signer.scale
+
+
+def _missing(
+    posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """What moves the part of a hand from where it is to where a posture puts it, (3,), and the part from its wrist
-    (3,), cm, in the chest's axes, mirrored for the weak hand as its state is.
+    (3,), cm, in the chest's axes, mirrored for the weak hand as its state is. part: where it is in the hand's axes.
     """
     signer, state = posed.signer, posed.states[frame]
     chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
     site, unit = hand_part(posture.part), signer.hands * signer.scale
     joint = JOINTS[f"{_SIDES[which]}Hand"]
     mirror = MIRROR if which else np.ones(3)
-    own = state[27 * which : 27 * which + 27]
-    centre = site.centre(hand.points(own[pose.FINGERS])) * unit * mirror
-    arm = mirror * (posed.rotations[frame, joint] @ centre @ chest)
+    arm = mirror * (posed.rotations[frame, joint] @ (part * mirror) @ chest)
     here = mirror * ((posed.positions[frame, joint] - origin) @ chest) + arm
     weak = WeakArm(signer, state[27:54])
     if on_arm(posture.location):
