@@ -83,14 +83,12 @@ def _clearances(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatAr
     carriers = [_CARRIERS.index(n) if (n := names[j]) in _CARRIERS else _CHEST for j in body.joints[solid]]
     hands = (body.groups.right, body.groups.left)
     clearances, out = np.empty((len(states), 2, len(_CARRIERS))), np.empty((len(states), 2, len(_CARRIERS), 3))
+    rows, parts = np.arange(len(states)), [np.flatnonzero(np.array(carriers) == k) for k in range(len(_CARRIERS))]
     for n, own in enumerate(hands):
-        for k in range(len(_CARRIERS)):
-            part = solid[np.array(carriers) == k].tolist()
-            depth, away = collision.overlap(*ends, body.radii, own, part)  # (T, A, B), (T, A, B, 3)
-            depth = depth.reshape(len(states), -1)
-            deepest = depth.argmax(axis=1)[:, None]
-            clearances[:, n, k] = -np.take_along_axis(depth, deepest, axis=1)[:, 0]
-            out[:, n, k] = np.take_along_axis(away.reshape(*depth.shape, 3), deepest[..., None], axis=1)[:, 0]
+        depth, away = collision.overlap(*ends, body.radii, own, solid)  # (T, A, B), (T, A, B, 3)
+        for k, part in enumerate(parts):
+            a, b = np.divmod(depth[:, :, part].reshape(len(states), -1).argmax(axis=1), len(part))
+            clearances[:, n, k], out[:, n, k] = -depth[rows, a, part[b]], away[rows, a, part[b]]
     arms = [
         [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == side]
         for side in ("right", "left")

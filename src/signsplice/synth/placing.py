@@ -46,9 +46,10 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     frames = sorted({frame for frame, *_ in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
     centres = [_part(pose.hands(states)[frame, which], posture, signer) for frame, which, posture in wanted]
+    quats = pose.hand_rotations(states[frames], signer)
     least, best = np.inf, (moves, turns)
     for n in range(_ROUNDS + 1):
-        posed = posed_signer(_moved(states[frames], moves[frames], turns[frames], signer), signer)
+        posed = posed_signer(_moved(states[frames], quats, moves[frames], turns[frames], signer), signer)
         found = [
             (frame, which, *_missing(posed, rows[frame], which, posture, sign, centre))
             for (frame, which, posture), centre in zip(wanted, centres, strict=True)
@@ -66,12 +67,16 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
             ]
             turns = turns + _spread(lean, len(states), fps)
         moves, turns = (_limited(x, most) for x, most in ((moves, _MOST_CM), (turns, _MOST_TURN)))
-    return _moved(states, *best, signer) if best[0].any() or best[1].any() else states
+    return _moved(states, pose.hand_rotations(states, signer), *best, signer)
 
 
-def _moved(states: FloatArray, moves: FloatArray, turns: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) with hands moved (T, 2, 3), and turned by rotation vectors (T, 2, 3)."""
-    quats = rotation.multiply(rotation.exp(turns), pose.hand_rotations(states, signer))
+def _moved(
+    states: FloatArray, quats: FloatArray, moves: FloatArray, turns: FloatArray, signer: Signer
+) -> FloatArray:
+    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
+    if not (moves.any() or turns.any()):
+        return states
+    quats = rotation.multiply(rotation.exp(turns), quats)
     moved = states.copy()
     both = pose.hands(moved)
     both[..., pose.WRIST] += moves

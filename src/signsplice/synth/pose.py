@@ -54,6 +54,7 @@ _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
 _BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
 _PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.5, for low elbows
+_HALF_COLLAR = 0.5 * np.deg2rad([15.0, 14.0])  # how far a collar bone rises, and comes forward
 _HEAD_PARTS = (0.4, 0.6)  # of the head's rotation, neck and head
 _LEG_CM = 81.0  # hip to ankle of the standard body
 _TINY = 1e-300
@@ -103,10 +104,10 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
     upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
     out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
-    rise = np.deg2rad(15.0) * smooth_step((out[..., 1] + 0.35) / 1.2)
-    forward = np.deg2rad(14.0) * smooth_step((out[..., 2] + 0.5 * out[..., 0] - 0.25) / 0.9)
-    (sin, cos), (up, level) = ((np.sin(0.5 * x), np.cos(0.5 * x)) for x in (forward, rise))
-    collar = np.stack([-sin * up, sin * level, -cos * up, cos * level], axis=-1)  # about Y after about -Z
+    x, y, z = out.transpose(out.ndim - 1, *range(out.ndim - 1))
+    half = _HALF_COLLAR * smooth_step(np.stack([(y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9], axis=-1))
+    (rise, forward), (level, ahead) = (np.moveaxis(f(half), -1, 0) for f in (np.sin, np.cos))
+    collar = np.stack([-forward * rise, forward * level, -ahead * rise, ahead * level], axis=-1)  # Y after -Z
     direction = wrists - collar_position - rotation.rotate(collar, shoulder_offset)
     distance = np.linalg.norm(direction, axis=-1, keepdims=True)
     direction = direction / distance
@@ -302,7 +303,7 @@ def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
 
 def smooth_step(x: FloatArray) -> FloatArray:
     """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
-    return np.asarray(minimum_jerk(np.clip(x, 0.0, 1.0)))
+    return np.asarray(minimum_jerk(np.minimum(np.maximum(x, 0.0), 1.0)))
 
 
 def _soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> FloatArray:
