@@ -63,8 +63,8 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
 
 def penetration(states: FloatArray, signer: Signer, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Depth (T, 2) of each hand, strong first, in head, trunk, the other arm or its hand, or of its forearm in the
-    other arm, cm, some negative number where it is free by more than ``slack`` (then without a direction); and the unit direction (T, 2, 3) out of there in the chest's axes,
-    mirrored for the weak hand as its state is.
+    other arm, cm, some negative number where it is free by more than ``slack`` (then without a direction); and the unit
+    direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is.
     """
     local_quats, roots = pose.rotations(states, signer)
     rotations, positions = kinematics.forward(Clip(skeleton(signer), local_quats, roots, 30.0))

@@ -85,7 +85,7 @@ def _clearances(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatAr
     clearances, out = np.empty((len(states), 2, len(_CARRIERS))), np.empty((len(states), 2, len(_CARRIERS), 3))
     rows, parts = np.arange(len(states)), [np.flatnonzero(np.array(carriers) == k) for k in range(len(_CARRIERS))]
     for n, own in enumerate(hands):
-        depth, away = collision.overlap(*ends, body.radii, own, solid)  # (T, A, B), (T, A, B, 3)
+        depth, away = collision.overlap(*ends, body.radii, own, solid.tolist())  # (T, A, B), (T, A, B, 3)
         for k, part in enumerate(parts):
             a, b = np.divmod(depth[:, :, part].reshape(len(states), -1).argmax(axis=1), len(part))
             clearances[:, n, k], out[:, n, k] = -depth[rows, a, part[b]], away[rows, a, part[b]]

@@ -70,9 +70,7 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     return _moved(states, pose.hand_rotations(states, signer), *best, signer)
 
 
-def _moved(
-    states: FloatArray, quats: FloatArray, moves: FloatArray, turns: FloatArray, signer: Signer
-) -> FloatArray:
+def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, turns: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
     if not (moves.any() or turns.any()):
         return states

@@ -122,7 +122,8 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     hinge = rotation.cross(upper, fore)
     bend = np.arctan2(np.linalg.norm(hinge, axis=-1), np.sum(upper * fore, axis=-1))
     hinge /= np.linalg.norm(hinge, axis=-1, keepdims=True)
-    return Arm(collar, *_bone_rotations(np.stack([upper, fore]), hinge), direction, bend)
+    upper, fore = _bone_rotations(np.stack([upper, fore]), hinge)
+    return Arm(collar, upper, fore, direction, bend)
 
 
 def _bone_rotations(bones: FloatArray, hinge: FloatArray) -> FloatArray:
@@ -271,7 +272,8 @@ def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
     upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
     # Half of the twist at the elbow, half at the wrist.
     half_twist = rotation.exp(0.5 * _soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, _MARGIN)[..., None] * _X)
-    bent = _soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), *WRIST_LIMITS.T, _MARGIN)
+    low, high = WRIST_LIMITS.T
+    bent = _soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, _MARGIN)
     swing = rotation.exp(np.concatenate([np.zeros((*bent.shape[:-1], 1)), bent], axis=-1))
     chain = {
         "Shoulder": arm.collar,

@@ -57,9 +57,11 @@ def find(path: str | Path, gloss: str = "", lenient: bool = False) -> WrittenSig
     refused = [error for error in read.refused if not gloss or f" {gloss.casefold()}: " in str(error).casefold()]
     if refused and not wanted:
         raise refused[0]
-    shown = ", ".join(list(read.signs)[:5])
+    base = gloss.partition("#")[0].casefold()
+    names = sorted(read.signs, key=lambda name: name.partition("#")[0].casefold() != base)
+    shown = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
     what = f"no sign {gloss[:60]!r}" if gloss else f"{len(read.signs)} signs"
-    raise InputError(f"{path}: {what}, expected the gloss of one of its signs: {shown}{', ...' if shown else ''}")
+    raise InputError(f"{path}: {what}, expected the gloss of one of its signs: {shown}")
 
 
 def sign(path: str | Path, gloss: str = "", *, fps: float = FPS, lenient: bool = False) -> Clip:
