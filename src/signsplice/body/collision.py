@@ -36,34 +36,8 @@ def hand_penetration(
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
     """
-    body = body_capsules(skeleton)
-    groups = body.groups
-    starts, ends = capsule_ends(body, global_rotations, global_positions)
-    n_frames, solid = len(starts), (*groups.head, *groups.trunk)
-    depth, exits = np.full((n_frames, 2), -np.inf), np.zeros((n_frames, 2, 3))
-    meeting = bool(groups.left and groups.right)
-    if meeting:
-        between, across = overlap(starts, ends, body.radii, groups.left, groups.right)
-        apart = starts[:, groups.left].mean(axis=1) - starts[:, groups.right].mean(axis=1)
-        apart = apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + TINY)
-        across = across + _WHOLE_HAND_WEIGHT * apart[:, None, None]
-        across /= np.linalg.norm(across, axis=-1, keepdims=True) + TINY
-    rows = np.arange(n_frames)
-    arms = groups.left_arm, groups.right_arm
-    for side, own in enumerate((groups.left, groups.right)):
-        crossing = (*own, *(n for n in arms[side] if forearms and body.parts[n] == "cuff"))
-        found = [
-            overlap(starts, ends, body.radii, own, solid),  # (T, A, B), (T, A, B, 3)
-            overlap(starts, ends, body.radii, crossing, arms[1 - side]),
-        ]
-        if meeting:
-            found.append((between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2)))
-        deep = np.concatenate([deep.reshape(n_frames, -1) for deep, _ in found], axis=1)
-        if deep.size:
-            out = np.concatenate([out.reshape(n_frames, -1, 3) for _, out in found], axis=1)
-            worst = deep.argmax(axis=1)
-            depth[:, side], exits[:, side] = deep[rows, worst], out[rows, worst]
-    return depth, exits
+    posed = posed_capsules(skeleton, global_rotations, global_positions)
+    return posed.near_pairs(1e9, forearms=forearms).penetration()
 
 
 def forearm_penetration(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
@@ -86,7 +60,7 @@ def depth_warnings(clip: Clip) -> list[str]:
     if not info.has_arms:
         return []
     posed = forward(clip)
-    hands, _ = hand_penetration(clip.skeleton, *posed)
+    hands, _ = posed_capsules(clip.skeleton, *posed).penetration()
     lines = []
     for name, where, most, depth in (
         ("hand", "head, trunk, the other arm or its hand", WARN_M, hands),
