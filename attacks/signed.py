@@ -132,7 +132,7 @@ def attack(folder: Path, cases: range, seed: int) -> int:
         if finding:
             count["findings"] += 1
             print(f"case {n} ({kind}): {finding}", flush=True)
-        if (n + 1) % 500 == 0 or n + 1 == cases.stop:
+        if (n + 1) % 200 == 0 or n + 1 == cases.stop:
             print(f"{n + 1}, {time.process_time() - begin:.0f} s: {dict(sorted((+count).items()))}", flush=True)
     return count["findings"]
 

@@ -43,6 +43,8 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     signer = replace(signer, left_handed=False)
     wanted = [one for one in _postures(segments, sign) if one[2].location not in _LEFT_ALONE]
     moves, turns = np.zeros((2, len(states), 2, 3))
+    if not wanted:
+        return states
     frames = sorted({frame for frame, *_ in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
     centres = [_part(pose.hands(states)[frame, which], posture, signer) for frame, which, posture in wanted]
