@@ -100,6 +100,26 @@ def test_a_folder_of_sigml_is_a_lexicon_of_ngt_whose_licence_is_the_users_to_che
     assert not Path("other").exists()
 
 
+def test_many_warnings_are_counted_by_kind_and_written_to_a_file_whole(folder: Path) -> None:
+    text = TEN.read_text(encoding="utf-8")
+    sign = text[text.index("<hamgestural_sign") : text.index("</hamgestural_sign>")]
+    sign = sign.replace("<handconfig ", '<handconfig contactkind="x" ', 1)
+    (folder / "odd").mkdir()
+    made = "".join(f"{sign.replace('RED', f'W{n}')}</hamgestural_sign>" for n in range(21))
+    (folder / "odd" / "odd.sigml").write_text(f"<sigml>{made}</sigml>", encoding="utf-8")
+    done = run("lexicon", "ngt", "odd", "-o", "lex", "--warnings", "all.txt")
+    assert "21 times, first in odd/odd.sigml" in done.output, done.output
+    assert len(Path("all.txt").read_text(encoding="utf-8").splitlines()) == 21
+
+
+def test_a_number_of_a_gloss_that_is_not_there_is_named_with_those_that_are(folder: Path) -> None:
+    for text in ("HELLO#2 DEAF", "DEAF HELLO#2?"):
+        failed = run("sentence", text, "-o", "a.bvh").exception
+        assert "has no 'HELLO#2', expected HELLO" in str(failed), failed
+    failed = run("synth", "sign", "sigml/ten.sigml", "CAR#2", "-o", "a.bvh").exception
+    assert "signs: CAR, RED" in str(failed), failed
+
+
 def test_one_sign_becomes_a_file_with_its_face(folder: Path) -> None:
     done = run("synth", "sign", "sigml/ten.sigml", "red", "-o", "red.glb")
     assert done.exception is None, done.output

@@ -258,7 +258,7 @@ def test_a_recipe_of_ones_own_and_unknown_names(tmp_path: Path) -> None:
 
 def test_reasons_are_counted_without_what_tells_files_apart() -> None:
     lines = ["a.fbx: 3 keys of 'x', expected 4", "b.fbx: 13 keys of 'y', expected 1", "c.fbx: no clip"]
-    assert reasons(lines) == [(2, "... keys of ..., expected ..."), (1, "no clip")]
+    assert [found[:2] for found in reasons(lines)] == [(2, "... keys of ..., expected ..."), (1, "no clip")]
 
 
 def test_the_command_prints_a_line_a_word_that_failed_and_a_summary(archive: Path, tmp_path: Path) -> None:

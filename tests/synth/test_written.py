@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import signsplice as ss
+from signsplice.synth import notation, planner
 from signsplice.synth.written import files, symbols
 from signsplice.synth.written.tree import Motion, Pair, Place, Site, Where, WrittenPosture, WrittenShape, WrittenSign
 from written_words import CODES, ELSEWHERE, code, constructed
@@ -432,3 +433,9 @@ def test_all_signs_of_ngt_become_trees() -> None:
     assert len(found.signs) == 2203
     assert sum("#" in gloss for gloss in found.signs) == 2203 - 2025
     assert sum(len(sign.parts) > 0 for sign in found.signs.values()) == 221
+
+
+def test_a_sign_that_is_at_the_other_arm_all_along_is_signed() -> None:
+    sign = notation.everyday()["HOSPITAL"]
+    assert all(segment.strong.location == "upper-arm-weak" for segment in sign.segments)
+    assert len(planner.isolated(replace(sign, kind="written"))) > 30

@@ -36,34 +36,8 @@ def hand_penetration(
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
     """
-    body = body_capsules(skeleton)
-    groups = body.groups
-    starts, ends = capsule_ends(body, global_rotations, global_positions)
-    n_frames, solid = len(starts), (*groups.head, *groups.trunk)
-    depth, exits = np.full((n_frames, 2), -np.inf), np.zeros((n_frames, 2, 3))
-    meeting = bool(groups.left and groups.right)
-    if meeting:
-        between, across = overlap(starts, ends, body.radii, groups.left, groups.right)
-        apart = starts[:, groups.left].mean(axis=1) - starts[:, groups.right].mean(axis=1)
-        apart = apart / (np.linalg.norm(apart, axis=-1, keepdims=True) + TINY)
-        across = across + _WHOLE_HAND_WEIGHT * apart[:, None, None]
-        across /= np.linalg.norm(across, axis=-1, keepdims=True) + TINY
-    rows = np.arange(n_frames)
-    arms = groups.left_arm, groups.right_arm
-    for side, own in enumerate((groups.left, groups.right)):
-        crossing = (*own, *(n for n in arms[side] if forearms and body.parts[n] == "cuff"))
-        found = [
-            overlap(starts, ends, body.radii, own, solid),  # (T, A, B), (T, A, B, 3)
-            overlap(starts, ends, body.radii, crossing, arms[1 - side]),
-        ]
-        if meeting:
-            found.append((between, across) if side == 0 else (between.swapaxes(1, 2), -across.swapaxes(1, 2)))
-        deep = np.concatenate([deep.reshape(n_frames, -1) for deep, _ in found], axis=1)
-        if deep.size:
-            out = np.concatenate([out.reshape(n_frames, -1, 3) for _, out in found], axis=1)
-            worst = deep.argmax(axis=1)
-            depth[:, side], exits[:, side] = deep[rows, worst], out[rows, worst]
-    return depth, exits
+    posed = posed_capsules(skeleton, global_rotations, global_positions)
+    return posed.near_pairs(1e9, forearms=forearms).penetration()
 
 
 def forearm_penetration(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
@@ -86,7 +60,7 @@ def depth_warnings(clip: Clip) -> list[str]:
     if not info.has_arms:
         return []
     posed = forward(clip)
-    hands, _ = hand_penetration(clip.skeleton, *posed)
+    hands, _ = posed_capsules(clip.skeleton, *posed).penetration()
     lines = []
     for name, where, most, depth in (
         ("hand", "head, trunk, the other arm or its hand", WARN_M, hands),
@@ -115,17 +89,20 @@ class PosedCapsules:
         """The capsules of some frames."""
         return PosedCapsules(self.body, self.starts[frames], self.ends[frames])
 
-    def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,)) -> NearPairs:
+    def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,), forearms: bool = False) -> NearPairs:
         """Pairs of capsules that may overlap once hands have moved by up to ``slack``, clip units: one of a hand, taken
         as a ball about its middle, and one of head, trunk, the other arm or its hand.
 
         firsts: frames with which clips begin, where these are several laid end to end.
+        forearms: of a forearm and the other arm too, as of its hand.
 
         Whole hands are tested first, as balls too: most of the time they are near to nothing.
         """
         groups, radii = self.body.groups, self.body.radii
         hands = [np.array(own, np.intp) for own in (groups.left, groups.right)]
         arms = groups.left_arm, groups.right_arm
+        if forearms:
+            hands += [np.array([n for n in arm if self.body.parts[n] == "cuff"], np.intp) for arm in arms]
         others = np.array([*groups.head, *groups.trunk, *arms[0], *arms[1], *groups.right], np.intp)
         n_solid = len(others) - len(groups.right)
         lengths = np.diff([*firsts, len(self.starts)])
@@ -138,14 +115,15 @@ class PosedCapsules:
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
         met[:, 1, n_solid:] = False  # the right hand and itself
         for side, arm in enumerate(arms):
-            met[:, side, np.isin(others, arm)] = False
+            met[:, side::2, np.isin(others, arm)] = False
+        met[:, 2:, ~np.isin(others, arms[0] + arms[1])] = False
         at, columns = np.flatnonzero(met.any(axis=(1, 2))), np.flatnonzero(met.any(axis=(0, 1)))
         own, others = np.concatenate(hands), others[columns]
         rows, box = np.ix_(at, own), np.ix_(at, others)
         near = _meet(middles[rows], reach[rows], starts[box], axes[box], thick[others] + slack)
-        of_side = np.repeat([0, 1], [len(hands[0]), len(hands[1])])
-        frames, i, j = np.nonzero(near & met[np.ix_(at, np.arange(2), columns)][:, of_side])
-        frames, left, meeting = at[frames], of_side[i] == 0, columns[j] >= n_solid
+        part = np.repeat(np.arange(len(hands)), [len(hand) for hand in hands])
+        frames, i, j = np.nonzero(near & met[np.ix_(at, np.arange(len(hands)), columns)][:, part])
+        frames, left, meeting = at[frames], part[i] % 2 == 0, columns[j] >= n_solid
         i, j = own[i], others[j]
         apart = np.zeros((len(i), 3))
         if meeting.any():

@@ -33,6 +33,10 @@ _LENIENT = click.option(
 )
 _STRICT = click.option("--strict", is_flag=True, help="Exit status 1 where a written sign was left out.")
 
+_WARNINGS = click.option("--warnings", "all_warnings", metavar="FILE", help="Write every warning to FILE, one a line.")
+_MOST_WARNINGS = 20
+"""More are shown by kind, with how often each kind occurs."""
+
 
 @lexicon.command()
 @click.argument("inputs", nargs=-1, required=True, metavar="IN...")
@@ -44,6 +48,7 @@ _STRICT = click.option("--strict", is_flag=True, help="Exit status 1 where a wri
 @_JOBS
 @_LENIENT
 @_STRICT
+@_WARNINGS
 @reads_rigs
 def build(
     inputs: tuple[str, ...],
@@ -56,6 +61,7 @@ def build(
     jobs: int | None,
     lenient: bool,
     strict: bool,
+    all_warnings: str | None,
 ) -> None:
     """Make a lexicon of every clip below folders, and of signs written in SiGML or HamNoSys.
 
@@ -66,7 +72,7 @@ def build(
     check_apart(output, [*inputs, roles, recipe] if len(inputs) > 1 else [roles, recipe])
     joint_of = read_roles(roles)
     others = {"signer": signer, "roles": joint_of, "skip_broken": skip_broken, "recipe": recipe, "limits": limits()}
-    _build(inputs, output, strict, compact=compact, jobs=jobs, lenient=lenient, **others)
+    _build(inputs, output, strict, all_warnings, compact=compact, jobs=jobs, lenient=lenient, **others)
 
 
 @lexicon.command()
@@ -75,7 +81,8 @@ def build(
 @_COMPACT
 @_JOBS
 @_STRICT
-def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool) -> None:
+@_WARNINGS
+def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool, all_warnings: str | None) -> None:
     """Make a lexicon of the signs of NGT that the SignON project wrote, from a folder of their .sigml files.
 
     They are data/dictionaries/NGT/Glosses of github.com/upf-gti/performs (Apache-2.0, whose licence file is beside
@@ -88,19 +95,27 @@ def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool)
             f"{folder}: expected a folder of .sigml files, such as data/dictionaries/NGT/Glosses of performs"
         )
     check_apart(output, [folder])
-    _build((folder,), output, strict, compact=compact, jobs=jobs)
+    _build((folder,), output, strict, all_warnings, compact=compact, jobs=jobs)
     print("no signer has checked these signs; whether you may pass them on, their licence says")
 
 
-def _build(inputs: tuple[str, ...], output: str, strict: bool, **others: Any) -> None:
+def _build(inputs: tuple[str, ...], output: str, strict: bool, all_warnings: str | None, **others: Any) -> None:
     """Build a lexicon and print what became of it."""
+    from signsplice.formats import atomic
     from signsplice.lexicon.folder import reasons
     from signsplice.splicing import written_words
 
     with progress(f"building {Path(output).name}") as advance:
         built = written_words.build(inputs, output, progress=advance, **others)
-    warn(built.warnings)
-    for count, reason in reasons(built.left_out):
+    if all_warnings:
+        atomic.write(all_warnings, "".join(f"{line}\n" for line in built.warnings))
+    if len(built.warnings) <= _MOST_WARNINGS:
+        warn(built.warnings)
+    else:
+        warn(f"{count:,} times, first in {where}: {reason}" for count, reason, where in reasons(built.warnings))
+        where = all_warnings or f"of a build with --warnings FILE: all {len(built.warnings):,}, one a line"
+        warn([f"every warning: {where}"])
+    for count, reason, _ in reasons(built.left_out):
         print(f"{count:6} left out: {reason.removesuffix('; left out')}")
     for line in built.unread:
         print(f"       {line}")

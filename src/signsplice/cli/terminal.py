@@ -10,6 +10,9 @@ from importlib.util import find_spec
 
 from signsplice.errors import MissingExtraError
 
+_LONG = 500
+"""Steps of long work, whose progress is told without a terminal too."""
+
 
 def warn(lines: Iterable[str]) -> None:
     """Write each line as a warning to standard error."""
@@ -37,9 +40,15 @@ def require(what: str, extra: str, *modules: str) -> None:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on standard error where that is a terminal."""
+    """A progress bar on standard error where that is a terminal, else a line for each tenth of long work."""
     if not sys.stderr.isatty():
-        yield None
+        yield (
+            lambda done, total: (
+                print(f"{what}: {done:,} of {total:,}", file=sys.stderr, flush=True)
+                if total >= _LONG and done % (total // 10) == 0
+                else None
+            )
+        )
         return
     from rich.console import Console
     from rich.progress import Progress

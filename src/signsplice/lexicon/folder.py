@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import unicodedata
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
@@ -211,10 +210,16 @@ def check(
     return Checked(len(sources), faults, warnings)
 
 
-def reasons(lines: Iterable[str]) -> list[tuple[int, str]]:
-    """How many of the lines that begin with a file give a reason, and the reason, the most frequent first."""
-    counts = Counter(re.sub(r"'[^']*'|\d[\d,.]*", "...", line.partition(": ")[2]) for line in lines)
-    return [(count, reason) for reason, count in counts.most_common()]
+def reasons(lines: Iterable[str]) -> list[tuple[int, str, str]]:
+    """How many of the lines that begin with a file, and perhaps a gloss, give a reason, the reason, and the first file;
+    the most frequent first.
+    """
+    seen: dict[str, list[str]] = {}
+    for line in lines:
+        file, _, rest = line.partition(": ")
+        reason = re.sub(r"^\S+: ", "", rest)
+        seen.setdefault(re.sub(r"'[^']*'|\b\d[\d,.]*", "...", reason), []).append(file)
+    return sorted(((len(files), reason, files[0]) for reason, files in seen.items()), key=lambda one: -one[0])
 
 
 def _gathered(

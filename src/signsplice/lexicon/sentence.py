@@ -10,7 +10,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, count, takewhile
 
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.entry import LETTER_MARK, fold, letter_gloss
@@ -73,6 +73,11 @@ def parse(
         left_out = "".join(word.left_out for word in words)
         beside = f"; {left_out[:40]!r} stands for none" if left_out else ""
         raise InputError(f"no gloss in the sentence, expected at least one{beside}")
+    for word in words:
+        gloss, mark, _ = word.text.rpartition("#")
+        if mark and gloss and word.text not in lexicon:
+            forms = [gloss, *takewhile(lexicon.__contains__, (f"{gloss}#{k}" for k in count(2)))]
+            raise InputError(f"{lexicon.where}: has no {word.text!r}, expected {' or '.join(forms[:5])}")
     readings: list[SentenceToken] = []
     unknown: dict[str, tuple[str, ...]] = {}
     at = 0

@@ -14,6 +14,8 @@ _ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fr
 _WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
 """A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
 and hyphens between them, or points and commas between digits."""
+_NUMBERED = re.compile(r"((.+)#\d+)(\W*)")
+"""GLOSS#2, its gloss, and punctuation."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,10 @@ def typed_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
     for token in text.split():
         if is_known(token):
             found.append(TypedWord(token, token))
+            continue
+        numbered = _NUMBERED.fullmatch(token)
+        if numbered and is_known(numbered[2]):
+            found.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
             continue
         words, before = _words(token)
         if found and (before or not words):  # punctuation that stands alone, or before a word

@@ -18,6 +18,7 @@ IDENTITY.flags.writeable = False
 
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _TINY = 1e-12
+_COMPONENTS = np.arange(4)
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> FloatArray:
@@ -91,23 +92,20 @@ def from_matrix(m: ArrayLike) -> FloatArray:
     component).
     """
     m = np.asarray(m, np.float64)
-    d = np.stack([m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
-    trace = d.sum(-1, keepdims=True)
+    # Components first: long rows for many rotations, few operations for one.
+    (m00, m01, m02), (m10, m11, m12), (m20, m21, m22) = m.transpose(m.ndim - 2, m.ndim - 1, *range(m.ndim - 2))
+    trace = m00 + m11 + m22
+    rows = np.empty((4, 4, *m.shape[:-2]))
     # Four times the squared components; the largest one is safe to divide by.
-    squares = np.concatenate([1.0 + 2.0 * d - trace, 1.0 + trace], axis=-1)
-    best = np.argmax(squares, axis=-1)
-    s01, s02, s12 = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
-    a0, a1, a2 = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
-    rows = np.stack(
-        [
-            np.stack([squares[..., 0], s01, s02, a0], -1),
-            np.stack([s01, squares[..., 1], s12, a1], -1),
-            np.stack([s02, s12, squares[..., 2], a2], -1),
-            np.stack([a0, a1, a2, squares[..., 3]], -1),
-        ],
-        axis=-2,
-    )
-    q = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
+    rows[0, 0], rows[1, 1], rows[2, 2] = (1.0 + 2.0 * d - trace for d in (m00, m11, m22))
+    rows[3, 3] = 1.0 + trace
+    rows[0, 1], rows[0, 2], rows[1, 2] = m01 + m10, m02 + m20, m12 + m21
+    rows[0, 3], rows[1, 3], rows[2, 3] = m21 - m12, m02 - m20, m10 - m01
+    for i, j in ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)):
+        rows[i, j] = rows[j, i]
+    flat = rows.reshape(4, 4, -1)
+    best = flat[_COMPONENTS, _COMPONENTS].argmax(axis=0)
+    q = flat[best, :, np.arange(len(best))].reshape(*m.shape[:-2], 4)
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     return np.asarray(np.where(q[..., 3:] < 0.0, -q, q))
 

@@ -40,8 +40,9 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
     signer = replace(signer, left_handed=False)
     level = curves.fade_window(len(states)) if ends else np.ones(len(states))
     mean = np.zeros((len(states), 2, 3))
+    depth, exits = penetration(states, signer)
     for n in range(2 * _ROUNDS):
-        depth, out = penetration(states, signer)
+        out = exits
         if n >= _ROUNDS:
             if depth.max() < _STUCK_CM:
                 break
@@ -53,28 +54,29 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
         if not push.any():
             break
         displacements = curves.spread_in_time(push[..., None] * out, _KERNEL) * level[:, None, None]  # (T, 2, 3)
-        moved = states.copy()
-        for which in (0, 1):
-            moved[:, 27 * which : 27 * which + 3] += displacements[:, which]
-        states = moved
+        states = states.copy()
+        pose.hands(states)[..., pose.WRIST] += displacements
+        frames = displacements.any(axis=(1, 2))
+        depth[frames], exits[frames] = penetration(states[frames], signer)
     return states
 
 
-def penetration(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
+def penetration(states: FloatArray, signer: Signer, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Depth (T, 2) of each hand, strong first, in head, trunk, the other arm or its hand, or of its forearm in the
-    other arm, cm, negative where it is free; and the unit direction (T, 2, 3) out of there in the chest's axes,
-    mirrored for the weak hand as its state is.
+    other arm, cm, some negative number where it is free by more than ``slack`` (then without a direction); and the unit
+    direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is.
     """
     local_quats, roots = pose.rotations(states, signer)
     rotations, positions = kinematics.forward(Clip(skeleton(signer), local_quats, roots, 30.0))
-    depth, out = collision.hand_penetration(skeleton(signer), rotations, positions, forearms=True)
+    posed = collision.posed_capsules(skeleton(signer), rotations, positions)
+    depth, out = posed.near_pairs(slack, forearms=True).penetration()
     out = np.einsum("tba,thb->tha", rotations[:, JOINTS["Spine2"]], out)
     return depth[:, ::-1], out[:, ::-1] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
 
 
 def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
     """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
-    depth, _ = penetration(states, replace(signer, left_handed=False))
+    depth, _ = penetration(states, replace(signer, left_handed=False), NEAR_CM)
     return np.asarray(depth.max(axis=1) > -NEAR_CM)
 
 

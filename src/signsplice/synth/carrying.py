@@ -83,14 +83,12 @@ def _clearances(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatAr
     carriers = [_CARRIERS.index(n) if (n := names[j]) in _CARRIERS else _CHEST for j in body.joints[solid]]
     hands = (body.groups.right, body.groups.left)
     clearances, out = np.empty((len(states), 2, len(_CARRIERS))), np.empty((len(states), 2, len(_CARRIERS), 3))
+    rows, parts = np.arange(len(states)), [np.flatnonzero(np.array(carriers) == k) for k in range(len(_CARRIERS))]
     for n, own in enumerate(hands):
-        for k in range(len(_CARRIERS)):
-            part = solid[np.array(carriers) == k].tolist()
-            depth, away = collision.overlap(*ends, body.radii, own, part)  # (T, A, B), (T, A, B, 3)
-            depth = depth.reshape(len(states), -1)
-            deepest = depth.argmax(axis=1)[:, None]
-            clearances[:, n, k] = -np.take_along_axis(depth, deepest, axis=1)[:, 0]
-            out[:, n, k] = np.take_along_axis(away.reshape(*depth.shape, 3), deepest[..., None], axis=1)[:, 0]
+        depth, away = collision.overlap(*ends, body.radii, own, solid.tolist())  # (T, A, B), (T, A, B, 3)
+        for k, part in enumerate(parts):
+            a, b = np.divmod(depth[:, :, part].reshape(len(states), -1).argmax(axis=1), len(part))
+            clearances[:, n, k], out[:, n, k] = -depth[rows, a, part[b]], away[rows, a, part[b]]
     arms = [
         [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == side]
         for side in ("right", "left")
@@ -148,10 +146,13 @@ def _touching(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     nearest = near.clearances.argmin(axis=-1)[..., None]  # (T, 2, 1)
     wanted = np.take_along_axis(near.clearances, nearest, axis=-1)
     weight = pose.smooth_step((_TOUCH_CM - wanted / signer.scale) / (_TOUCH_CM - _HELD_CM))
-    for _ in range(_ROUNDS):
-        clearances, out, _ = _clearances(states, signer)
-        missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (T, 2, 1)
-        push = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
-        push = gaussian_filter1d(push, _SMOOTHED_FRAMES, axis=0, mode="nearest")
+    frames = weight.any(axis=(1, 2))
+    pushes = np.zeros((len(states), 2, 3))
+    nearest, wanted, weight = nearest[frames], wanted[frames], weight[frames]
+    for _ in range(_ROUNDS * bool(frames.any())):
+        clearances, out, _ = _clearances(states[frames], signer)
+        missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
+        pushes[frames] = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
+        push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")
         pose.hands(states)[..., pose.WRIST] += push * [np.ones(3), _MIRRORED]
     return states

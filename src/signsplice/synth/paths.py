@@ -31,9 +31,11 @@ CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 
 def translated(hand_state: FloatArray, displacement: FloatArray, signer: Signer) -> FloatArray:
     """A hand state (27,) moved by ``displacement`` (3,), cm, without rotating the hand."""
     wrist = hand_state[pose.WRIST]
-    quat = rotation.multiply(pose.solve_arm(wrist, signer).fore, rotation.exp(hand_state[pose.ROTVEC]))
     moved = wrist + displacement
-    return np.concatenate([moved, pose.hand_rotvecs(moved, quat, signer), hand_state[pose.FINGERS]])
+    fore, other = pose.solve_arm(np.stack([wrist, moved]), signer).fore
+    quat = rotation.multiply(fore, rotation.exp(hand_state[pose.ROTVEC]))
+    rotvec = rotation.log(rotation.multiply(rotation.inverse(other), quat))
+    return np.concatenate([moved, rotvec, hand_state[pose.FINGERS]])
 
 
 def drifted(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:

@@ -43,13 +43,22 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     signer = replace(signer, left_handed=False)
     wanted = [one for one in _postures(segments, sign) if one[2].location not in _LEFT_ALONE]
     moves, turns = np.zeros((2, len(states), 2, 3))
-    best, quats, moved = (np.inf, states), pose.hand_rotations(states, signer), states
+    if not wanted:
+        return states
+    frames = sorted({frame for frame, *_ in wanted})
+    rows = {frame: row for row, frame in enumerate(frames)}
+    centres = [_part(pose.hands(states)[frame, which], posture, signer) for frame, which, posture in wanted]
+    quats = pose.hand_rotations(states[frames], signer)
+    least, best = np.inf, (moves, turns)
     for n in range(_ROUNDS + 1):
-        posed = posed_signer(moved, signer)
-        found = [(frame, which, *_missing(posed, frame, which, posture, sign)) for frame, which, posture in wanted]
+        posed = posed_signer(_moved(states[frames], quats, moves[frames], turns[frames], signer), signer)
+        found = [
+            (frame, which, *_missing(posed, rows[frame], which, posture, sign, centre))
+            for (frame, which, posture), centre in zip(wanted, centres, strict=True)
+        ]
         left = sum(float(np.linalg.norm(miss)) for *_, miss, _ in found)
-        if left < best[0]:
-            best = (left, moved)
+        if left < least:
+            least, best = left, (moves, turns)
         if n == _ROUNDS or left == 0.0:
             break
         moves = moves + _spread([one[:3] for one in found], len(states), fps)
@@ -60,12 +69,19 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
             ]
             turns = turns + _spread(lean, len(states), fps)
         moves, turns = (_limited(x, most) for x, most in ((moves, _MOST_CM), (turns, _MOST_TURN)))
-        moved = states.copy()
-        both = pose.hands(moved)
-        both[..., pose.WRIST] += moves
-        turned = rotation.multiply(rotation.exp(turns), quats)
-        both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
-    return best[1]
+    return _moved(states, pose.hand_rotations(states, signer), *best, signer)
+
+
+def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, turns: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
+    if not (moves.any() or turns.any()):
+        return states
+    quats = rotation.multiply(rotation.exp(turns), quats)
+    moved = states.copy()
+    both = pose.hands(moved)
+    both[..., pose.WRIST] += moves
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
+    return moved
 
 
 def _turn(arm: FloatArray, miss: FloatArray) -> FloatArray:
@@ -106,18 +122,23 @@ def _postures(segments: Sequence[TimedSegment], sign: Sign) -> Iterator[tuple[in
                 yield from ((frame, which, posture) for frame in ends)
 
 
-def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> tuple[FloatArray, FloatArray]:
+def _part(hand_state: FloatArray, posture: Posture, signer: Signer) -> FloatArray:
+    """Where the part of a right hand that a posture names is in the hand's axes, (3,), cm."""
+    return hand_part(posture.part).centre(hand.points(hand_state[pose.FINGERS])) * signer.hands * signer.scale
+
+
+def _missing(
+    posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """What moves the part of a hand from where it is to where a posture puts it, (3,), and the part from its wrist
-    (3,), cm, in the chest's axes, mirrored for the weak hand as its state is.
+    (3,), cm, in the chest's axes, mirrored for the weak hand as its state is. part: where it is in the hand's axes.
     """
     signer, state = posed.signer, posed.states[frame]
     chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
     site, unit = hand_part(posture.part), signer.hands * signer.scale
     joint = JOINTS[f"{_SIDES[which]}Hand"]
     mirror = MIRROR if which else np.ones(3)
-    own = state[27 * which : 27 * which + 27]
-    centre = site.centre(hand.points(own[pose.FINGERS])) * unit * mirror
-    arm = mirror * (posed.rotations[frame, joint] @ centre @ chest)
+    arm = mirror * (posed.rotations[frame, joint] @ (part * mirror) @ chest)
     here = mirror * ((posed.positions[frame, joint] - origin) @ chest) + arm
     weak = WeakArm(signer, state[27:54])
     if on_arm(posture.location):

@@ -54,6 +54,12 @@ _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
 _BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
 _PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.5, for low elbows
+_HALF_COLLAR = 0.5 * np.deg2rad([15.0, 14.0])  # how far a collar bone rises, and comes forward
+_HEAD_PARTS = (0.4, 0.6)  # of the head's rotation, neck and head
+_LEG_CM = 81.0  # hip to ankle of the standard body
+_TINY = 1e-300
+_MIDDLE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
+_LEGS = [JOINTS[name] for name in ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot")]
 _ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
 
 
@@ -98,11 +104,10 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
     upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
     out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
-    rise = np.deg2rad(15.0) * smooth_step((out[..., 1] + 0.35) / 1.2)
-    forward = np.deg2rad(14.0) * smooth_step((out[..., 2] + 0.5 * out[..., 0] - 0.25) / 0.9)
-    collar = rotation.multiply(
-        rotation.exp(forward[..., None] * np.array([0.0, 1.0, 0.0])), rotation.exp(rise[..., None] * [0.0, 0.0, -1.0])
-    )
+    x, y, z = out.transpose(out.ndim - 1, *range(out.ndim - 1))
+    half = _HALF_COLLAR * smooth_step(np.stack([(y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9], axis=-1))
+    (rise, forward), (level, ahead) = (np.moveaxis(f(half), -1, 0) for f in (np.sin, np.cos))
+    collar = np.stack([-forward * rise, forward * level, -ahead * rise, ahead * level], axis=-1)  # Y after -Z
     direction = wrists - collar_position - rotation.rotate(collar, shoulder_offset)
     distance = np.linalg.norm(direction, axis=-1, keepdims=True)
     direction = direction / distance
@@ -114,15 +119,18 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     hint = _HINT - np.sum(direction * _HINT, axis=-1, keepdims=True) * direction
     elbow = along * direction + off * hint / np.linalg.norm(hint, axis=-1, keepdims=True)
     upper, fore = elbow / upper_arm, (distance * direction - elbow) / forearm  # unit vectors along the bones
-    hinge = np.cross(upper, fore)
+    hinge = rotation.cross(upper, fore)
     bend = np.arctan2(np.linalg.norm(hinge, axis=-1), np.sum(upper * fore, axis=-1))
     hinge /= np.linalg.norm(hinge, axis=-1, keepdims=True)
-    return Arm(collar, _bone_rotation(upper, hinge), _bone_rotation(fore, hinge), direction, bend)
+    upper, fore = _bone_rotations(np.stack([upper, fore]), hinge)
+    return Arm(collar, upper, fore, direction, bend)
 
 
-def _bone_rotation(bone: FloatArray, hinge: FloatArray) -> FloatArray:
-    """Rotations (..., 4) that take the right arm's rest bone -X to ``bone`` and the elbow's axis +Y to ``hinge``."""
-    return rotation.from_matrix(np.stack([-bone, hinge, np.cross(-bone, hinge)], axis=-1))
+def _bone_rotations(bones: FloatArray, hinge: FloatArray) -> FloatArray:
+    """Rotations (..., 4) that take the right arm's rest bone -X to ``bones`` and the elbow's axis +Y to ``hinge``."""
+    axes = np.empty((*bones.shape, 3))
+    axes[..., 0], axes[..., 1], axes[..., 2] = -bones, hinge, rotation.cross(hinge, bones)
+    return rotation.from_matrix(axes)
 
 
 def hand_rotvecs(wrists: ArrayLike, hand_quats: ArrayLike, signer: Signer) -> FloatArray:
@@ -215,9 +223,13 @@ def _trunk_depth(points: FloatArray) -> FloatArray:
 def _split(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Twist about X, then deviation and flexion, of rotations from forearm to hand (..., 4)."""
     quats = quats * np.where(quats[..., 3:] < 0.0, -1.0, 1.0)
-    twist = 2.0 * np.arctan2(quats[..., 0], quats[..., 3])
-    swing = rotation.log(rotation.multiply(rotation.exp(-twist[..., None] * _X), quats))
-    return twist, swing[..., 1], swing[..., 2]
+    x, y, z, w = quats.transpose(quats.ndim - 1, *range(quats.ndim - 1))
+    half = np.arctan2(x, w)
+    sin, cos = np.sin(half), np.cos(half)
+    y, z, w = cos * y + sin * z, cos * z - sin * y, cos * w + sin * x  # of the swing, which has no x
+    off = np.sqrt(y * y + z * z)
+    scale = 2.0 * np.arctan2(off, w) / np.maximum(off, _TINY)
+    return 2.0 * half, scale * y, scale * z
 
 
 def missed_angle(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
@@ -248,25 +260,21 @@ def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
     n_frames = len(states)
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
     local_quats[..., 3] = 1.0
-    for name, part in zip(("Spine", "Spine1", "Spine2"), _trunk_parts(signer), strict=True):
-        local_quats[:, JOINTS[name]] = rotation.exp(states[:, TRUNK] / part)
-    for name, fraction in (("Neck", 0.4), ("Head", 0.6)):
-        local_quats[:, JOINTS[name]] = rotation.exp(fraction * states[:, HEAD])
+    # Legs lean against the root's displacement, so that the feet stay where they are.
     displacement = states[:, ROOT] * (np.array([-1.0, 1.0, 1.0]) if signer.left_handed else 1.0)
-    _lean_legs(local_quats, displacement)
+    lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _LEG_CM
+    parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)] + [f * states[:, HEAD] for f in _HEAD_PARTS]
+    local_quats[:, _MIDDLE + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
     both = hands(states)
     arm = solve_arm(both[..., WRIST], signer)
     wrist = wrist_angles(arm, both[..., ROTVEC], signer, states[..., TURNS])
     swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
-    upper, fore = (rotation.multiply(swivel, q) for q in (arm.upper, arm.fore))
+    upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
     # Half of the twist at the elbow, half at the wrist.
     half_twist = rotation.exp(0.5 * _soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, _MARGIN)[..., None] * _X)
-    (low_side, high_side), (low_bent, high_bent) = WRIST_LIMITS
-    bent = [
-        _soft_clip(wrist.deviation, low_side, high_side, _MARGIN),
-        _soft_clip(wrist.flexion, low_bent, high_bent, _MARGIN),
-    ]
-    swing = rotation.exp(np.stack([np.zeros_like(bent[0]), *bent], axis=-1))
+    low, high = WRIST_LIMITS.T
+    bent = _soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, _MARGIN)
+    swing = rotation.exp(np.concatenate([np.zeros((*bent.shape[:-1], 1)), bent], axis=-1))
     chain = {
         "Shoulder": arm.collar,
         "Arm": rotation.multiply(rotation.inverse(arm.collar), upper),
@@ -283,8 +291,7 @@ def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
         local_quats[:, first : first + 15] = fingers[:, n] * mirror
     roots = displacement * signer.scale + skeleton(signer).offsets[0]
     if signer.left_handed:  # trunk and head are written for a right-handed signer, too
-        middle = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
-        local_quats[:, middle] *= np.array([1.0, -1.0, -1.0, 1.0])
+        local_quats[:, _MIDDLE] *= np.array([1.0, -1.0, -1.0, 1.0])
     return local_quats, roots
 
 
@@ -296,18 +303,9 @@ def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
     return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)
 
 
-def _lean_legs(local_quats: FloatArray, displacement: FloatArray) -> None:
-    """Rotate the legs, in place, against the root's displacement (T, 3), cm, so that the feet stay where they are."""
-    leg = 81.0  # hip to ankle of the standard body, cm
-    lean = np.stack([-displacement[:, 2], np.zeros(len(displacement)), displacement[:, 0]], axis=-1) / leg
-    for side in ("Left", "Right"):
-        local_quats[:, JOINTS[f"{side}UpLeg"]] = rotation.exp(-lean)
-        local_quats[:, JOINTS[f"{side}Foot"]] = rotation.exp(lean)
-
-
 def smooth_step(x: FloatArray) -> FloatArray:
     """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
-    return np.asarray(minimum_jerk(np.clip(x, 0.0, 1.0)))
+    return np.asarray(minimum_jerk(np.minimum(np.maximum(x, 0.0), 1.0)))
 
 
 def _soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> FloatArray:

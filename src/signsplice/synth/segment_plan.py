@@ -121,12 +121,16 @@ class SegmentPlan:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
         meets = self.sign.hands in ("symmetric", "alternating")
         arms: dict[Posture | None, WeakArm] = {}
+        made: dict[tuple[Posture, Posture | None], FloatArray] = {}
         pairs = []
         for segment in self.sign.segments:
             if segment.weak not in arms:
                 arms[segment.weak] = WeakArm(self.signer, self._weak_hand(segment.weak))
             weak = arms[segment.weak]
-            strong = locations.strong_hand(segment.strong, weak, meets, self.size)
+            key = segment.strong, segment.weak
+            strong = made.get(key)
+            if strong is None:
+                strong = made[key] = locations.strong_hand(segment.strong, weak, meets, self.size)
             location = segment.strong.location
             if location == REST:
                 strong = resting(self.signer, self.sign.gloss)[:27]

@@ -164,7 +164,7 @@ def _coming(
     frames = np.arange(len(states), dtype=np.float64)
     u = np.clip((frames - up) / max(1, start - up), 0.0, 1.0)
     hill = trajectory.bump(u**2)[:, None]  # highest near to the touch, where the base hand is in the way
-    out = penetration(states[-1:], replace(signer, left_handed=False))[1][0, 0]
+    out = penetration(states[-1:], replace(signer, left_handed=False), 1e9)[1][0, 0]
     for fraction, detour in _ATTEMPTS:
         times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
         displacement = detour * signer.scale * hill * out

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
 from signsplice.synth import planner
 from signsplice.synth.segment_plan import FPS
@@ -20,6 +20,9 @@ from signsplice.synth.written.tree import WrittenSign
 
 _FASTEST_CM_S = 450.0
 """An elbow that is faster about its shoulder jumps; those of the words that ship stay below 275."""
+
+_FASTEST_TWIST = 30.0
+"""A forearm that turns faster, radians a second, turns over: it goes from one of its limits to the other in a frame."""
 
 
 def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
@@ -32,13 +35,17 @@ def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
 
 
 def jumps(clip: Clip) -> Iterator[str]:
-    """A line for the elbow that goes farthest in a frame, where that is more than an arm can."""
+    """A line for the elbow that goes, and for the forearm that turns, more in a frame than an arm can."""
     chest, *arms = (JOINTS[name] for name in ("Spine2", "LeftArm", "LeftForeArm", "RightArm", "RightForeArm"))
     rotations, positions = kinematics.forward(clip, [chest, *arms])
     seen = np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1])
     steps = np.linalg.norm(np.diff(seen[:, 1::2] - seen[:, ::2], axis=0), axis=-1).max(axis=1) * clip.fps
     if steps.size and steps.max() > _FASTEST_CM_S:
         yield f"an elbow jumps at frame {int(steps.argmax()) + 1}: the arm cannot do what is written; look at the sign"
+    arms = [JOINTS[side + "ForeArm"] for side in ("Left", "Right")]
+    turns = rotation.angle_between(clip.local_rotations[1:, arms], clip.local_rotations[:-1, arms]).max(axis=1)
+    if turns.size and turns.max() * clip.fps > _FASTEST_TWIST:
+        yield f"a forearm turns over at frame {int(turns.argmax()) + 1}: it cannot turn as is written; look at the sign"
 
 
 def warnings(sign: WrittenSign) -> tuple[str, ...]:
@@ -57,9 +64,11 @@ def find(path: str | Path, gloss: str = "", lenient: bool = False) -> WrittenSig
     refused = [error for error in read.refused if not gloss or f" {gloss.casefold()}: " in str(error).casefold()]
     if refused and not wanted:
         raise refused[0]
-    shown = ", ".join(list(read.signs)[:5])
+    base = gloss.partition("#")[0].casefold()
+    names = sorted(read.signs, key=lambda name: name.partition("#")[0].casefold() != base)
+    shown = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
     what = f"no sign {gloss[:60]!r}" if gloss else f"{len(read.signs)} signs"
-    raise InputError(f"{path}: {what}, expected the gloss of one of its signs: {shown}{', ...' if shown else ''}")
+    raise InputError(f"{path}: {what}, expected the gloss of one of its signs: {shown}")
 
 
 def sign(path: str | Path, gloss: str = "", *, fps: float = FPS, lenient: bool = False) -> Clip:
