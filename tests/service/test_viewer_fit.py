@@ -23,7 +23,7 @@ import avatars
 import signsplice as ss
 from browsing import CHROMIUM, VIEWER
 from known_rigs import RIGS, skeleton_of
-from signsplice.body.capsules import Avatar, shaped_capsules
+from signsplice.body.capsules import shaped_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
