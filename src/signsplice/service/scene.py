@@ -17,12 +17,15 @@ from signsplice.errors import InputError
 from signsplice.formats import FORMATS, glb
 from signsplice.formats import encode as encode_file
 from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.rig.info import rig_info
 from signsplice.service.stream_messages import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.wire import FORMAT_NAMES, Files, Format
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
+
+_FILM_FPS, _FILM_SIZE = 12.5, (320, 320)
+"""Of a film, whose every frame takes a worker some 40 ms to draw."""
 
 
 def media_type(form: Format) -> str:
@@ -79,10 +82,12 @@ def picture(result: SpliceResult, form: str) -> bytes:
     """A splice as one of ``wire.PICTURES``. Raises ``MissingExtraError`` where Pillow is not installed."""
     from signsplice.render import film
 
-    marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
+    clip = result.clip if form == "png" else resample(result.clip, min(_FILM_FPS, result.clip.fps))
+    scale = (len(clip) - 1) / max(len(result.clip) - 1, 1)
+    marks = [film.Mark(span.kind, span.name or "", *(round(scale * n) for n in span.output)) for span in result.spans]
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"picture.{form}"
-        film.write(result.clip, path, marks)
+        film.write(clip, path, marks, size=None if form == "png" else _FILM_SIZE)
         return path.read_bytes()
 
 
