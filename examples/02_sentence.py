@@ -1,7 +1,7 @@
 """Signs a typed line: reads it as glosses, spells names, sets the tempo, and draws the result with its report.
 
 Run: python examples/02_sentence.py [FOLDER]     (writes FOLDER/sentence.bvh, .json and .png; default out/examples)
-The picture needs the extra video: pip install 'signsplice[video]'.
+The picture needs the extra video: pip install '.[video]' in signsplice's folder.
 """
 
 import sys

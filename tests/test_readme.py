@@ -59,7 +59,7 @@ def test_a_page_without_the_packages_of_the_service_is_a_drawing_that_moves(
     ss.save(ss.open_lexicon().clip("HELLO"), tmp_path / "a.bvh")
     done = CliRunner().invoke(app, ["view", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "a.html")])
     assert done.exit_code == 0, done.output
-    assert "pip install 'signsplice[serve]'; until then the page is a drawing that moves" in done.stderr
+    assert "pip install '.[serve]' in signsplice's folder; until then the page is a drawing that moves" in done.stderr
     assert "<iframe srcdoc=" in (tmp_path / "a.html").read_text()
     refused = CliRunner().invoke(app, ["view", str(tmp_path / "a.bvh")])
-    assert "pip install 'signsplice[serve]'" in str(refused.exception)
+    assert "pip install '.[serve]' in signsplice's folder" in str(refused.exception)

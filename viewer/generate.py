@@ -22,8 +22,10 @@ from signsplice.body import (
     relief,
     retarget,
     skin,
+    skin_contacts,
     skin_head,
     skin_points,
+    skin_surface,
     swivel,
     thumb_contacts,
 )
@@ -34,7 +36,7 @@ from signsplice.service import stream_messages, wire
 SOURCES = Path(__file__).resolve().parent / "src"
 _BODIES = (
     *(proportions, t_pose, arms, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
-    *(fit, swivel, arm_ik, thumb_contacts, retarget),
+    *(skin_surface, fit, skin_contacts, swivel, arm_ik, thumb_contacts, retarget),
 )
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
 

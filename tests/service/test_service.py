@@ -238,7 +238,7 @@ def test_schemathesis_finds_no_fault(service: httpx.Client, tmp_path: Path) -> N
     )
     call = [str(Path(sys.executable).with_name("schemathesis")), "run", f"{service.base_url}openapi.json",
             "--checks", "all", "--max-examples", "12", "--seed", "1",
-            "--request-timeout", f"{PATIENCE_S:g}"]  # fmt: skip
+            "--request-timeout", f"{PATIENCE_S:g}", "--max-response-time", f"{PATIENCE_S:g}"]  # fmt: skip
     done = subprocess.run(call, capture_output=True, text=True, cwd=tmp_path, timeout=2 * PATIENCE_S)
     assert done.returncode == 0, done.stdout[-4000:]
     assert "Tested: 8" in done.stdout
@@ -397,6 +397,42 @@ def test_a_streams_text_is_read_as_a_sentence(service: httpx.Client) -> None:
         assert len(frames(messages)) == answer["report"]["frames"]
     assert answer["spelled"] == ["Anna"]
     assert [unit["token"] for unit in units if not unit["glosses"]] == ["do", "the"]
+
+
+def test_the_face_of_a_streams_text_is_that_of_the_sentence(service: httpx.Client) -> None:
+    line, channels = "Hello my friend. What name?", ["eyeBlinkLeft", "browInnerUp", "browDownLeft"]
+    sentence = {"text": line, "face_rules": True, "formats": ["vrma"]}
+    whole = parse(base64.b64decode(service.post("/v1/sentence", json=sentence).json()["files"]["vrma"]), "a.vrma").face
+    assert whole is not None
+    for asked in (True, False):
+        with stream_client(service) as socket:
+            for message in (
+                {"type": "open", "paced": False, "face_rules": asked},
+                {"type": "text", "text": line},
+                {"type": "end"},
+            ):
+                socket.send(json.dumps(message))
+            faces = [one for one in receive_all(socket) if isinstance(one, dict) and one["type"] == "face"]
+        assert bool(faces) == asked
+        if asked:
+            rows = [[row[one["channels"].index(name)] for name in channels] for one in faces for row in one["weights"]]
+            np.testing.assert_allclose(rows, whole.of(channels), atol=1e-3)
+            assert np.max(rows, axis=0)[0] == 1.0
+            assert np.max(rows) > 0.7
+
+
+def test_a_figure_can_show_a_whole_face(service: httpx.Client) -> None:
+    asked = {"glosses": ["HELLO"], "formats": ["glb"], "whole_face": True}
+    content = base64.b64decode(service.post("/v1/sentence", json=asked).json()["files"]["glb"])
+    document = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    (names,) = (mesh["extras"]["targetNames"] for mesh in document["meshes"] if "extras" in mesh)
+    assert {"jawOpen", "browDownLeft", "eyeBlinkLeft"} <= set(names)
+
+
+def test_a_sentence_is_drawn_as_a_film(service: httpx.Client) -> None:
+    answer = service.post("/v1/sentence?file=gif", json={"glosses": ["I"]})
+    assert answer.headers["content-type"] == "image/gif"
+    assert answer.content.startswith(b"GIF89a")
 
 
 def test_glosses_and_text_are_alternatives(service: httpx.Client) -> None:

@@ -216,6 +216,14 @@ def test_a_figure_without_a_vrm_part_is_an_avatar(meant: dict[str, Any]) -> None
     assert meant["avatar"].endswith("hands fitted to the body of figure.glb")
 
 
+def test_written_signs_that_are_pasted_are_signed(meant: dict[str, Any]) -> None:
+    assert meant["pasted"] == [True, False], "other text is pasted into the box"
+    assert meant["written"][:3] == ["RED", "FATHER", "THROW"]
+    assert meant["hamnosys"] == ["SIGN-1"]
+    assert "text.txt" in meant["unwritten"], meant["unwritten"]
+    assert "\n" not in meant["unwritten"]
+
+
 def test_chinese_words_are_answered_in_chinese_with_what_can_be_typed(meant: dict[str, Any]) -> None:
     chinese = meant["chinese"]
     assert chinese["line"] == "你好 朋友"

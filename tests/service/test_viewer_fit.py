@@ -23,7 +23,7 @@ import avatars
 import signsplice as ss
 from browsing import CHROMIUM, VIEWER
 from known_rigs import RIGS, skeleton_of
-from signsplice.body.capsules import Avatar, shaped_capsules
+from signsplice.body.capsules import shaped_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
@@ -112,15 +112,8 @@ def page(folder: Path) -> Mapping[tuple[str, str], dict[str, Any]]:
     """What the page makes of each line and body, in Node, and the avatars as Python reads them."""
     cases = [*CASES, *SENTENCES, FAR]
     found = run(folder, cases)
-    of = {case: without_skin(made(folder, case[1])) for case in cases}
+    of = {case: read_avatar(made(folder, case[1])) for case in cases}
     return {case: {**one, "avatar": of[case]} for case, one in zip(cases, found, strict=True)}
-
-
-def without_skin(path: Path) -> Avatar:
-    """An avatar as the page has it: capsules and relief, without the last step onto the posed mesh."""
-    avatar = read_avatar(path)
-    assert avatar.body is not None
-    return replace(avatar, body=replace(avatar.body, skin=None))
 
 
 def hands(clip: Clip, points: list[str]) -> FloatArray:
@@ -157,7 +150,7 @@ def test_a_file_alone_is_fitted_as_python_fits_it(folder: Path, form: str) -> No
     for (line, body), printed in zip(cases, done.stdout.splitlines(), strict=True):
         seen = json.loads(printed)
         ss.save(signed(line), folder / f"alone.{form}")
-        fitted = retarget(ss.load(folder / f"alone.{form}"), without_skin(made(folder, body))).clip
+        fitted = retarget(ss.load(folder / f"alone.{form}"), read_avatar(made(folder, body))).clip
         away = np.linalg.norm(np.array(seen["hands"]) - hands(fitted, seen["points"]), axis=-1)
         assert away.max() < MOST_M, f"{line} on {body}: {1e3 * away.max():.2f} mm"
 

@@ -139,7 +139,7 @@ await stream.evaluate(() => {
   look();
 });
 await heard(stream, 'ended');
-Object.assign(result.stream, { sent, ahead: await stream.evaluate(() => globalThis.ahead), state: await state(stream), heard: await said(stream, 'word'), errors: await said(stream, 'error') });
+Object.assign(result.stream, { sent: [...sent], ahead: await stream.evaluate(() => globalThis.ahead), state: await state(stream), heard: await said(stream, 'word'), errors: await said(stream, 'error') });
 result.stream.points = await stream.evaluate(() => {
   const { people, player } = document.querySelector('sign-player').show;
   return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(-9)));
@@ -151,6 +151,28 @@ await heard(stream, 'ready', 3);
 result.stream.whole = await stream.evaluate(() => {
   const { people, player } = document.querySelector('sign-player').show;
   return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(-9)));
+});
+
+// A question and a gloss of several words, streamed: what is read and what the face shows.
+await stream.evaluate(() => Object.assign(document.querySelector('sign-player'), {
+  gloss: '', text: 'Hello my friend. I am deaf. What your name? My name my friend hello hello friend I love you my friend', rate: 8,
+}));
+await heard(stream, 'ready', 4);
+await stream.evaluate(() => document.querySelector('sign-player').play());
+await heard(stream, 'ended', 2);
+result.face = await stream.evaluate(() => {
+  const { show, words } = document.querySelector('sign-player');
+  const [person] = show.people;
+  const faces = [];
+  person.root.traverse((node) => node.morphTargetDictionary && faces.push(node));
+  const most = {};
+  for (let frame = 0; frame < show.player.frames; frame++) {
+    person.at(frame / show.player.fps);
+    for (const { morphTargetDictionary: names, morphTargetInfluences: weights } of faces) {
+      for (const [name, k] of Object.entries(names)) most[name] = Math.max(most[name] ?? 0, weights[k]);
+    }
+  }
+  return { words: words.map(({ gloss }) => gloss), most };
 });
 
 // Without WebGL: what the service draws, and what to do.
@@ -165,6 +187,14 @@ result.flat = {
   alt: await flat.locator('sign-player img').getAttribute('alt'),
   axe: await axe(flat),
 };
+const drawnType = () => flat.evaluate(async () => (await (await fetch(document.querySelector('sign-player').shadowRoot.querySelector('img').src)).blob()).type);
+result.flat.types = [await drawnType()];
+await flat.locator('sign-player .film').focus();
+for (const pressed of ['true', 'false']) {
+  await flat.keyboard.press('Enter');
+  await flat.waitForFunction(() => document.querySelector('sign-player').shadowRoot.querySelector('.stage').ariaBusy === 'false');
+  result.flat.types.push([await flat.locator('sign-player .film').getAttribute('aria-pressed'), pressed, await drawnType()]);
+}
 await flat.screenshot({ path: join(out, 'flat.png') });
 result.faults.at(-1).splice(0); // three.js tells the console that there is no WebGL
 

@@ -63,6 +63,7 @@ const en = {
   fitted: '; hands fitted to the body of {avatar}',
   beyondLeft: "Places of the left hand lie up to {cm} cm beyond the reach of this avatar's arm.",
   beyondRight: "Places of the right hand lie up to {cm} cm beyond the reach of this avatar's arm.",
+  drawing: 'The service draws the film; that takes some seconds …',
   filming: 'Making the film: {done} of {total} frames',
   noFilm: 'This browser cannot make films here: WebCodecs is missing; use https or localhost.',
   noFile: 'This clip has no {file} file.',
@@ -71,7 +72,7 @@ const en = {
   notRead: '{name} cannot be opened; expected {suffixes} or .vrm',
   noVrma: 'This clip has no VRM animation, so no avatar can play it.',
   broken: 'This page cannot show animations here:',
-  flat: 'This browser has no WebGL, so nothing moves here. Turn on graphics acceleration in its settings, or open the page in another browser.',
+  flat: 'This browser has no WebGL, so no figure moves here: pictures of it are shown where a service draws them, and a film at the button. Turn on graphics acceleration in its settings, or open the page in another browser.',
   spelled: 'spelled: {words}; ',
   typable: 'The lexicon has no {words}. Glosses are typed in Latin letters, such as {examples}; other words as fs- and letters, such as fs-ANNA.',
   lost: 'The service does not answer. Is it still running?',
@@ -150,6 +151,7 @@ const zh: typeof en = {
   fitted: '；双手已按 {avatar} 的身体调整',
   beyondLeft: '左手的位置超出此虚拟形象手臂可及的范围，最多 {cm} 厘米。',
   beyondRight: '右手的位置超出此虚拟形象手臂可及的范围，最多 {cm} 厘米。',
+  drawing: '服务正在绘制视频，需要几秒钟……',
   filming: '正在生成视频：{done} / {total} 帧',
   noFilm: '此浏览器在这里无法生成视频（缺少 WebCodecs：请使用 https 或 localhost）。',
   noFile: '此片段没有 {file} 文件。',
@@ -158,7 +160,7 @@ const zh: typeof en = {
   notRead: '无法读取 {name}；应为 {suffixes} 或 .vrm',
   noVrma: '此片段没有 VRM 动画，虚拟形象无法播放。',
   broken: '此页面无法在这里显示动画：',
-  flat: '此浏览器没有 WebGL，无法显示动画。请在设置中打开图形加速，或换一个浏览器打开本页。',
+  flat: '此浏览器没有 WebGL，无法显示动画；有服务时显示其绘制的图片，按“视频”按钮可看影片。请在设置中打开图形加速，或换一个浏览器打开本页。',
   spelled: '拼写：{words}；',
   typable: '词库中没有“{words}”。词目用拉丁字母输入，例如 {examples}；其他词可用 fs- 加字母拼写，例如 fs-ANNA。',
   lost: '服务没有响应。它还在运行吗？',
@@ -209,7 +211,7 @@ export function translate(key: TextKey, values: Record<string, string | number> 
 
 /** A text in a language. */
 export function translateTo(language: Language, key: TextKey, values: Record<string, string | number> = {}): string {
-  const suffixes = Object.keys(MEDIA_TYPES).map((format) => `.${format}`);
+  const suffixes = [...Object.keys(MEDIA_TYPES), 'sigml'].map((format) => `.${format}`);
   values = { suffixes: suffixes.join(language === 'zh' ? '、' : ', '), ...values };
   return languages[language][key].replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ''));
 }

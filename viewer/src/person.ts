@@ -9,6 +9,8 @@ import {
   type BufferAttribute,
   Group,
   MathUtils,
+  Mesh,
+  NumberKeyframeTrack,
   type Object3D,
   Quaternion,
   QuaternionKeyframeTrack,
@@ -143,6 +145,7 @@ export class Person {
 /** A motion as a clip that an avatar plays, with the rotations that are fitted to its body. */
 async function playable(avatar: VRM, body: AvatarBody, { animation, motion }: Take): Promise<[AnimationClip, Fitted | null]> {
   const clip = createVRMAnimationClip(animation, avatar);
+  if (!avatar.expressionManager) clip.tracks.push(...morphTracks(avatar.scene, animation));
   const hasArms = (bones: { name: string }[]) => ARMS.every((arm) => bones.some(({ name }) => name === arm));
   if (!hasArms(motion.body.bones) || !hasArms(body.bones)) return [clip, null];
   const fitted = await inSlices(fitMotion(motion, body));
@@ -150,6 +153,18 @@ async function playable(avatar: VRM, body: AvatarBody, { animation, motion }: Ta
   const names = new Set(tracks.map(({ name }) => name));
   clip.tracks = [...clip.tracks.filter(({ name }) => !names.has(name)), ...tracks];
   return [clip, fitted];
+}
+
+/** Tracks of morph targets that have the names of a face's coefficients, for a file without VRM's expressions. */
+function morphTracks(figure: Object3D, { expressionTracks }: Take['animation']): NumberKeyframeTrack[] {
+  const found: NumberKeyframeTrack[] = [];
+  figure.traverse((node) => {
+    const targets = (node instanceof Mesh && node.morphTargetDictionary) || {};
+    for (const [name, { times, values }] of expressionTracks.custom) {
+      if (name in targets) found.push(new NumberKeyframeTrack(`${node.uuid}.morphTargetInfluences[${targets[name]}]`, times, values));
+    }
+  });
+  return found;
 }
 
 const slerpFlat = Quaternion.slerpFlat as unknown as (...all: [...Array<Float32Array | number>, number]) => void; // typed for number[]
@@ -173,7 +188,8 @@ function joined(before: AnimationClip, after: AnimationClip, overlap: number): A
       if (size === 4) slerpFlat(values, at, old.values, at, track.values, size * k, alpha);
       else for (let n = 0; n < size; n++) values[at + n] = MathUtils.lerp(old.values[at + n]!, track.values[size * k + n]!, alpha);
     }
-    return size === 4 ? new QuaternionKeyframeTrack(track.name, times, values) : new VectorKeyframeTrack(track.name, times, values);
+    const Track = size === 4 ? QuaternionKeyframeTrack : size === 1 ? NumberKeyframeTrack : VectorKeyframeTrack;
+    return new Track(track.name, times, values);
   });
   return new AnimationClip(before.name, -1, tracks);
 }

@@ -120,3 +120,9 @@ export function reachWarnings(beyond: readonly [number, number], language: Langu
     beyond[side] ? [translateTo(language, key, { cm: Math.round(100 * beyond[side]) })] : [],
   );
 }
+
+/** A line with a word of it replaced by a gloss, wherever it stands alone. */
+export function replaced(line: string, word: string, gloss: string): string {
+  const literal = word.replace(/[.*+?^${}()|[\]\\]/g, '\\$&').replaceAll("'", "['\u2018\u2019]");
+  return line.replace(new RegExp(`(?<![\\p{L}\\p{N}])${literal}(?![\\p{L}\\p{N}])`, 'gu'), () => gloss);
+}

@@ -1,6 +1,7 @@
 /** The sentence box: a combobox (ARIA 1.2) that completes the gloss at the caret. */
 
 import { translate } from './languages.js';
+import { replaced } from './scene.js';
 import { own } from './service.js';
 
 const MAX_SUGGESTIONS = 8;
@@ -145,10 +146,4 @@ export class SentenceBox {
     this.input.ariaExpanded = 'false';
     this.input.removeAttribute('aria-activedescendant');
   }
-}
-
-/** A line with a word of it replaced by a gloss, where it stands alone. */
-function replaced(line: string, word: string, gloss: string): string {
-  const literal = word.replace(/[.*+?^${}()|[\]\\]/g, '\\$&').replaceAll("'", "['\u2018\u2019]");
-  return line.replace(new RegExp(`(?<![\\p{L}\\p{N}])${literal}(?![\\p{L}\\p{N}])`, 'u'), () => gloss);
 }

@@ -22,9 +22,9 @@ export class Service {
     return this.request('v1/sentence', this.json(body, signal));
   }
 
-  /** A contact sheet of a sentence. */
-  async picture(glosses: string[], signal: AbortSignal): Promise<Blob> {
-    return (await this.answer('v1/sentence?file=png', this.json({ glosses }, signal))).blob();
+  /** A contact sheet of a sentence, or a film. */
+  async picture(glosses: string[], form: 'png' | 'gif', signal: AbortSignal): Promise<Blob> {
+    return (await this.answer(`v1/sentence?file=${form}`, this.json({ glosses, face_rules: true }, signal))).blob();
   }
 
   splice(files: File[], options: SpliceRequest, signal: AbortSignal): Promise<Spliced> {

@@ -121,7 +121,7 @@ export class Show {
       element.classList.toggle('in-transition', inTransition);
       const middle = document.createElement(parts[0] || parts[2] ? 'b' : 'span');
       middle.textContent = parts[1];
-      element.replaceChildren(parts[0], middle, parts[2]);
+      element.replaceChildren(...(parts.some(Boolean) ? [parts[0], middle, parts[2]] : [])); // an empty one is hidden
     });
     this.wake();
     this.changed();

@@ -288,12 +288,40 @@ export class SignPlayer extends Base {
     this.#task?.abort();
     const { signal } = (this.#task = new AbortController());
     this.#fail(this.#translate('flat'));
-    const sheet = line.length && from ? await from.picture(line, signal).catch(() => null) : null; // the advice stands alone
+    const sheet = line.length && from ? await from.picture(line, 'png', signal).catch(() => null) : null; // the advice stands alone
     if (!sheet || signal.aborted) return;
-    this.#picture(URL.createObjectURL(sheet), line.join(' '));
+    const show = (picture: Blob) => this.#picture(URL.createObjectURL(picture), line.join(' '));
+    show(sheet);
     this.#stage.classList.add('is-flat');
-    this.#stage.prepend(this.#note);
+    this.#stage.querySelector('.film')?.remove();
+    this.#stage.prepend(this.#note, this.#filmButton(() => from!.picture(line, 'gif', signal), sheet, show));
     Object.assign(this.#stage, { tabIndex: 0, role: 'group', ariaLabel: this.#translate('stage') });
+  }
+
+  /** A button that shows the film that the service draws, or the sheet again. */
+  #filmButton(draw: () => Promise<Blob>, sheet: Blob, show: (picture: Blob) => void): HTMLButtonElement {
+    const button = Object.assign(document.createElement('button'), { type: 'button', className: 'film', textContent: this.#translate('film') });
+    button.ariaPressed = 'false';
+    let film: Promise<Blob> | null = null;
+    button.addEventListener('click', () => {
+      const isWanted = button.ariaPressed !== 'true';
+      button.ariaPressed = String(isWanted);
+      if (!isWanted) return show(sheet);
+      this.#stage.ariaBusy = 'true';
+      this.#say(this.#translate('drawing'));
+      (film ??= draw())
+        .then((drawn) => {
+          this.#say(this.#translate('flat'));
+          if (button.ariaPressed === 'true') show(drawn);
+        })
+        .catch((error: unknown) => {
+          film = null;
+          button.ariaPressed = 'false';
+          this.#fail(error instanceof Error ? error.message : String(error));
+        })
+        .finally(() => (this.#stage.ariaBusy = 'false'));
+    });
+    return button;
   }
 
   #picture(address: string, text: string): void {
@@ -358,7 +386,7 @@ export class SignPlayer extends Base {
     return isLanguage(code) ? code : 'en';
   }
 
-  #translate(key: 'stage' | 'flat'): string {
+  #translate(key: 'stage' | 'flat' | 'film' | 'drawing'): string {
     return translateTo(this.#language, key);
   }
 }

@@ -1,22 +1,25 @@
 /**
- * A long sentence as the service streams it. Words are sent only while little motion lies ahead of what plays: a player that is
- * paused holds the service back. Each part is fitted to the avatar with some frames of the part before, and blended into it.
+ * A long sentence as the service streams it. Text is sent a phrase at a time, and only while little motion lies ahead of what plays:
+ * a player that is paused holds the service back. Each part is fitted to the avatar with some frames of the part before, and blended into it.
  */
 
 import { Quaternion, Vector3 } from 'three';
 import { decode } from './bytes.js';
 import { translate } from './languages.js';
 import { Person } from './person.js';
+import { replaced } from './scene.js';
 import { Service } from './service.js';
 import { bareScene } from './source.js';
 import { Signer } from './take.js';
-import type { SentenceToken, ServiceMessage, SkeletonMessage, Spliced } from './wire.js';
+import type { EndMessage, FaceMessage, OpenMessage, SentenceRequest, SentenceToken, ServiceMessage, SkeletonMessage, Spliced, TextMessage } from './wire.js';
 
 /** Words that are fetched as one sentence; more are streamed. */
 export const MOST_AT_ONCE = 12;
 const AHEAD_S = 5; // motion that is there before it is played
-const IN_FLIGHT = 4; // words that were sent and are not signed yet
-const PATIENCE_MS = 2000; // a word may have no sign, such as a mark alone
+const IN_FLIGHT = 4; // words and letters that were read and are not signed yet
+const SETTLE_MS = 100; // after the last of the units of a text, which come together
+const PHRASE = 12; // words, up to a full stop, that are sent at once; fewer of a longer phrase
+const PIECE = 8;
 const KEEP_MS = 60_000; // the service ends a stream in which nothing comes for two minutes
 const PART = 60; // frames that are shown together
 const OVERLAP = 24; // frames that are fitted twice
@@ -35,6 +38,8 @@ export interface Part {
 interface Pose {
   worlds: Float64Array;
   hips: Vector3;
+  /** ARKit's coefficients that are not 0. */
+  face: ReadonlyMap<string, number>;
 }
 
 export class SentenceStream {
@@ -43,7 +48,13 @@ export class SentenceStream {
   private first = 0; // number of the first of them
   private fps = 30;
   private errors: string[] = [];
-  private seen = 0; // words that are signed, or are none
+  private known = 0; // words and letters of units
+  private seen = 0; // of these, signed
+  private readAt: number | null = 0; // when that of what was sent last came; null: none yet
+  private unread = ''; // text that was sent last
+  private again = ''; // of which this is to be sent again, without words that are unknown
+  private face: FaceMessage | null = null; // of the frames that follow
+  private readonly channels = new Set<string>();
   private skeleton: Skeleton | null = null;
 
   constructor(
@@ -63,21 +74,24 @@ export class SentenceStream {
     const inbox: (string | ArrayBuffer)[] = [];
     let [isOpen, isClosed, isDone] = [false, false, false];
     let wake = () => {};
-    socket.onopen = () => (socket.send(JSON.stringify({ type: 'open', paced: false })), (isOpen = true), wake());
+    const send = (message: OpenMessage | TextMessage | EndMessage) => socket.send(JSON.stringify(message));
+    socket.onopen = () => (send({ type: 'open', paced: false, face_rules: true }), (isOpen = true), wake());
     socket.onmessage = ({ data }) => (inbox.push(data as string | ArrayBuffer), wake());
     socket.onclose = () => ((isClosed = true), wake());
     this.signal.addEventListener('abort', () => socket.close());
     let person: Person | null = null;
-    let [sent, sentAt, shown] = [0, performance.now(), 0];
+    let [sent, sentAt, shown, hasEnded] = [0, performance.now(), 0, false];
     try {
       while (!isDone) {
         this.signal.throwIfAborted();
         const waited = performance.now() - sentAt;
-        const isNeeded = this.end / this.fps - played() < AHEAD_S && (sent < this.seen + IN_FLIGHT || waited > PATIENCE_MS);
-        if (isOpen && !isClosed && sent <= this.line.length && (isNeeded || waited > KEEP_MS)) {
-          const gloss = this.line[sent++];
-          socket.send(JSON.stringify(gloss === undefined ? { type: 'end' } : { type: 'word', gloss }));
-          sentAt = performance.now();
+        const isRead = this.readAt !== null && performance.now() - this.readAt > SETTLE_MS;
+        const isNeeded = this.end / this.fps - played() < AHEAD_S && isRead && this.known < this.seen + IN_FLIGHT;
+        if (isOpen && !isClosed && !hasEnded && (this.again || isNeeded || waited > KEEP_MS)) {
+          const size = this.again ? 0 : await this.phrase(sent);
+          const text = this.again || this.line.slice(sent, sent + size).join(' ');
+          send((hasEnded = !text) ? { type: 'end' } : { type: 'text', text });
+          [sent, sentAt, this.unread, this.again, this.readAt] = [sent + size, performance.now(), text, '', null];
           continue;
         }
         const message = inbox.shift();
@@ -103,7 +117,8 @@ export class SentenceStream {
 
   /** The figure of the lexicon, by the first word. */
   private async figure(): Promise<{ glb: Uint8Array<ArrayBuffer>; signer: Signer }> {
-    const { files, fit } = await new Service(this.address).sentence({ glosses: this.line.slice(0, 1), formats: ['glb', 'vrma'] }, this.signal);
+    const request = { glosses: this.line.slice(0, 1), whole_face: true, formats: ['glb', 'vrma'] } satisfies SentenceRequest;
+    const { files, fit } = await new Service(this.address).sentence(request, this.signal);
     const glb = decode(files.glb!);
     return { glb, signer: await Signer.read(glb, fit) };
   }
@@ -113,10 +128,27 @@ export class SentenceStream {
     return this.first + this.poses.length;
   }
 
+  /** How many words from a number on are sent at once: up to the end of a phrase, else up to a place within no compound. */
+  private async phrase(from: number): Promise<number> {
+    const words = this.line.slice(from, from + PHRASE + 1);
+    const end = words.findLastIndex((word, k) => k < PHRASE && /[.!?]$/.test(word)) + 1;
+    if (end || words.length <= PIECE) return end || words.length;
+    const service = new Service(this.address);
+    for (let size = PIECE; size > 1; size--) {
+      const pair = `${words[size - 1]}-${words[size]}`;
+      const mayBeOne = /^[\p{L}\p{N}'-]+$/u.test(pair) && (await service.words(pair, 1, this.signal)).total;
+      if (!mayBeOne) return size;
+    }
+    return PIECE;
+  }
+
   /** Read a message; whether it was the last. */
   private read(message: string | ArrayBuffer, signer: Signer): boolean {
     if (typeof message !== 'string') {
-      this.poses.push(...this.skeleton!.poses(message));
+      const poses = this.skeleton!.poses(message);
+      const { first = -1, channels = [], weights = [] } = this.face ?? {};
+      if (first === this.end) weights.forEach((row, k) => (poses[k]!.face = new Map(channels.map((name, n) => [name, row[n]!]))));
+      this.poses.push(...poses);
       return false;
     }
     const said = JSON.parse(message) as ServiceMessage | { type: 'unit'; unit: SentenceToken };
@@ -127,12 +159,21 @@ export class SentenceStream {
     } else if (said.type === 'span') {
       report.spans.push(said.span);
       if (said.span.kind === 'sign') this.seen++;
-    } else if (said.type === 'unit') this.scene.units.push(said.unit);
-    else if (said.type === 'seam') report.seams.push(said.seam);
+    } else if (said.type === 'unit') {
+      this.scene.units.push(said.unit);
+      this.known += said.unit.glosses.length;
+      this.readAt = performance.now();
+    } else if (said.type === 'face') {
+      this.face = said;
+      for (const name of said.channels) this.channels.add(name);
+    } else if (said.type === 'seam') report.seams.push(said.seam);
     else if (said.type === 'warning') report.warnings.push(said.warning);
     else if (said.type === 'error') {
       this.errors.push(said.error);
-      this.seen++;
+      this.readAt = performance.now();
+      this.known = this.seen; // the rest of the text was left out
+      const rest = Object.keys(said.unknown).reduce((text, word) => replaced(text, word, ''), this.unread).trim();
+      this.again = rest === this.unread ? '' : rest;
     }
     return said.type === 'done';
   }
@@ -145,7 +186,8 @@ export class SentenceStream {
   private take(signer: Signer) {
     const worlds = signer.bones.map((_, k) => Float64Array.from(this.poses.flatMap((pose) => [...pose.worlds.subarray(4 * k, 4 * k + 4)])));
     const hips = Float64Array.from(this.poses.flatMap((pose) => pose.hips.toArray()));
-    return signer.take(worlds, hips, Float32Array.from(this.poses, (_, k) => (this.first + k) / this.fps));
+    const faces = new Map([...this.channels].map((name) => [name, Float32Array.from(this.poses, ({ face }) => face.get(name) ?? 0)]));
+    return signer.take(worlds, hips, Float32Array.from(this.poses, (_, k) => (this.first + k) / this.fps), faces);
   }
 }
 
@@ -182,7 +224,7 @@ class Skeleton {
     const { turn, from, to } = this.placed;
     const worlds = new Float64Array(4 * this.joints.length);
     this.joints.forEach((joint, k) => new Quaternion().multiplyQuaternions(turn, turns[joint]!).toArray(worlds, 4 * k));
-    return { worlds, hips: hips.clone().sub(from).applyQuaternion(turn).add(to) };
+    return { worlds, hips: hips.clone().sub(from).applyQuaternion(turn).add(to), face: new Map() };
   }
 
   /** The figure's first frame is the stream's: it stands at the origin and faces the camera. */

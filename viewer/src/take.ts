@@ -1,14 +1,17 @@
 /** Motion that any avatar can play: rotations of the humanoid's bones, and the body that they were signed with. */
 
-import type { VRMHumanBoneName } from '@pixiv/three-vrm';
+import type { VRMExpressionPresetName, VRMHumanBoneName } from '@pixiv/three-vrm';
 import { VRMAnimation, VRMAnimationLoaderPlugin } from '@pixiv/three-vrm-animation';
-import { AnimationMixer, type Object3D, Quaternion, QuaternionKeyframeTrack, Vector3, VectorKeyframeTrack } from 'three';
+import { AnimationMixer, NumberKeyframeTrack, type Object3D, Quaternion, QuaternionKeyframeTrack, Vector3, VectorKeyframeTrack } from 'three';
 import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { type AvatarBody, motionOf, signingOf, usualBodyOf } from './fit/avatar.js';
 import { makeBody, type Rotations } from './fit/body.js';
 import type { Motion } from './fit/fit.js';
 import { readAvatar } from './humanoid.js';
 import type { FitSource } from './wire.js';
+
+/** Presets of VRM that are ARKit's coefficients; of the others an avatar may have several that move the same part. */
+const LIDS: Readonly<Record<string, VRMExpressionPresetName>> = { eyeBlinkLeft: 'blinkLeft', eyeBlinkRight: 'blinkRight' };
 
 export interface Take {
   animation: VRMAnimation;
@@ -84,8 +87,8 @@ export class Signer {
     this.nodes[0]!.getWorldPosition(new Vector3()).toArray(hips, 3 * frame);
   }
 
-  /** A take of such rotations and positions, frame by frame. */
-  take(worlds: Float64Array[], hips: Float64Array, times: Float32Array): Take {
+  /** A take of such rotations and positions, and of ARKit's coefficients by their names, frame by frame. */
+  take(worlds: Float64Array[], hips: Float64Array, times: Float32Array, faces: ReadonlyMap<string, Float32Array> = new Map()): Take {
     const frames = times.length;
     const rotations: Rotations = new Map();
     const animation = new VRMAnimation();
@@ -104,6 +107,11 @@ export class Signer {
     });
     animation.restHipsPosition.copy(this.hips);
     animation.humanoidTracks.translation.set('hips', new VectorKeyframeTrack('hips', times, Float32Array.from(hips)));
+    for (const [name, weights] of faces) {
+      const track = new NumberKeyframeTrack(name, times, weights);
+      animation.expressionTracks.custom.set(name, track);
+      if (LIDS[name]) animation.expressionTracks.preset.set(LIDS[name], track);
+    }
     animation.duration = times.at(-1)! - times[0]!;
     const fps = frames > 1 ? (frames - 1) / animation.duration : 30;
     const signing = signingOf(this.body, rotations, frames, fps);

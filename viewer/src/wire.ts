@@ -103,6 +103,7 @@ export interface SentenceRequest {
   face_rules?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
   mesh?: boolean;
+  whole_face?: boolean;
   avatar?: string | null;
 }
 
@@ -219,6 +220,7 @@ export interface OpenMessage {
   compounds?: boolean;
   drop_function_words?: boolean;
   pauses?: boolean;
+  face_rules?: boolean;
 }
 
 /** One more word, or a token to spell. */

@@ -125,7 +125,7 @@ def connect(address: str, folder: str = "") -> Any:
         import ray.data
     except ImportError as error:
         raise MissingExtraError(
-            f"a Ray cluster needs {error.name}; install it with: pip install 'signsplice[bulk]'"
+            f"a Ray cluster needs {error.name}; install it with: pip install '.[bulk]' in signsplice's folder"
         ) from error
     runtime = {"env_vars": dict(ONE_THREAD)}
     try:

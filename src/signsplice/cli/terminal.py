@@ -35,7 +35,7 @@ def require(what: str, extra: str, *modules: str) -> None:
     """Raise ``MissingExtraError`` where a package of an extra is not installed; ``what`` needs it."""
     missing = next((name for name in modules if find_spec(name) is None), None)
     if missing is not None:
-        raise MissingExtraError(f"{what} {missing}; install it with: pip install 'signsplice[{extra}]'")
+        raise MissingExtraError(f"{what} {missing}; install it with: pip install '.[{extra}]' in signsplice's folder")
 
 
 @contextmanager

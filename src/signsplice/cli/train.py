@@ -143,7 +143,7 @@ def check_extra() -> None:
     """Raise ``MissingExtraError`` if a package of the extra `train` is missing."""
     missing = [name for name in ("torch", "onnxscript", "filelock") if importlib.util.find_spec(name) is None]
     if missing:
-        raise MissingExtraError(f"training needs {missing[0]}: pip install 'signsplice[train]'")
+        raise MissingExtraError(f"training needs {missing[0]}: pip install '.[train]' in signsplice's folder")
 
 
 def progress_printer(part: str) -> ProgressCallback:

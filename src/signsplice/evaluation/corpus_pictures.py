@@ -119,7 +119,7 @@ def check_matplotlib() -> None:
     try:
         import matplotlib
     except ImportError as error:
-        raise MissingExtraError("plots need matplotlib: pip install 'signsplice[plots]'") from error
+        raise MissingExtraError("plots need matplotlib: pip install '.[plots]' in signsplice's folder") from error
     matplotlib.use("Agg")
 
 

@@ -65,7 +65,9 @@ def measure(
         import psutil
         import websockets
     except ImportError as error:
-        raise MissingExtraError(f"this needs {error.name}; install it with: pip install 'signsplice[dev]'") from error
+        raise MissingExtraError(
+            f"this needs {error.name}; install it with: pip install '.[dev]' in signsplice's folder"
+        ) from error
     del httpx, psutil, websockets
     with _serving() as (address, pid):
         return asyncio.run(_measure(address, pid, n_streams, seconds, rate, minutes, progress))

@@ -18,6 +18,7 @@ from signsplice.formats.gltf_writer import DocumentWriter, in_front
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations
+from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 
 __all__ = ["document", "encode", "parse"]
@@ -26,20 +27,21 @@ _STILL = 1e-9
 """A joint whose rotations or translations differ by less than this over the clip gets no animation channel."""
 
 
-def encode(clip: Clip, mesh: bool = True) -> bytes:
+def encode(clip: Clip, mesh: bool = True, whole_face: bool = False) -> bytes:
     """The bytes of a clip's .glb file; on an avatar that was read from a file, those of that file with the motion.
-    Without ``mesh`` the joints and their motion alone.
+    Without ``mesh`` the joints and their motion alone. ``whole_face`` as in ``document``.
     """
     if mesh and isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
         from signsplice.formats import avatar_writer
 
         return avatar_writer.encode(clip, clip.skeleton.file)
-    return b"".join(document(clip, mesh).save_to_bytes())
+    return b"".join(document(clip, mesh, whole_face).save_to_bytes())
 
 
-def document(clip: Clip, mesh: bool = True) -> GLTF2:
+def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:
     """A clip as a glTF document: the mannequin, its skin, and one animation. Without ``mesh`` it has neither mannequin
-    nor skin, and no face, which moves the mannequin's.
+    nor skin, and no face, which moves the mannequin's; with ``whole_face`` that one has morph targets of all
+    coefficients, not only of those that the clip moves.
     """
     clip = in_front(clip)
     rig = rig_info(clip.skeleton)
@@ -62,7 +64,8 @@ def document(clip: Clip, mesh: bool = True) -> GLTF2:
         writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
     if mesh:
         writer.skin(joints, _inverse_bind(clip, metres), joints[0])
-        writer.mesh(body_mesh(clip.skeleton), metres, () if clip.face is None else clip.face.moving)
+        moving = () if clip.face is None else clip.face.moving
+        writer.mesh(body_mesh(clip.skeleton), metres, ARKIT_CHANNELS if whole_face else moving)
     times = writer.times(clip)
     for joint, node in enumerate(joints):
         if np.abs(quats[:, joint] - quats[:1, joint]).max() > _STILL or joint == 0:

@@ -38,7 +38,7 @@ def pillow(module: str) -> ModuleType:
     try:
         return import_module(f"PIL.{module}")
     except ImportError as error:
-        raise MissingExtraError("pictures need Pillow: pip install 'signsplice[video]'") from error
+        raise MissingExtraError("pictures need Pillow: pip install '.[video]' in signsplice's folder") from error
 
 
 def mark_at(marks: Sequence[Mark], frame: int) -> Mark | None:

@@ -52,11 +52,11 @@ _FAILURES: dict[int | str, dict[str, Any]] = {
 }
 _SPLICED: dict[int | str, dict[str, Any]] = {
     200: {
-        "content": {"text/plain": {}, "model/gltf-binary": {}, "image/png": {}},
+        "content": {"text/plain": {}, "model/gltf-binary": {}, "image/png": {}, "image/gif": {}},
         "description": "A splice, or one file of it.",
     }
 }
-_ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet."
+_ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet, gif: a film."
 
 
 class Service:

@@ -17,12 +17,15 @@ from signsplice.errors import InputError
 from signsplice.formats import FORMATS, glb
 from signsplice.formats import encode as encode_file
 from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.rig.info import rig_info
 from signsplice.service.stream_messages import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.wire import FORMAT_NAMES, Files, Format
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
+
+_FILM_FPS, _FILM_SIZE = 12.5, (320, 320)
+"""Of a film, whose every frame takes a worker some 40 ms to draw."""
 
 
 def media_type(form: Format) -> str:
@@ -30,18 +33,18 @@ def media_type(form: Format) -> str:
     return FORMATS[f".{form}"].media_type
 
 
-def encode(clip: Clip, form: Format, mesh: bool = True) -> bytes:
-    """The bytes of a clip's file; ``mesh``: whether a .glb has one. Raises ``InputError`` where the format cannot hold
-    the clip.
+def encode(clip: Clip, form: Format, mesh: bool = True, whole_face: bool = False) -> bytes:
+    """The bytes of a clip's file; ``mesh``, ``whole_face``: what a .glb has (``glb.document``). Raises ``InputError``
+    where the format cannot hold the clip.
     """
-    return glb.encode(clip, mesh) if form == "glb" else encode_file(clip, f"clip.{form}")
+    return glb.encode(clip, mesh, whole_face) if form == "glb" else encode_file(clip, f"clip.{form}")
 
 
 def from_result(
-    result: SpliceResult, formats: Sequence[Format], units: Sequence[Mapping[str, Any]] = (), mesh: bool = True
+    result: SpliceResult, formats: Sequence[Format], units: Sequence[Mapping[str, Any]] = (), **glb_has: bool
 ) -> dict[str, Any]:
-    """A splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read. ``mesh`` as in ``encode``."""
-    return _scene(result.clip, reports.describe(result), formats, units, mesh)
+    """A splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read. ``glb_has``: as ``encode`` has."""
+    return _scene(result.clip, reports.describe(result), formats, units, **glb_has)
 
 
 def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format]) -> dict[str, Any]:
@@ -59,13 +62,13 @@ def _scene(
     report: Mapping[str, Any],
     formats: Sequence[Format],
     units: Sequence[Mapping[str, Any]] = (),
-    mesh: bool = True,
+    **glb_has: bool,
 ) -> dict[str, Any]:
     files: Files = dict.fromkeys(FORMAT_NAMES)
     warnings = list(report["warnings"])
     for form in formats:
         try:
-            files[form] = base64.b64encode(encode(clip, form, mesh)).decode("ascii")
+            files[form] = base64.b64encode(encode(clip, form, **glb_has)).decode("ascii")
         except InputError as error:
             warnings.append(f"no .{form} file of this clip: {error}")
     fit = fit_source(clip) if files["vrma"] else None
@@ -75,14 +78,16 @@ def _scene(
     }  # fmt: skip
 
 
-def picture(result: SpliceResult) -> bytes:
-    """A contact sheet of a splice as PNG. Raises ``MissingExtraError`` where Pillow is not installed."""
+def picture(result: SpliceResult, form: str) -> bytes:
+    """A splice as one of ``wire.PICTURES``. Raises ``MissingExtraError`` where Pillow is not installed."""
     from signsplice.render import film
 
-    marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
+    clip = result.clip if form == "png" else resample(result.clip, min(_FILM_FPS, result.clip.fps))
+    scale = (len(clip) - 1) / max(len(result.clip) - 1, 1)
+    marks = [film.Mark(span.kind, span.name or "", *(round(scale * n) for n in span.output)) for span in result.spans]
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "sheet.png"
-        film.write(result.clip, path, marks)
+        path = Path(folder) / f"picture.{form}"
+        film.write(clip, path, marks, size=None if form == "png" else _FILM_SIZE)
         return path.read_bytes()
 
 

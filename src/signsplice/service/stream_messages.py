@@ -32,6 +32,7 @@ class OpenMessage(Dials):
     spell: whether words that the lexicon lacks are fingerspelled.
     compounds, drop_function_words: as in a sentence; compounds only within a text.
     pauses: whether a sign is held at the punctuation after its word, in the same message.
+    face_rules: as in a sentence; brows ask within a text.
     """
 
     type: Literal["open"]
@@ -40,6 +41,7 @@ class OpenMessage(Dials):
     compounds: bool = True
     drop_function_words: bool = False
     pauses: bool = True
+    face_rules: bool = False
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from signsplice.splicing.tempo import FASTEST_S, SLOWEST_S
 
 FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 """Names of the file formats that the service accepts and sends."""
+PICTURES = ("png", "gif")
+"""A contact sheet and a film, which it draws."""
 
 
 def json_type(source: type) -> type:
@@ -67,7 +69,7 @@ else:
     Seam = json_type(seam.Seam)
     ReachedTempo = json_type(tempo.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
-    AnswerFile = Literal[(*FORMAT_NAMES, "png")]
+    AnswerFile = Literal[(*FORMAT_NAMES, *PICTURES)]
     DurationRule = Literal[(AUTO, *DURATIONS)]
     FreeHand = Literal[FREE_HANDS]
     Files = make_dataclass(
@@ -131,6 +133,7 @@ class SentenceRequest(Dials):
     face_rules: whether the face blinks, and its brows ask, by rule, where a word has no face of its own.
     formats: of the files to answer with.
     mesh: whether a glb file shows its signer; else it holds joints and motion alone.
+    whole_face: whether that signer can show all coefficients of a face, of a stream that follows, or those used here.
     avatar: name of the service's avatar that signs; null for the lexicon's signer.
     """
 
@@ -143,6 +146,7 @@ class SentenceRequest(Dials):
     face_rules: bool = False
     formats: Formats = field(default_factory=lambda: ["bvh"])
     mesh: bool = True
+    whole_face: bool = False
     avatar: MethodName | None = None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMessage
-from signsplice.service.wire import FORMAT_NAMES, AnswerFile, Dials, SentenceRequest, SpliceRequest
+from signsplice.service.wire import FORMAT_NAMES, PICTURES, AnswerFile, Dials, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.forms import open_lexicon
@@ -186,18 +186,16 @@ def _answer(
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
     avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
-    chosen = options(request)
-    if isinstance(request, SentenceRequest) and request.face_rules:
-        chosen = replace(chosen, face_rules=RULES)
-    result = splice(clips, chosen, starts(units), held, brows(units))
+    result = splice(clips, options(request), starts(units), held, brows(units))
     if avatar is not None:
         result = onto_avatar(result, avatar)
+    glb_has = {"mesh": request.mesh, "whole_face": isinstance(request, SentenceRequest) and request.whole_face}
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
-        if file == "png":
-            return Answer(scene.picture(result), "image/png", name)
-        return Answer(scene.encode(result.clip, file, request.mesh), scene.media_type(file), name)
-    spliced = scene.from_result(result, request.formats, [asdict(unit) for unit in units], request.mesh)
+        if file in PICTURES:
+            return Answer(scene.picture(result, file), f"image/{file}", name)
+        return Answer(scene.encode(result.clip, file, **glb_has), scene.media_type(file), name)
+    spliced = scene.from_result(result, request.formats, [asdict(unit) for unit in units], **glb_has)
     return Answer(scene.to_json(spliced))
 
 
@@ -206,7 +204,8 @@ def options(dials: Dials) -> SpliceOptions:
     chosen = {field.name: getattr(dials, field.name) for field in fields(Dials)}
     time = dials.transition_time
     chosen |= {"duration": time, "transition_time": None} if isinstance(time, str) else {"duration": methods.AUTO}
-    return SpliceOptions(**chosen, limits=_worker.settings.read_limits)
+    rules = RULES if isinstance(dials, SentenceRequest | OpenMessage) and dials.face_rules else ()
+    return SpliceOptions(**chosen, face_rules=rules, limits=_worker.settings.read_limits)
 
 
 def _units(text: str, wanted: SentenceRequest | OpenMessage, compounds: bool) -> list[SentenceToken]:
@@ -243,11 +242,13 @@ class StreamWord:
     gloss: its gloss.
     starts: whether another word begins with it.
     pause: the mark at which it is held; None where it is not.
+    brow: the brows of its question; None where it is in none.
     """
 
     gloss: str
     starts: bool
     pause: str | None
+    brow: str | None
 
 
 Typed = WordMessage | TextMessage
@@ -262,9 +263,9 @@ def read_typed(key: str, typed: Typed) -> tuple[list[StreamWord], list[dict[str,
     opening = _worker.streams[key].opening
     line, compounds = (typed.text, opening.compounds) if isinstance(typed, TextMessage) else (typed.gloss, False)
     units = _units(line, opening, compounds)
-    held = pauses(units) if opening.pauses else {}
+    held, asked = pauses(units) if opening.pauses else {}, brows(units)
     glosses = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
-    words = [StreamWord(gloss, starts, held.get(k)) for k, (gloss, starts) in enumerate(glosses)]
+    words = [StreamWord(gloss, starts, held.get(k), asked.get(k)) for k, (gloss, starts) in enumerate(glosses)]
     warnings = [{"type": "warning", "warning": unit.warning} for unit in units if unit.warning]
     return words, [*({"type": "unit", "unit": asdict(unit)} for unit in units), *warnings]
 
@@ -280,7 +281,7 @@ def add_word(key: str, word: StreamWord) -> list[dict[str, Any] | bytes]:
     n_frames = clip.seconds / options.sign_speed * (options.fps or clip.fps)
     if n_frames > limit:
         raise InputError(f"{word.gloss} has {n_frames:.0f} frames at this speed and rate, expected at most {limit}")
-    return _messages(opened, opened.stream.push(clip, word.starts, word.pause))
+    return _messages(opened, opened.stream.push(clip, word.starts, word.pause, word.brow))
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:

@@ -3,6 +3,7 @@
 import { Quaternion, Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import type { Relief } from './relief.js';
+import type { AvatarSkin } from './skin_surface.js';
 
 /** A bone of a humanoid. */
 export interface Bone {
@@ -22,6 +23,8 @@ export interface Body {
   handLength: number;
   /** How its skin lies above the capsules of head and trunk; null where they are the skin. */
   relief: Relief | null;
+  /** Its mesh where hands meet it; null where that is not known. */
+  skin: AvatarSkin | null;
 }
 
 /** Rotations of bones from the T-pose in the world's axes: x y z w, frame by frame. */
@@ -29,9 +32,9 @@ export type Rotations = Map<string, Float64Array>;
 
 export const SIDES = ['left', 'right'] as const;
 
-export function makeBody(bones: Bone[], capsules: FitCapsule[], relief: Relief | null = null): Body {
+export function makeBody(bones: Bone[], capsules: FitCapsule[], relief: Relief | null = null, skin: AvatarSkin | null = null): Body {
   const palms = capsules.filter(({ key }) => /(Palm|Mitten)$/.test(key)).map(lengthOf);
-  return { bones, capsules, handLength: median(palms), relief };
+  return { bones, capsules, handLength: median(palms), relief, skin };
 }
 
 export function lengthOf({ start, end }: FitCapsule): number {
@@ -84,15 +87,9 @@ export class Posed {
     const joints = SIDES.flatMap((side) => ['UpperArm', 'LowerArm', 'Hand'].map((bone) => number.get(side + bone)!));
     const positions = bones.map(() => new Vector3());
     const turns = bones.map(() => new Quaternion());
-    const all = bones.map(({ name }) => rotations.get(name));
     const point = new Vector3();
     for (let t = 0; t < this.frames; t++) {
-      bones.forEach(({ parent, offset }, k) => {
-        const own = all[k];
-        if (own) turns[k]!.fromArray(own, 4 * (from + t));
-        else if (parent >= 0) turns[k]!.copy(turns[parent]!);
-        if (parent >= 0) positions[k]!.copy(offset).applyQuaternion(turns[parent]!).add(positions[parent]!);
-      });
+      this.pose(t, turns, positions);
       carriers.forEach((bone, c) => {
         const at = 3 * (t * capsules.length + c);
         point.copy(starts[c]!).applyQuaternion(turns[bone]!).add(positions[bone]!).toArray(this.starts, at);
@@ -103,6 +100,16 @@ export class Posed {
     const rest = restPositions(bones);
     const length = (k: number) => rest[joints[k]!]!.distanceTo(rest[joints[k + 1]!]!);
     this.armLengths = [length(0) + length(1), length(3) + length(4)];
+  }
+
+  /** Put rotations and joints of all bones in a frame into these. */
+  pose(frame: number, turns: Quaternion[], positions: Vector3[]): void {
+    this.body.bones.forEach(({ name, parent, offset }, k) => {
+      const own = this.rotations.get(name);
+      if (own) turns[k]!.fromArray(own, 4 * (this.from + frame));
+      else if (parent >= 0) turns[k]!.copy(turns[parent]!);
+      if (parent >= 0) positions[k]!.copy(offset).applyQuaternion(turns[parent]!).add(positions[parent]!);
+    });
   }
 
   /** Where ``arms`` holds the shoulder (0), elbow (1) or wrist (2) of a side (0 left, 1 right) in a frame. */

@@ -132,6 +132,17 @@ export const relief = {
   CHUNK: 4096,
 } as const;
 
+export const skin_surface = {
+  BLEND_M: 0.05,
+  MOST_WEIGHTS: 20000000,
+  CHUNK: 4096,
+  COVER: [0.0015, 0.015],
+  AROUND: 24,
+  FACING: 0.3,
+  REACH_M: 0.03,
+  THICK_M: [0.03, 0.015],
+} as const;
+
 export const fit = {
   SIDES: ["left", "right"],
   NEAR_M: 0.04,
@@ -155,6 +166,28 @@ export const fit = {
   SIGNS: 0.5,
   ARM_SHARES: {"sleeve": [0.0, 0.5], "cuff": [0.5, 1.0]},
   ANCHORS: [["ThumbDistal", 1.0], ["IndexDistal", 1.0], ["MiddleDistal", 1.0], ["RingDistal", 1.0], ["LittleDistal", 1.0], ["IndexPalm", 1.0], ["LittlePalm", 1.0], ["MiddlePalm", 0.6], ["Mitten", 0.3], ["Mitten", 1.0]],
+} as const;
+
+export const skin_contacts = {
+  ARM: ["sleeve", "cuff"],
+  CLEAR_M: 0.01,
+  CONTACT_FADE_M: 0.006,
+  CONTACT_WEIGHT: 60.0,
+  PRESS_M: 0.002,
+  TOUCH_M: 0.012,
+  THICK_M: [0.03, 0.015],
+  NEAR_M: 0.045,
+  LOW_M: 0.025,
+  BESIDE: 1.5,
+  SHARP_M: 0.001,
+  ROUNDS: 3,
+  HOLD: 1.0,
+  TOGETHER: 30.0,
+  TOGETHER_M: 0.01,
+  TIE: [[1.0, 0.0, 0.0, -1.0, -0.0, -0.0], [0.0, 1.0, 0.0, -0.0, -1.0, -0.0], [0.0, 0.0, 1.0, -0.0, -0.0, -1.0], [-1.0, -0.0, -0.0, 1.0, 0.0, 0.0], [-0.0, -1.0, -0.0, 0.0, 1.0, 0.0], [-0.0, -0.0, -1.0, 0.0, 0.0, 1.0]],
+  BODY: 0,
+  HANDS: 1,
+  KINDS: [[0, 0], [1, 0], [0, 1]],
 } as const;
 
 export const swivel = {

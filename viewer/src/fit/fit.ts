@@ -7,6 +7,7 @@ import { moveWrists } from './arms.js';
 import { type Body, lengthOf, Posed, restPositions, type Rotations, shared, SIDES } from './body.js';
 import { retarget as RETARGET } from './constants.js';
 import { chooseSwivels } from './elbows.js';
+import { movesOnSkin } from './skin_contacts.js';
 import { Fit } from './solver.js';
 import { keepThumbContacts } from './thumbs.js';
 
@@ -52,7 +53,8 @@ export function* fitMotion(motion: Motion, onto: Body): Generator<void, Fitted> 
     const fit = new Fit(new Posed(source, motion.rotations, from, to), carried, fps, motion.signing.subarray(2 * from, 2 * to));
     const first = yield* fit.moves();
     const turned = yield* chooseSwivels(fit.source, carried, first, fps);
-    const moved = yield* fit.again(new Posed(target, moveWrists(carried, first, turned), 0, to - from));
+    const again = yield* fit.again(new Posed(target, moveWrists(carried, first, turned), 0, to - from));
+    const moved = target.skin ? yield* movesOnSkin(fit, target.skin, again) : again;
     for (let t = from; t < to; t++) {
       const share = from ? Math.min((t - from + 1) / (OVERLAP + 1), 1) : 1;
       for (let k = 0; k < 6; k++) moves[6 * t + k]! += share * (moved[6 * (t - from) + k]! - moves[6 * t + k]!);

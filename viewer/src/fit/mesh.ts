@@ -106,7 +106,7 @@ function addVertices(
 class Carriers {
   private readonly json: Document;
   private readonly parents = new Map<number, number>();
-  /** Node -> number of its bone, -1 for a node between two bones. */
+  /** Node -> number of its bone, ~k for a node between bone k and the next. */
   private readonly rows = new Map<number, number>();
   private readonly springs: Set<number>;
 
@@ -122,7 +122,7 @@ class Carriers {
       const between: number[] = [];
       let above = this.parents.get(node);
       for (; above !== undefined && !this.rows.has(above); above = this.parents.get(above)) between.push(above);
-      if (above !== undefined) for (const each of between) this.rows.set(each, -1);
+      if (above !== undefined) for (const each of between) this.rows.set(each, ~this.rows.get(above)!);
     }
     const { VRMC_springBone, VRM } = this.json.extensions ?? {};
     this.springs = new Set([
@@ -131,7 +131,7 @@ class Carriers {
     ]);
   }
 
-  /** Number of the bone at or above a node; null where there is none. */
+  /** Number of the bone at or above a node, as ``SkinPoints.add`` has it; null where there is none. */
   of(object: Object3D): { row: number | null; isSkin: boolean } {
     let isSkin = true;
     for (let node = this.numberOf(object); node !== undefined; node = this.parents.get(node)) {

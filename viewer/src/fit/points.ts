@@ -11,10 +11,15 @@ export const MIN_POINTS = POINTS.MIN_POINTS;
 export interface SurfacePoint {
   at: Vector3;
   normal: Vector3;
+  /** The vertices of its triangle, and how much of each is in it. */
+  corners: [number, number, number];
+  shares: [number, number, number];
 }
 
 export class SkinPoints {
   private readonly points: Vector3[] = [];
+  /** The bones that carry each vertex, and how much. */
+  readonly carriers: { bones: number[]; weights: number[] }[] = [];
   /** Bone -> the vertices that it carries, and how much. */
   private readonly carried = new Map<number, { vertex: number; weight: number }[]>();
 
@@ -23,9 +28,10 @@ export class SkinPoints {
 
   private readonly triangles: [number, number, number][] = [];
 
-  /** The number of a vertex that is added; bones of these numbers carry it, so much. */
+  /** The number of a vertex that is added; bones of these numbers carry it, so much: ~k for a node between bone k and the next. */
   add(point: Vector3, bones: number[], weights: number[], isCloth: boolean): number {
     const vertex = this.points.push(point) - 1;
+    this.carriers.push({ bones, weights });
     if (isCloth) this.cloth.add(vertex);
     bones.forEach((bone, k) => {
       if (!this.carried.has(bone)) this.carried.set(bone, []);
@@ -41,37 +47,38 @@ export class SkinPoints {
 
   /** The vertices that these bones carry together, by half or more: of bare skin where enough of it is modelled, else of clothes too. */
   of(bones: number[]): Vector3[] {
-    const own = [...this.numbersOf(bones)];
-    const bare = own.filter((vertex) => !this.cloth.has(vertex));
-    return (bare.length >= POINTS.BARE * MIN_POINTS ? bare : own).map((vertex) => this.points[vertex]!);
+    return [...this.numbersOf(bones, true)].map((vertex) => this.points[vertex]!);
   }
 
-  private numbersOf(bones: number[]): Set<number> {
+  private numbersOf(bones: number[], isBare: boolean): Set<number> {
     const sums = new Map<number, number>();
     for (const { vertex, weight } of bones.flatMap((bone) => this.carried.get(bone) ?? [])) sums.set(vertex, (sums.get(vertex) ?? 0) + weight);
-    return new Set([...sums].flatMap(([vertex, sum]) => (sum >= POINTS.OWN ? [vertex] : [])));
+    const own = [...sums].flatMap(([vertex, sum]) => (sum >= POINTS.OWN ? [vertex] : []));
+    const bare = isBare ? own.filter((vertex) => !this.cloth.has(vertex)) : [];
+    return new Set(bare.length >= POINTS.BARE * MIN_POINTS ? bare : own);
   }
 
-  /** Points on the triangles that these bones carry, about ``step`` apart. */
-  surface(bones: number[], step: number): SurfacePoint[] {
-    const own = this.numbersOf(bones);
+  /** Points on the triangles that these bones carry, about ``step`` apart; of bare skin where that is wanted and enough is modelled. */
+  surface(bones: number[], step: number, isBare = false): SurfacePoint[] {
+    const own = this.numbersOf(bones, isBare);
     const triangles = this.triangles.flatMap((triangle) => {
       if (!triangle.every((vertex) => own.has(vertex))) return [];
       const [a, b, c] = triangle.map((vertex) => this.points[vertex]!) as [Vector3, Vector3, Vector3];
       const normal = b.clone().sub(a).cross(c.clone().sub(a));
       if (!(normal.length() > 0)) return [];
       const longest = Math.max(a.distanceTo(b), b.distanceTo(c), c.distanceTo(a));
-      return [{ a, b, c, normal: normal.normalize(), rows: clip(Math.ceil(longest / step), 1, POINTS.MOST_ROWS) }];
+      return [{ a, b, c, corners: triangle, normal: normal.normalize(), rows: clip(Math.ceil(longest / step), 1, POINTS.MOST_ROWS) }];
     });
     const samples = triangles.reduce((sum, { rows }) => sum + (rows * (rows + 1)) / 2, 0);
     const points: SurfacePoint[] = [];
     for (let n = 1; n <= POINTS.MOST_ROWS; n++) {
-      for (const { a, b, c, normal, rows } of triangles) {
+      for (const { a, b, c, corners, normal, rows } of triangles) {
         if ((samples > POINTS.MOST_SAMPLES ? 1 : rows) !== n) continue;
         for (let j = 0; j < n; j++) {
           for (let i = 0; i + j < n; i++) {
             const [u, v] = [(i + 1 / 3) / n, (j + 1 / 3) / n];
-            points.push({ at: a.clone().multiplyScalar(1 - u - v).addScaledVector(b, u).addScaledVector(c, v), normal });
+            const at = a.clone().multiplyScalar(1 - u - v).addScaledVector(b, u).addScaledVector(c, v);
+            points.push({ at, normal, corners, shares: [1 - u - v, u, v] });
           }
         }
       }

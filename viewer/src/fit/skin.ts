@@ -12,8 +12,9 @@ import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
 import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint, thinned } from './points.js';
 import { Relief } from './relief.js';
+import { type AvatarSkin, skinSurface } from './skin_surface.js';
 
-const { TRUNK, HEAD, BINS, HEIGHTS, ACROSS, HEM, STEP, BELOW_HEM, LEVEL, NEAR, TAPERS, ALONG, SHORTEST } = SKIN;
+const { TRUNK, HEAD, BODY, BINS, HEIGHTS, ACROSS, HEM, STEP, BELOW_HEM, LEVEL, NEAR, TAPERS, ALONG, SHORTEST } = SKIN;
 const { SLICES, WIDE, THICK, SPAN, BETWEEN, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
 const FINGER = new RegExp(`(${USUAL.FINGERS.join('|')})(${USUAL.SEGMENTS.join('|')})$`);
 
@@ -30,18 +31,18 @@ export interface Standing {
 }
 
 /**
- * Capsules in the T-pose, fitted to vertices of an avatar that stands at rest, and how its skin lies above them; ``usual``: in the
- * T-pose too.
+ * Capsules in the T-pose, fitted to vertices of an avatar that stands at rest, how its skin lies above them, and that skin;
+ * ``usual``: in the T-pose too.
  */
 export function fitSkin(
   { bones, toTPose }: Standing, usual: UsualCapsule[], points: SkinPoints,
-): { capsules: FitCapsule[]; relief: Relief | null } {
+): { capsules: FitCapsule[]; relief: Relief | null; skin: AvatarSkin | null } {
   const fitting = new Fitting(bones, toTPose, usual, points);
   for (const side of SIDES) fitting.hand(side);
   fitting.limbs();
   fitting.trunk();
   fitting.head();
-  return { capsules: fitting.capsules(), relief: fitting.relief() };
+  return { capsules: fitting.capsules(), relief: fitting.relief(), skin: fitting.skin() };
 }
 
 class Fitting {
@@ -50,7 +51,7 @@ class Fitting {
   private readonly pieces: Piece[];
   private readonly height: number;
 
-  constructor(bones: Bone[], private readonly toTPose: Quaternion[], usual: UsualCapsule[], private readonly points: SkinPoints) {
+  constructor(private readonly bones: Bone[], private readonly toTPose: Quaternion[], usual: UsualCapsule[], private readonly points: SkinPoints) {
     this.rest = restPositions(bones);
     this.number = new Map(bones.map(({ name }, k) => [name, k]));
     this.height = statureOf(bones);
@@ -78,6 +79,20 @@ class Fitting {
       key: usual.key, start, end, radii, fromTPose: this.toTPose[bone]!.clone().invert(),
     }));
     return new Relief(surface, under);
+  }
+
+  /** The skin of hands, head, neck and trunk; null where one of these has none. */
+  skin(): AvatarSkin | null {
+    const spacing = STEP * this.height;
+    const surfaceOf = (carriers: number[], isBare: boolean) =>
+      skinSurface(this.points, carriers, this.rest, this.toTPose, spacing, isBare);
+    const [left, right] = SIDES.map((side) => {
+      const hand = new Set([this.number.get(`${side}Hand`)!]);
+      this.bones.forEach(({ parent }, k) => hand.has(parent) && hand.add(k));
+      return surfaceOf([...hand].flatMap((bone) => [bone, ~bone]), true);
+    });
+    const body = surfaceOf(BODY.flatMap((name) => this.number.get(name) ?? []), false);
+    return body && left && right ? { body, hands: [left, right] } : null;
   }
 
   private fromTPose(point: Vector3, bone: number): Vector3 {

@@ -32,17 +32,18 @@ export type Moves = Float64Array;
 export class Fit {
   /** How far the places of each hand lie beyond its arm's reach where it signs, at most, m. */
   readonly outOfReach: [number, number] = [0, 0];
-  private readonly frames: number;
+  readonly frames: number;
+  /** 0 or 1 for the side of a capsule, -1 where it is of head or trunk. */
+  readonly sides: number[];
   private readonly smooth: number;
   private readonly pairs: Pairs;
-  private readonly sides: number[];
   private readonly first: number[];
   private readonly last: number[];
-  private near: Near = { frames: [], own: [], other: [], distances: [], heights: [] };
+  readonly near: Near = { frames: [], own: [], other: [], distances: [], heights: [] };
   private readonly places: Places;
 
   /** ``signing``: how much each arm signs, left and right, frame by frame. */
-  constructor(readonly source: Posed, readonly carried: Posed, fps: number, private readonly signing: Float64Array) {
+  constructor(readonly source: Posed, readonly carried: Posed, fps: number, readonly signing: Float64Array) {
     this.frames = source.frames;
     this.smooth = SMOOTHNESS * (fps / FPS) ** 4;
     const { body } = source;
@@ -176,7 +177,7 @@ export class Fit {
   /** One Gauss-Newton step from ``moves``, on a body whose wrists are moved by ``base`` in ``posed``. */
   private *step(moves: Moves, posed: Posed, base: Moves): Generator<void, Moves> {
     const { diagonal, off } = this.places;
-    const band = new Band(6 * this.frames, 17);
+    const band = this.smoothBand();
     const right = this.places.right.slice();
     for (let k = 0; k < right.length; k++) right[k]! += DAMPING * moves[k]!;
     for (let t = 0; t < this.frames; t++) {
@@ -186,12 +187,18 @@ export class Fit {
         band.add(6 * t + 3 + x, 6 * t + x, off[t]!);
       }
     }
-    secondDifferences(this.frames, (row, column, value) => {
-      for (let k = 0; k < 6; k++) band.add(6 * row + k, 6 * column + k, this.smooth * value);
-    });
     this.addContacts(moves, posed, base, band, right);
     this.addReach(moves, band, right);
     return yield* band.solve(right, 1);
+  }
+
+  /** The equations of moves of both wrists, with what ties frames to their neighbours. */
+  smoothBand(): Band {
+    const band = new Band(6 * this.frames, 17);
+    secondDifferences(this.frames, (row, column, value) => {
+      for (let k = 0; k < 6; k++) band.add(6 * row + k, 6 * column + k, this.smooth * value);
+    });
+    return band;
   }
 
   private addContacts(moves: Moves, posed: Posed, base: Moves, band: Band, right: Float64Array): void {
@@ -249,7 +256,7 @@ export class Fit {
 }
 
 /** Add a residual: its change with the moves of a frame, its weight, and what it lacks at the present moves. */
-function addRow(
+export function addRow(
   band: Band, right: Float64Array, t: number, jacobian: Float64Array, weight: number, lack: number, moves: Moves,
 ): void {
   let goal = lack;
