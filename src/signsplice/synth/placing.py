@@ -21,7 +21,7 @@ from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
 from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm
 from signsplice.synth.segment_plan import TimedSegment, bump
-from signsplice.synth.signer import JOINTS, Signer, skeleton
+from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
 _ROUNDS = 3
 _RADIUS_S = 0.3
@@ -35,6 +35,12 @@ _MOST_TURN = np.deg2rad(25.0)
 """How far a hand is moved, and turned, at most."""
 _STEADY = 0.1
 """What keeps corrections at frames beside one another from growing."""
+_NEAREST_CM = 16.5
+"""How near to its shoulder a wrist is at least."""
+_BEHIND_CM = 12.0
+"""From how far behind the shoulder on wrists stay."""
+_BEFORE = np.array([-0.35, 0.0, 0.9367])
+"""Where it is else moved."""
 _SIDES = ("Right", "Left")
 
 
@@ -62,10 +68,22 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
         moves, turns = (_limited(x, most) for x, most in ((moves, _MOST_CM), (turns, _MOST_TURN)))
         moved = states.copy()
         both = pose.hands(moved)
-        both[..., pose.WRIST] += moves
+        both[..., pose.WRIST] = _within_reach(both[..., pose.WRIST] + moves, signer)
         turned = rotation.multiply(rotation.exp(turns), quats)
         both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
     return best[1]
+
+
+def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
+    """Wrists (T, 2, 3) moved before the shoulder where they are so near to it that no elbow bends so far; far behind it
+    they stay.
+    """
+    away = wrists / signer.scale - (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0])
+    along = away @ _BEFORE
+    beside = np.square(away).sum(axis=-1) - np.square(along)
+    push = np.maximum(np.sqrt(np.maximum(_NEAREST_CM**2 - beside, 0.0)) - along, 0.0)
+    push = push * pose.smooth_step((along + _BEHIND_CM) / 8.0)
+    return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
 
 
 def _turn(arm: FloatArray, miss: FloatArray) -> FloatArray:

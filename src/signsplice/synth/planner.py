@@ -95,8 +95,12 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     segments = tuple(one.later(offset) for one in plan.timed)
     exact = sign.kind == "written"
     for _ in range(2):  # a forearm that is turned can meet the other hand
-        states = elbows.steadied(states, signer, fps, exact)
-        states = clear_collisions(placed(states, segments, sign, signer, fps) if exact else states, signer)
+        states = led = elbows.steadied(states, signer, fps, exact)
+        if exact:
+            states = elbows.kept(placed(states, segments, sign, signer, fps), led, signer)
+        states = clear_collisions(states, signer)
+    if exact:
+        states = clear_collisions(elbows.kept(states, led, signer), signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
 
