@@ -22,6 +22,10 @@ from signsplice.synth.signer import JOINTS, UPPER_ARM, Signer, skeleton
 
 _WIDTH_S = 0.10
 """Standard deviation of the Gaussian that smooths these directions in time, seconds."""
+_LED_S = 0.08
+"""The same for those on the path of least cost."""
+_SUDDEN_CM_S = 120.0
+"""Speed of an elbow about the line from shoulder to wrist that is sudden."""
 _CLEARING_S = 0.06
 """The same for what keeps forearms free, which is smoothed as much once already."""
 _PRESSED_M = 0.003
@@ -30,13 +34,13 @@ _SIDES = ("Right", "Left")
 """The strong and the weak arm of a right-handed signer."""
 
 
-def steadied(states: FloatArray, signer: Signer, fps: float, exact: bool = False) -> FloatArray:
+def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) -> FloatArray:
     """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
     arm; in plain motion the states themselves. ``exact``: elbows go where wrists can turn hands as they are written.
     """
     if not signer.manner.low_elbows:
         return states
-    directions, width_s = (_led(states, signer, fps), 0.08) if exact else (_directions(states, signer), _WIDTH_S)
+    directions, width_s = (_led(states, signer, fps), _LED_S) if led else (_directions(states, signer), _WIDTH_S)
     states = _directed(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
     for which in (0, 1):
         turns = gaussian_filter1d(_clearing(states, which, signer, fps), _CLEARING_S * fps, mode="nearest")
@@ -53,6 +57,15 @@ _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
+
+
+def sudden(states: FloatArray, signer: Signer, fps: float) -> bool:
+    """Whether an elbow of states (T, 65) turns suddenly about the line from shoulder to wrist."""
+    arm, directions = pose.solve_arm(pose.hands(states)[..., pose.WRIST], signer), _directions(states, signer)
+    radius = UPPER_ARM * np.sum(rotation.rotate(arm.upper, [-1.0, 0.0, 0.0]) * _frame(arm)[0], axis=-1)[1:]
+    carried = _across(directions[:-1], arm.direction[1:])
+    turned = radius * np.linalg.norm(directions[1:] - carried, axis=-1)
+    return bool(signer.manner.low_elbows and turned.max() * fps > _SUDDEN_CM_S)
 
 
 def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
@@ -119,10 +132,14 @@ def _frame(arm: pose.Arm) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (T, 2, 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
     turned by a quarter.
     """
-    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])
-    out = bone - np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
-    out = out / np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-9)
+    out = _across(rotation.rotate(arm.upper, [-1.0, 0.0, 0.0]), arm.direction)
     return out, np.cross(arm.direction, out)
+
+
+def _across(vectors: FloatArray, axes: FloatArray) -> FloatArray:
+    """Unit vectors (..., 3) along the parts of ``vectors`` at right angles to unit vectors ``axes``."""
+    out = vectors - np.sum(vectors * axes, axis=-1, keepdims=True) * axes
+    return np.asarray(out / np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-9))
 
 
 def _directions(states: FloatArray, signer: Signer) -> FloatArray:

@@ -93,16 +93,25 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     gestures.add(states, sign.gestures, events, fps)
     states = add_body_motion(states, events, signer, fps)
     segments = tuple(one.later(offset) for one in plan.timed)
-    exact = sign.kind == "written"
-    for _ in range(2):  # a forearm that is turned can meet the other hand
-        states = led = elbows.steadied(states, signer, fps, exact)
-        if exact:
-            states = elbows.kept(placed(states, segments, sign, signer, fps), led, signer)
-        states = clear_collisions(states, signer)
-    if exact:
-        states = clear_collisions(elbows.kept(states, led, signer), signer)
+    states = _settled(states, segments, sign, signer, fps)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
+
+
+def _settled(
+    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float, led: bool = False
+) -> FloatArray:
+    """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
+    written = sign.kind == "written"
+    led, settled = led or written, states
+    for _ in range(2):  # a forearm that is turned can meet the other hand
+        settled = steady = elbows.steadied(settled, signer, fps, led)
+        if written:
+            settled = elbows.kept(placed(settled, segments, sign, signer, fps), steady, signer)
+        settled = clear_collisions(settled, signer)
+    if led:
+        return clear_collisions(elbows.kept(settled, steady, signer), signer)
+    return _settled(states, segments, sign, signer, fps, True) if elbows.sudden(settled, signer, fps) else settled
 
 
 def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:
