@@ -20,7 +20,7 @@ from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import placed
+from signsplice.synth.placing import brought_to_touch, placed
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
@@ -110,7 +110,8 @@ def _settled(
             settled = elbows.kept(placed(settled, segments, sign, signer, fps), steady, signer)
         settled = clear_collisions(settled, signer)
     if led:
-        return clear_collisions(elbows.kept(settled, steady, signer), signer)
+        settled = clear_collisions(elbows.kept(settled, steady, signer), signer)
+        return brought_to_touch(settled, segments, sign, signer, fps) if written else settled
     return _settled(states, segments, sign, signer, fps, True) if elbows.sudden(settled, signer, fps) else settled
 
 
