@@ -84,7 +84,9 @@ class PosedSigner:
         gap = float(gaps[0]) - hand_part(posture.part).skin * self.signer.hands * self.signer.scale
         if gap < _TOUCHES_CM:
             return np.zeros(3), np.zeros(3)
-        points = np.concatenate([(1.0 - t) * self.starts[frame, own] + t * self.ends[frame, own] for t in (0.0, 0.5, 1.0)])
+        points = np.concatenate(
+            [(1.0 - t) * self.starts[frame, own] + t * self.ends[frame, own] for t in (0.0, 0.5, 1.0)]
+        )
         thick = np.concatenate([(1.0 - t) * radii[own, 0] + t * radii[own, 1] for t in (0.0, 0.5, 1.0)])
         left = self.nearest(points, frame, [*groups.head, *groups.trunk, *arm, *other])[0] - thick
         first, axes = int(left.argmin()), self.rotations[frame, JOINTS["Spine2"]]

@@ -24,8 +24,6 @@ _WIDTH_S = 0.10
 """Standard deviation of the Gaussian that smooths these directions in time, seconds."""
 _LED_S = 0.08
 """The same for those on the path of least cost."""
-_SUDDEN_CM_S = 120.0
-"""Speed of an elbow about the line from shoulder to wrist that is sudden."""
 _CLEARING_S = 0.06
 """The same for what keeps forearms free, which is smoothed as much once already."""
 _PRESSED_M = 0.003
@@ -57,15 +55,6 @@ _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
-
-
-def sudden(states: FloatArray, signer: Signer, fps: float) -> bool:
-    """Whether an elbow of states (T, 65) turns suddenly about the line from shoulder to wrist."""
-    arm, directions = pose.solve_arm(pose.hands(states)[..., pose.WRIST], signer), _directions(states, signer)
-    radius = UPPER_ARM * np.sum(rotation.rotate(arm.upper, [-1.0, 0.0, 0.0]) * _frame(arm)[0], axis=-1)[1:]
-    carried = _across(directions[:-1], arm.direction[1:])
-    turned = radius * np.linalg.norm(directions[1:] - carried, axis=-1)
-    return bool(signer.manner.low_elbows and turned.max() * fps > _SUDDEN_CM_S)
 
 
 def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
@@ -132,14 +121,10 @@ def _frame(arm: pose.Arm) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (T, 2, 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
     turned by a quarter.
     """
-    out = _across(rotation.rotate(arm.upper, [-1.0, 0.0, 0.0]), arm.direction)
+    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])
+    out = bone - np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
+    out = out / np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-9)
     return out, np.cross(arm.direction, out)
-
-
-def _across(vectors: FloatArray, axes: FloatArray) -> FloatArray:
-    """Unit vectors (..., 3) along the parts of ``vectors`` at right angles to unit vectors ``axes``."""
-    out = vectors - np.sum(vectors * axes, axis=-1, keepdims=True) * axes
-    return np.asarray(out / np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-9))
 
 
 def _directions(states: FloatArray, signer: Signer) -> FloatArray:

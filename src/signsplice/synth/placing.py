@@ -36,8 +36,8 @@ _MOST_TURN = np.deg2rad(25.0)
 """How far a hand is moved, and turned, at most."""
 _STEADY = 0.1
 """What keeps corrections at frames beside one another from growing."""
-_TOUCH_ROUNDS = 4
-_STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(20.0)
+_TOUCH_ROUNDS = 5
+_STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
 """How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
 _NEAREST_CM = 16.5
 """How near to its shoulder a wrist is at least."""
@@ -100,7 +100,9 @@ def brought_to_touch(
             break
         changed = moved.copy()
         both = pose.hands(changed)
-        both[..., pose.WRIST] += _limited(_spread([(f, w, move) for f, w, move, _ in found], len(states), fps), _STEP_CM)
+        both[..., pose.WRIST] += _limited(
+            _spread([(f, w, move) for f, w, move, _ in found], len(states), fps), _STEP_CM
+        )
         turns = _limited(_spread([(f, w, turn) for f, w, _, turn in found], len(states), fps), _STEP_TURN)
         turned = rotation.multiply(rotation.exp(turns), pose.hand_rotations(moved, signer))
         away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))

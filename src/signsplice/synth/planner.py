@@ -99,20 +99,19 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
 
 
 def _settled(
-    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float, led: bool = False
+    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
     """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
-    written = sign.kind == "written"
-    led, settled = led or written, states
+    written, steady = sign.kind == "written", states
     for _ in range(2):  # a forearm that is turned can meet the other hand
-        settled = steady = elbows.steadied(settled, signer, fps, led)
+        states = steady = elbows.steadied(states, signer, fps, written)
         if written:
-            settled = elbows.kept(placed(settled, segments, sign, signer, fps), steady, signer)
-        settled = clear_collisions(settled, signer)
-    if led:
-        settled = clear_collisions(elbows.kept(settled, steady, signer), signer)
-        return brought_to_touch(settled, segments, sign, signer, fps) if written else settled
-    return _settled(states, segments, sign, signer, fps, True) if elbows.sudden(settled, signer, fps) else settled
+            states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
+        states = clear_collisions(states, signer)
+    if written:
+        states = clear_collisions(elbows.kept(states, steady, signer), signer)
+        states = brought_to_touch(states, segments, sign, signer, fps)
+    return states
 
 
 def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:
