@@ -67,7 +67,7 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     costs = _depth_cost(turned, arm, solid, allowed, span).T
     costs += _TURN_WEIGHT * (_GRID / _TURN) ** 2
     steps = np.arange(len(_GRID))
-    change = _CHANGE_WEIGHT * (steps[:, None] - steps) ** 2
+    change: FloatArray = _CHANGE_WEIGHT * np.square(steps[:, None] - steps)
     chosen = _GRID[smoothest(costs, [change] * (len(costs) - 1))]
     width = max(_WIDTH_S * fps, _LEAST_WIDTH)
     side = int(np.ceil(3.0 * width))

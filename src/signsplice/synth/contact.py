@@ -82,19 +82,19 @@ class PosedSigner:
         here = self.part(posture, frame, which)
         gaps, out = self.nearest(here, frame, other if meets else _surface(posture.location, self.body, which))
         gap = float(gaps[0]) - hand_part(posture.part).skin * self.signer.hands * self.signer.scale
-        if gap < _TOUCHES_CM:
-            return np.zeros(3), np.zeros(3)
         points = np.concatenate(
             [(1.0 - t) * self.starts[frame, own] + t * self.ends[frame, own] for t in (0.0, 0.5, 1.0)]
         )
         thick = np.concatenate([(1.0 - t) * radii[own, 0] + t * radii[own, 1] for t in (0.0, 0.5, 1.0)])
         left = self.nearest(points, frame, [*groups.head, *groups.trunk, *arm, *other])[0] - thick
         first, axes = int(left.argmin()), self.rotations[frame, JOINTS["Spine2"]]
-        miss, lever, back = ((v @ axes) * ([-1.0, 1.0, 1.0] if which else 1.0) for v in (
-            -gap * out[0], here[0] - points[first], self.positions[frame, wrist] - points[first]))  # fmt: skip
+        near, lever, back = ((v @ axes) * ([-1.0, 1.0, 1.0] if which else 1.0) for v in (
+            -out[0], here[0] - points[first], self.positions[frame, wrist] - points[first]))  # fmt: skip
         if left[first] > _TOUCHES_CM:
-            return miss * min(1.0, float(left[first]) / gap), np.zeros(3)
-        turn = np.cross(lever, miss) / max(float(lever @ lever), 4.0)
+            return float(left[first]) * near, np.zeros(3)
+        if gap < _TOUCHES_CM:
+            return np.zeros(3), np.zeros(3)
+        turn = gap * np.cross(lever, near) / max(float(lever @ lever), 4.0)
         return np.cross(turn, back), turn
 
 

@@ -39,6 +39,8 @@ _STEADY = 0.1
 _TOUCH_ROUNDS = 5
 _STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
 """How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
+_APART = 5.0
+"""How much more a hand counts that touches with no part."""
 _NEAREST_CM = 16.5
 """How near to its shoulder a wrist is at least."""
 _BEHIND_CM = 12.0
@@ -93,7 +95,7 @@ def brought_to_touch(
         meets = sign.hands in MIRRORED_HANDS
         found = [(frame, which, *posed.lacking(posture, frame, which, meets and in_space(posture.location)))
                  for frame, which, posture in wanted]  # fmt: skip
-        left = sum(float(np.linalg.norm(move)) for _, _, move, _ in found)
+        left = sum(float(np.linalg.norm(move)) * (1.0 if turn.any() else _APART) for _, _, move, turn in found)
         if left < best:
             best, states = left, moved
         if n == _TOUCH_ROUNDS or left == 0.0:
