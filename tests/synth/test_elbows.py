@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
 
 from signing import sign, signer_of
-from signsplice.body import capsules, collision
+from signsplice.body import capsules, collision, swivel
 from signsplice.motion import kinematics
 from signsplice.synth import elbows, planner, truth
+from signsplice.synth.contact import posed_signer
 from signsplice.synth.manner import USUAL, Manner
+from signsplice.synth.notation import parse
 from signsplice.synth.planner import IsolatedWord
 from word_measures import arm_in_arm, finger_in_thumb, swivel_steps
 
@@ -32,6 +35,30 @@ def depths(one: IsolatedWord) -> tuple[float, float]:
 @pytest.mark.parametrize("gloss", ["SOUR", "YEAR", "LION", "COOK", "HAT", "PURPLE"])
 def test_no_elbow_turns_by_more_than_3_cm_in_a_frame(gloss: str) -> None:
     assert swivel_steps(made(gloss).clip).max() < 3.0
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "most_cm"),
+    [
+        ("shape=flat at=ear off=3 palm=fwd fingers=up", "shift=8,0,-6 palm=back times=2", 15.0),
+        ("shape=finger2345 at=space:0,14,25 palm=back fingers=down", "at=space:0,14,30 palm=fwd fingers=up", 8.0),
+    ],
+)
+def test_elbows_of_written_signs_do_not_flip(first: str, then: str, most_cm: float) -> None:
+    (written,) = parse(f"X  hands=one kind=written\n  X {first}\n  M {then}\n  H\n").values()
+    assert swivel_steps(planner.isolated(written).clip).max() < most_cm
+
+
+@pytest.mark.parametrize(("shape", "at", "part", "palm", "fingers"), [
+    ("flat", "chest", "palm", "back", "in"),
+    ("flat", "belly", "ulnar", "up", "in"),
+])  # fmt: skip
+def test_the_written_part_of_a_hand_touches(shape: str, at: str, part: str, palm: str, fingers: str) -> None:
+    text = f"X shape={shape} at=space palm={palm} fingers={fingers}\n  M at={at} by={part} touch=yes\n  H\n"
+    (written,) = parse(f"A  hands=one kind=written\n  {text}").values()
+    one = planner.isolated(written)
+    posture = written.segments[1].strong
+    assert posed_signer(one.states, one.signer).distance(posture, one.segments[1].end)[0] < 0.5
 
 
 @pytest.mark.parametrize("pair", [("FROG", "WALK"), ("NOT", "STAND"), ("LAUGH", "YOUR")])
@@ -69,3 +96,14 @@ def test_thumbs_make_way_for_fingers(gloss: str) -> None:
     body = capsules.body_capsules(one.clip.skeleton)
     inside = slice(one.events.start, one.events.end + 1)
     assert finger_in_thumb(body, *capsules.capsule_ends(body, *kinematics.forward(one.clip[inside]))).max() < 0.5
+
+
+def test_the_smoothest_choices_are_those_of_least_cost() -> None:
+    rng = np.random.default_rng(5)
+    costs, changes = rng.random((5, 3)), rng.random((4, 3, 3))
+
+    def total(choice: tuple[int, ...]) -> float:
+        return float(costs[range(5), choice].sum() + sum(changes[n][choice[n : n + 2]] for n in range(4)))
+
+    best = min(product(range(3), repeat=5), key=total)
+    assert tuple(swivel.smoothest(costs, changes)) == best

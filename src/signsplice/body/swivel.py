@@ -6,6 +6,7 @@ possible, as little turning, and smoothly.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +66,9 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
     costs = _depth_cost(turned, arm, solid, allowed, span).T
     costs += _TURN_WEIGHT * (_GRID / _TURN) ** 2
-    chosen = _GRID[_smoothest(costs)]
+    steps = np.arange(len(_GRID))
+    change: FloatArray = _CHANGE_WEIGHT * np.square(steps[:, None] - steps)
+    chosen = _GRID[smoothest(costs, [change] * (len(costs) - 1))]
     width = max(_WIDTH_S * fps, _LEAST_WIDTH)
     side = int(np.ceil(3.0 * width))
     bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
@@ -87,12 +90,12 @@ def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArr
     return np.asarray((1e4 * depth * depth).sum(axis=-1))
 
 
-def _smoothest(costs: FloatArray) -> NDArray[np.intp]:
-    """The row of choices (T,) with the least cost (T, K), changes included."""
-    steps = np.arange(costs.shape[1])
-    change = _CHANGE_WEIGHT * (steps[:, None] - steps) ** 2
+def smoothest(costs: FloatArray, changes: Sequence[FloatArray] | FloatArray) -> NDArray[np.intp]:
+    """The row of choices (T,) with the least cost (T, K), that of each change (T - 1, K, K) from the choice before
+    included.
+    """
     best, back = costs[0], []
-    for row in costs[1:]:
+    for row, change in zip(costs[1:], changes, strict=True):
         total = best[:, None] + change
         back.append(total.argmin(axis=0))
         best = total.min(axis=0) + row

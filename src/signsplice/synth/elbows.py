@@ -22,6 +22,8 @@ from signsplice.synth.signer import JOINTS, UPPER_ARM, Signer, skeleton
 
 _WIDTH_S = 0.10
 """Standard deviation of the Gaussian that smooths these directions in time, seconds."""
+_LED_S = 0.08
+"""The same for those on the path of least cost."""
 _CLEARING_S = 0.06
 """The same for what keeps forearms free, which is smoothed as much once already."""
 _PRESSED_M = 0.003
@@ -30,17 +32,14 @@ _SIDES = ("Right", "Left")
 """The strong and the weak arm of a right-handed signer."""
 
 
-def steadied(states: FloatArray, signer: Signer, fps: float, exact: bool = False) -> FloatArray:
+def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) -> FloatArray:
     """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
     arm; in plain motion the states themselves. ``exact``: elbows go where wrists can turn hands as they are written.
     """
     if not signer.manner.low_elbows:
         return states
-    states = _directed(
-        states, gaussian_filter1d(_directions(states, signer), _WIDTH_S * fps, axis=0, mode="nearest"), signer
-    )
-    if exact:
-        states = _eased(states, signer, fps)
+    directions, width_s = (_led(states, signer, fps), _LED_S) if led else (_directions(states, signer), _WIDTH_S)
+    states = _directed(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
     for which in (0, 1):
         turns = gaussian_filter1d(_clearing(states, which, signer, fps), _CLEARING_S * fps, mode="nearest")
         states = states.copy()
@@ -48,29 +47,44 @@ def steadied(states: FloatArray, signer: Signer, fps: float, exact: bool = False
     return states
 
 
-_CANDIDATES = np.deg2rad(np.linspace(-72.0, 48.0, 21))
-_EASY = np.deg2rad([40.0, 26.0])
-"""Turns of an elbow outwards and inwards that cost 1."""
+_GRID = np.deg2rad(np.linspace(-105.0, 50.0, 24))
+"""Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
 _MISSED = np.deg2rad(6.0)
 """Angle by which a hand misses its direction that costs 1."""
-_EASE_SHARPNESS = 2.0
+_EFFORT = 0.35
+"""What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
+_STEP = 0.075
+"""Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
 
 
-def _eased(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
-    """States (T, 65) with elbows turned to where hands miss their directions less."""
+def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967): hands miss their
+    directions little, arms are easy, and elbows go no farther from frame to frame than they must.
+    """
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
-    usual = pose.wrist_angles(arm, both[..., pose.ROTVEC], signer, states[..., pose.TURNS]).swivel
-    if not (pose.missed_angle(arm, both[..., pose.ROTVEC], usual[..., None]) > 0.3 * _MISSED).any():
-        return states
-    missed = pose.missed_angle(arm, both[..., pose.ROTVEC], usual[..., None] + _CANDIDATES)  # (T, 2, 21)
-    turned = _CANDIDATES / np.where(_CANDIDATES < 0.0, *_EASY)
-    cost = np.square(missed / _MISSED) + np.square(turned)
-    weight = np.exp(-_EASE_SHARPNESS * (cost - cost.min(axis=-1, keepdims=True)))
-    turns = (weight * _CANDIDATES).sum(axis=-1) / weight.sum(axis=-1)
-    eased = states.copy()
-    eased[:, pose.TURNS] += gaussian_filter1d(turns, _CLEARING_S * fps, axis=0, mode="nearest")
-    return eased
+    swivels = np.broadcast_to(_GRID, (*arm.bend.shape, len(_GRID)))
+    costs = np.square(pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED)
+    costs = costs + _EFFORT * pose.swivel_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
+    out, across = (x[..., None, :] for x in _frame(arm))
+    directions = np.cos(_GRID)[:, None] * out + np.sin(_GRID)[:, None] * across  # (T, 2, K, 3)
+    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
+    along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
+    elbow = along + np.linalg.norm(bone - along, axis=-1, keepdims=True) * directions
+    rows = np.arange(len(states))
+    led = np.empty((len(states), 2, 3))
+    for which in (0, 1):
+        step = elbow[1:, which, None] - elbow[:-1, which, :, None]
+        changes = np.square(step / _STEP).sum(axis=-1) * (fps / 30.0) ** 2
+        led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]
+    return led
+
+
+def kept(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with elbows in the directions of those ``before`` (T, 65) hands were moved a little: an easy place
+    can be far from the one beside it.
+    """
+    return _directed(states, _directions(before, signer), signer)
 
 
 def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:

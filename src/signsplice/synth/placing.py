@@ -15,13 +15,14 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.kinematics import rest_positions
-from signsplice.synth import hand, pose
+from signsplice.synth import elbows, hand, pose
+from signsplice.synth.avoidance import MIRRORED_HANDS, clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_signer
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
-from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm
+from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm
 from signsplice.synth.segment_plan import TimedSegment, bump
-from signsplice.synth.signer import JOINTS, Signer, skeleton
+from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
 _ROUNDS = 3
 _RADIUS_S = 0.3
@@ -35,6 +36,17 @@ _MOST_TURN = np.deg2rad(25.0)
 """How far a hand is moved, and turned, at most."""
 _STEADY = 0.1
 """What keeps corrections at frames beside one another from growing."""
+_TOUCH_ROUNDS = 5
+_STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
+"""How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
+_APART = 5.0
+"""How much more a hand counts that touches with no part."""
+_NEAREST_CM = 16.5
+"""How near to its shoulder a wrist is at least."""
+_BEHIND_CM = 12.0
+"""From how far behind the shoulder on wrists stay."""
+_BEFORE = np.array([-0.35, 0.0, 0.9367])
+"""Where it is else moved."""
 _SIDES = ("Right", "Left")
 
 
@@ -79,9 +91,55 @@ def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, turns: Floa
     quats = rotation.multiply(rotation.exp(turns), quats)
     moved = states.copy()
     both = pose.hands(moved)
-    both[..., pose.WRIST] += moves
+    both[..., pose.WRIST] = _within_reach(both[..., pose.WRIST] + moves, signer)
     both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
     return moved
+
+
+def brought_to_touch(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """States (T, 65) of a whole word, free of collisions, in which hands are turned a little where another part of them
+    touches before the one that is written.
+    """
+    signer = replace(signer, left_handed=False)
+    wanted = [one for one in _postures(segments, sign) if one[2].touch]
+    before, best, moved = states, np.inf, states
+    usual = pose.hand_rotations(states, signer)
+    for n in range(_TOUCH_ROUNDS + 1 if wanted else 0):
+        posed = posed_signer(moved, signer)
+        meets = sign.hands in MIRRORED_HANDS
+        found = [(frame, which, *posed.lacking(posture, frame, which, meets and in_space(posture.location)))
+                 for frame, which, posture in wanted]  # fmt: skip
+        left = sum(float(np.linalg.norm(move)) * (1.0 if turn.any() else _APART) for _, _, move, turn in found)
+        if left < best:
+            best, states = left, moved
+        if n == _TOUCH_ROUNDS or left == 0.0:
+            break
+        changed = moved.copy()
+        both = pose.hands(changed)
+        both[..., pose.WRIST] += _limited(
+            _spread([(f, w, move) for f, w, move, _ in found], len(states), fps), _STEP_CM
+        )
+        turns = _limited(_spread([(f, w, turn) for f, w, _, turn in found], len(states), fps), _STEP_TURN)
+        turned = rotation.multiply(rotation.exp(turns), pose.hand_rotations(moved, signer))
+        away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))
+        turned = rotation.multiply(rotation.exp(_limited(away, _MOST_LEAN)), usual)
+        both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
+        moved = clear_collisions(elbows.kept(changed, before, signer), signer)
+    return states
+
+
+def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
+    """Wrists (T, 2, 3) moved before the shoulder where they are so near to it that no elbow bends so far; far behind it
+    they stay.
+    """
+    away = wrists / signer.scale - (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0])
+    along = away @ _BEFORE
+    beside = np.square(away).sum(axis=-1) - np.square(along)
+    push = np.maximum(np.sqrt(np.maximum(_NEAREST_CM**2 - beside, 0.0)) - along, 0.0)
+    push = push * pose.smooth_step((along + _BEHIND_CM) / 8.0)
+    return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
 
 
 def _turn(arm: FloatArray, miss: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import placed
+from signsplice.synth.placing import brought_to_touch, placed
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
@@ -93,12 +93,25 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     gestures.add(states, sign.gestures, events, fps)
     states = add_body_motion(states, events, signer, fps)
     segments = tuple(one.later(offset) for one in plan.timed)
-    exact = sign.kind == "written"
-    for _ in range(2):  # a forearm that is turned can meet the other hand
-        states = elbows.steadied(states, signer, fps, exact)
-        states = clear_collisions(placed(states, segments, sign, signer, fps) if exact else states, signer)
+    states = _settled(states, segments, sign, signer, fps)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
+
+
+def _settled(
+    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
+    written, steady = sign.kind == "written", states
+    for _ in range(2):  # a forearm that is turned can meet the other hand
+        states = steady = elbows.steadied(states, signer, fps, written)
+        if written:
+            states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
+        states = clear_collisions(states, signer)
+    if written:
+        states = clear_collisions(elbows.kept(states, steady, signer), signer)
+        states = brought_to_touch(states, segments, sign, signer, fps)
+    return states
 
 
 def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:

@@ -171,13 +171,7 @@ def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatAr
     """
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     wanted = rotation.exp(rotvecs)
-    usual = -np.deg2rad(signer.elbow_deg)
-    relative = rotation.multiply(rotation.exp(-_SWIVELS[:, None] * axis[..., None, :]), wanted[..., None, :])
-    twist, deviation, flexion = _split(relative)  # (..., 13)
-    angles = np.stack([twist, deviation, flexion, np.broadcast_to(_SWIVELS - usual, twist.shape)], axis=-1)
-    cost = np.square(angles / _EASE).sum(axis=-1)
-    if signer.manner.low_elbows:
-        cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3], signer)
+    cost = swivel_costs(arm, rotvecs, signer, _SWIVELS)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
     swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1) + swivels
@@ -185,9 +179,26 @@ def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatAr
     return Wrist(swivel, *_split(chosen))
 
 
-def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer) -> FloatArray:
-    """What each candidate swivel (..., 13) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
-    that bends forearm and wrist beyond their limits: angles (..., 13, 3) of twist, deviation and flexion.
+def swivel_costs(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
+    """What elbows at ``swivels`` (S,) cost, (..., S), in arms that carry hands with rotation vectors ``rotvecs``
+    (..., 3).
+    """
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    turned = rotation.multiply(
+        rotation.exp(-swivels[:, None] * axis[..., None, :]), rotation.exp(rotvecs)[..., None, :]
+    )
+    twist, deviation, flexion = _split(turned)  # (..., S)
+    usual = -np.deg2rad(signer.elbow_deg)
+    angles = np.stack([twist, deviation, flexion, np.broadcast_to(swivels - usual, twist.shape)], axis=-1)
+    cost = np.square(angles / _EASE).sum(axis=-1)
+    if signer.manner.low_elbows:
+        cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3], signer, swivels)
+    return np.asarray(cost)
+
+
+def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
+    """What each candidate swivel (..., S) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
+    that bends forearm and wrist beyond their limits: angles (..., S, 3) of twist, deviation and flexion.
 
     Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as body
     and wrists allow.
@@ -195,8 +206,8 @@ def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer) -> FloatArray:
     bone = -rotation.to_matrix(arm.upper)[..., 0]  # unit vector from shoulder to elbow, (..., 3)
     along = np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
     side = np.cross(arm.direction, bone)
-    cos, sin = np.cos(_SWIVELS)[:, None], np.sin(_SWIVELS)[:, None]
-    off = (bone - along)[..., None, :] * cos + side[..., None, :] * sin  # (..., 13, 3)
+    cos, sin = np.cos(swivels)[:, None], np.sin(swivels)[:, None]
+    off = (bone - along)[..., None, :] * cos + side[..., None, :] * sin  # (..., S, 3)
     low, high = np.array([[-FOREARM_LIMIT, FOREARM_LIMIT], *WRIST_LIMITS]).T
     breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + _MARGIN + _ONSET)
     broad = np.array([-signer.shoulders, 1.0, 1.0])

@@ -18,7 +18,7 @@ from signsplice.synth.written import faces, files
 from signsplice.synth.written.compiler import compile_sign
 from signsplice.synth.written.tree import WrittenSign
 
-_FASTEST_CM_S = 450.0
+_FASTEST_CM_S = 350.0
 """An elbow that is faster about its shoulder jumps; those of the words that ship stay below 275."""
 
 _FASTEST_TWIST = 30.0
