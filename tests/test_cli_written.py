@@ -15,6 +15,9 @@ import signsplice as ss
 from signsplice import lexicon
 from signsplice.cli.commands import app
 from signsplice.splicing import forms, written_words
+from signsplice.synth import notation
+from signsplice.synth.written import files
+from signsplice.synth.written.compiler import compile_sign
 from signsplice.synth.written.files import SUFFIXES
 from written_words import code, constructed
 
@@ -130,6 +133,26 @@ def test_one_sign_becomes_a_file_with_its_face(folder: Path) -> None:
     run("synth", "sign", "sigml/ten.sigml", "red", "-o", "red.npz")
     same = ss.load("red.npz")
     np.testing.assert_allclose(ss.sign("sigml/ten.sigml", "RED").local_rotations, same.local_rotations, atol=1e-5)
+
+
+def test_a_written_sign_becomes_text_that_signs_the_same(folder: Path) -> None:
+    text = TEN.read_text(encoding="utf-8")
+    nod = '<head_tier><head_movement movement="NO"/></head_tier></sign_nonmanual>'
+    Path("ten.sigml").write_text(text.replace("</sign_nonmanual>", nod), encoding="utf-8")
+    gestures = 0
+    for written in files.read("ten.sigml").signs.values():
+        done = run("synth", "sign", "ten.sigml", written.gloss, "-o", "mend.signs")
+        assert done.exception is None, done.output
+        assert "without its face" in done.output
+        (again,) = notation.read("mend.signs").values()
+        assert again == compile_sign(written)
+        gestures += len(again.gestures)
+    assert gestures
+    done = run("synth", "sign", "mend.signs", "-o", "mended.bvh")
+    assert done.exception is None, done.output
+    text = Path("mend.signs").read_text(encoding="utf-8")
+    Path("bad.signs").write_text(text.replace("\n", "\n  gesture: elbow 3,0,0\n", 1), encoding="utf-8")
+    assert "expected head|trunk FORWARD" in str(run("synth", "sign", "bad.signs").exception)
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,7 @@ BROKEN = [
     ("WORD hands=one\n", 1, "WORD: has no segment, expected at least one H or X line"),
     ("A hands=one\n  H {start}\n\nA hands=one\n  H {start}\n", 4, "A is written twice, expected one block a gloss"),
     # segments and keys
-    ("WORD hands=one\n  Q {start}\n", 2, "'Q', expected a segment H, X or M, or source: or synonyms:"),
+    ("WORD hands=one\n  Q {start}\n", 2, "'Q', expected a segment H, X or M, or source: synonyms: or gesture:"),
     ("WORD hands=one\n  sauce: me\n  H {start}\n", 2, "'sauce:', expected a segment H, X or M, or source:"),
     ("WORD hands=one\n  H {start} off\n", 2, "'off', expected key=value"),
     ("WORD hands=one\n  H {start} off=\n", 2, "'off=', expected key=value"),

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import moved
-from signsplice.cli.clips import check_apart, check_outputs
+from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.evaluation import corpus
 from signsplice.cli.options import PROCESSES, added, preset
 from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
-from signsplice.formats.atomic import check_writable
+from signsplice.formats.atomic import check_writable, replacing
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign
@@ -114,7 +114,12 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
 @synth.command()
 @click.argument("file", metavar="FILE")
 @click.argument("gloss", metavar="[GLOSS]", required=False)
-@click.option("-o", "--output", metavar="OUT", help="File to write; a .glb keeps the face.  [default: GLOSS.bvh]")
+@click.option(
+    "-o",
+    "--output",
+    metavar="OUT",
+    help="File to write; a .glb keeps the face, .signs is the notation, to mend by hand.  [default: GLOSS.bvh]",
+)
 @click.option("--lenient", is_flag=True, help="Leave out what is not understood, with a warning.")
 @_FPS
 def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: float) -> None:
@@ -124,7 +129,9 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
     """
     from signsplice import formats
     from signsplice.synth import folders, notation, planner
+    from signsplice.synth.notation_text import notation_text
     from signsplice.synth.written import signing
+    from signsplice.synth.written.compiler import compile_sign
 
     if Path(file).suffix.lower() == ".signs":
         from signsplice.synth import inflection
@@ -133,6 +140,13 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
         clip = planner.isolated(inflection.form(signs, gloss or _only(file, signs)), fps=_rate(fps)).clip
     else:
         written = signing.find(file, gloss or "", lenient)
+        if output and Path(output).suffix.lower() == ".signs":
+            check_output(output, [file])
+            with replacing(Path(output)) as temporary:
+                temporary.write_text(notation_text(compile_sign(written, lenient)), encoding="utf-8")
+            warn(signing.warnings(written))
+            print(f"{output}: {written.gloss} in this project's notation, without its face")
+            return
         clip = signing.signed(written, _rate(fps), lenient)
         warn([*signing.warnings(written), *clip.notes])
     path = output or f"{folders.file_name(clip.name)}.bvh"

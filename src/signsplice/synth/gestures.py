@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,11 @@ _RAMP_S = 0.22
 """How long a gesture takes to be reached and to be over."""
 _MOST_HZ = 2.5
 """Nods or shakes a second at most."""
+_NUMBER = r"(-?[0-9]{1,3}(?:\.[0-9]{1,6})?)"
+_TEXT = re.compile(
+    rf"(head|trunk) {_NUMBER},{_NUMBER},{_NUMBER}(?: cycles={_NUMBER})?(?: from={_NUMBER})?(?: to={_NUMBER})?"
+)
+EXPECTED = "head|trunk FORWARD,LEFT,TILT [cycles=0:20] [from=0:1] [to=0:1], at most 60 degrees"
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,22 @@ class Gesture:
     cycles: float = 0.0
     begin: float = 0.0
     end: float = 1.0
+
+    def __str__(self) -> str:
+        """The gesture in the notation, numbers to a thousandth."""
+        numbers = ",".join(f"{round(angle, 3) + 0.0:g}" for angle in self.degrees)
+        more = (("cycles", self.cycles, 0.0), ("from", self.begin, 0.0), ("to", self.end, 1.0))
+        return " ".join([self.part, numbers, *(f"{key}={round(x, 3):g}" for key, x, usual in more if x != usual)])
+
+
+def gesture(text: str) -> Gesture | None:
+    """The gesture of a text in the notation; None where it is none (``EXPECTED`` says what is one)."""
+    match = _TEXT.fullmatch(text)
+    if match is None:
+        return None
+    x, y, z, cycles, begin, end = (float(n or usual) for n, usual in zip(match.groups()[1:], "000001", strict=True))
+    well = max(abs(x), abs(y), abs(z)) <= 60.0 and 0.0 <= cycles <= 20.0 and 0.0 <= begin < end <= 1.0
+    return Gesture(match[1], (x, y, z), cycles, begin, end) if well else None
 
 
 def add(states: FloatArray, gestures: tuple[Gesture, ...], events: Events, fps: float) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path as FilePath
 
 from signsplice.errors import FormatError
 from signsplice.formats.reading import read_bytes
+from signsplice.synth import gestures
 from signsplice.synth.composed import is_handshape
 from signsplice.synth.hand_parts import is_part
 from signsplice.synth.handshapes import HANDSHAPES
@@ -126,18 +127,22 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
     _one_of(first, "hands", hands, HANDS)
     _one_of(first, "kind", kind, ("sign", "letter", "pseudo", "written"))
     notes = {"source": "", "synonyms": ""}
-    segments: list[Segment] = []
+    made, segments = list[gestures.Gesture](), list[Segment]()
     for position, content in block[1:]:
         line = replace(position, gloss=gloss)
         key, colon, value = content.partition(":")
         if colon and key in notes:
             notes[key] = value.strip()
+        elif key == "gesture" and colon:
+            if (one := gestures.gesture(value.strip())) is None:
+                raise line.error(f"gesture: {value.strip()!r}, expected {gestures.EXPECTED}")
+            made.append(one)
         else:
             segments.append(_segment(line, content, hands, segments[-1] if segments else None))
     if any(segment.keeps for segment in segments):  # from touch to touch
         segments = [replace(s, strong=replace(s.strong, on_skin=s.strong.off < 1.0)) for s in segments]
     synonyms = tuple(word.strip() for word in notes["synonyms"].split(",") if word.strip())
-    sign = Sign(gloss, hands, tuple(segments), notes["source"], synonyms, kind)
+    sign = Sign(gloss, hands, tuple(segments), notes["source"], synonyms, kind, tuple(made))
     found = faults(sign)
     if found:
         raise first.error(f"{gloss}: {found[0]}")
@@ -147,7 +152,7 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
 def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> Segment:
     kind, *words = content.split()
     if kind not in ("H", "X", "M"):
-        raise line.error(f"{kind!r}, expected a segment H, X or M, or source: or synonyms:")
+        raise line.error(f"{kind!r}, expected a segment H, X or M, or source: synonyms: or gesture:")
     fields: dict[str, str] = {}
     for word in words:
         key, equals, value = word.partition("=")

@@ -16,6 +16,7 @@ def notation_text(sign: Sign) -> str:
     lines = [f"{sign.gloss}  hands={sign.hands}{kind}"]
     lines += [f"  source: {sign.source}"] if sign.source else []
     lines += [f"  synonyms: {', '.join(sign.synonyms)}"] if sign.synonyms else []
+    lines += [f"  gesture: {one}" for one in sign.gestures]
     strong: Posture | None = None
     weak: Posture | None = None
     for segment in sign.segments:

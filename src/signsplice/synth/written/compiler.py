@@ -79,8 +79,8 @@ def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
         segments = [*segments, Segment("H", segments[-1].strong, segments[-1].weak)]
     else:
         segments = [replace(segments[-1], kind="H")]
-    text = notation_text(Sign(gloss, hands, tuple(segments), _source(sign), kind="written"))
-    return replace(parse(text)[gloss], gestures=body_tracks(sign))
+    whole = Sign(gloss, hands, tuple(segments), _source(sign), kind="written", gestures=body_tracks(sign))
+    return parse(notation_text(whole))[gloss]
 
 
 def _same_direction(mine: Step, its: Step) -> bool:
