@@ -77,3 +77,34 @@ def is_running(process: int) -> bool:
     except (FileNotFoundError, ProcessLookupError):
         return False
     return state not in "ZX"
+
+
+WRITING = """
+import sys, time
+from signsplice.children import processes
+
+def large(mark):
+    open(mark, "w").close()
+    return bytes(1 << 29)
+
+if __name__ == "__main__":
+    try:
+        with processes(1) as pool:
+            pool.submit(large, sys.argv[1])
+            import pathlib
+            while not pathlib.Path(sys.argv[1]).exists():
+                time.sleep(0.001)
+            time.sleep(float(sys.argv[2]))
+            raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        print("ended")
+"""
+
+
+@pytest.mark.parametrize("after_s", [0.2, 0.35, 0.5])
+def test_an_interruption_ends_while_a_child_writes_its_result(after_s: float, tmp_path: Path) -> None:
+    """Half a gigabyte takes longer to write than the interruption waits, or the child has not begun; both end."""
+    (tmp_path / "writing.py").write_text(WRITING, encoding="utf-8")
+    command = [sys.executable, "writing.py", "mark", str(after_s)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "ended\n", done.stderr

@@ -48,6 +48,8 @@ def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
     except BaseException:
         for process in list((pool._processes or {}).values()):  # 3.14 has ProcessPoolExecutor.kill_workers
             process.kill()
+        # else its reader waits for the rest of a result that was being written
+        pool._result_queue._writer.close()  # type: ignore[attr-defined]
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
