@@ -128,7 +128,8 @@ def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> 
        wanted, the list ends before them.
     4. LpTransformer for every fr with seed 0, and with seeds 1 and 2 where the choice names them, values of fr and
        systems; the systems of the related work on both splits; the four systems in the treatment that they lack;
-       LpTransformer by SGD with momentum; and SGD: of the systems in ``BY_SGD``, or of those that the choice names together with SGD.
+       LpTransformer by SGD with momentum; and SGD: of the systems in ``BY_SGD``, or of those that the choice names
+       together with SGD.
     """
     wanted, smoke = choice or Choice(), scale == "smoke"
     if scale == "small":

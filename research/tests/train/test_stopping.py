@@ -136,6 +136,7 @@ def test_sgd_resumes_exactly_and_without_momentum_has_the_papers_rate(tmp_path: 
     else:
         adamw = PaperLoop(6, 4, 2e-3, seed=1, every=4)
         assert [config.rate_at(step) for step in range(6)] == [adamw.rate_at(step) for step in range(6)]
-    assert stopping.highest_rate("sgd", 0.5) == 1e-3 and stopping.highest_rate("adamw", 0.5) == 0.5
+    assert stopping.highest_rate("sgd", 0.5) == 1e-3
+    assert stopping.highest_rate("adamw", 0.5) == 0.5
     with pytest.raises(InputError, match="optimiser 'lion', expected one of adamw, sgd"):
         PaperLoop(1, 1, 1.0, 0, method="lion")
