@@ -28,7 +28,7 @@ SGD_RATE = 1e-3
 """The paper's initial rate. It names no later one: this stays as it is until validation stops improving."""
 MOMENTUM = 0.9
 MOMENTUM_TIMES = 100.0
-"""SGD with momentum has AdamW's steps and schedule, and this many times its rate: the best of 10, 30, 100 and 300."""
+"""SGD with momentum has AdamW's steps and schedule, and this many times its rate; other rates were not tried."""
 SNAPSHOTS = "snapshots"
 """Folder of the weights at every validation, beside the checkpoint."""
 PLATEAU, STEPS, TIME = "plateau", "steps", "time"
