@@ -8,11 +8,11 @@ import { checkTrees } from './fit/mesh.js';
 /** The words of rigs (Mixamo, Ready Player Me, VRM, Unity, Unreal, Rigify) for the bones of a limb. */
 const LIMBS: [RegExp, string][] = [
   [/^(shoulder|clavicle|collar)$/, 'Shoulder'],
-  [/^(upperarm|arm|uparm)$/, 'UpperArm'],
-  [/^(lowerarm|forearm)$/, 'LowerArm'],
+  [/^(upperarm|arm|uparm|upperarm01)$/, 'UpperArm'],
+  [/^(lowerarm|forearm|forearm01)$/, 'LowerArm'],
   [/^(hand|wrist)$/, 'Hand'],
-  [/^(upperleg|upleg|thigh)$/, 'UpperLeg'],
-  [/^(lowerleg|leg|shin|calf)$/, 'LowerLeg'],
+  [/^(upperleg|upleg|thigh|thigh01)$/, 'UpperLeg'],
+  [/^(lowerleg|leg|shin|calf|shin01)$/, 'LowerLeg'],
   [/^(foot|ankle)$/, 'Foot'],
   [/^(toes?|toebase|ball)$/, 'Toes'],
 ];
@@ -99,15 +99,15 @@ export function rolesOf({ nodes = [], skins = [], extras }: Document): Map<strin
 /** Where a joint stands in the spine, by its name. */
 function order(name: string): number {
   const word = name.toLowerCase();
-  return word.includes('upperchest') ? 9 : word.includes('chest') ? 8 : Number(/\d+$/.exec(word)?.[0] ?? 0);
+  return word.includes('upperchest') ? 9 : /chest|ribs/.test(word) ? 8 : Number(/\d+$/.exec(word)?.[0] ?? 0);
 }
 
 function roleOf(name: string): string | null {
   const bare = name.replace(/^.*[:|]/, '').replace(/^(mixamorig\d*|J_Bip_C|J_Bip|Bip0*\d*|DEF|ORG|Character\d+)[_\W]*/, '');
-  const [, before, middle, after] = /^([Ll]eft|[Rr]ight|[lLrR](?=[_\W]|[A-Z]))?(.*?)(?:[_\W]([Ll]eft|[Rr]ight|[lLrR]))?$/.exec(bare)!;
+  const [, before, middle, after, half = ''] = /^([Ll]eft|[Rr]ight|[lLrR](?=[_\W]|[A-Z]))?(.*?)(?:[_\W]([Ll]eft|[Rr]ight|[lLrR])((?<=\.[LR])\.\d+)?)?$/.exec(bare)!;
   const side = (before ?? after ?? '').toLowerCase();
-  const word = middle!.toLowerCase().replace(/[\W_]/g, '');
-  if (!side) return /^(spine\d*|chest\d*|upperchest)$/.test(word) ? 'spine' : (MIDDLE.find(([words]) => words.test(word))?.[1] ?? null);
+  const word = (middle! + half).toLowerCase().replace(/[\W_]/g, '');
+  if (!side) return /^(spine\d*|chest\d*|ribs|upperchest)$/.test(word) ? 'spine' : (MIDDLE.find(([words]) => words.test(word))?.[1] ?? null);
   const prefix = side.startsWith('l') ? 'left' : 'right';
   const limb = LIMBS.find(([words]) => words.test(word))?.[1];
   if (limb) return prefix + limb;

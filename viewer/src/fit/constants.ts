@@ -178,7 +178,7 @@ export const skin_contacts = {
   THICK_M: [0.03, 0.015],
   NEAR_M: 0.045,
   LOW_M: 0.025,
-  BESIDE: 1.5,
+  MOST_ACROSS: 1.5,
   SHARP_M: 0.001,
   ROUNDS: 3,
   HOLD: 1.0,

@@ -9,7 +9,7 @@ import { type AvatarSkin, leastHeight } from './skin_surface.js';
 import { addRow, type Fit, type Moves } from './solver.js';
 
 const { CONTACT_WEIGHT, CONTACT_FADE_M, TOUCH_M, CLEAR_M, PRESS_M } = FIT;
-const { NEAR_M, LOW_M, BESIDE, SHARP_M, ROUNDS, HOLD, TOGETHER, TOGETHER_M, HANDS, KINDS } = SKIN;
+const { NEAR_M, LOW_M, MOST_ACROSS, SHARP_M, ROUNDS, HOLD, TOGETHER, TOGETHER_M, HANDS, KINDS } = SKIN;
 
 const ANYWHERE = { place: new Vector3(), radius: Infinity };
 
@@ -111,8 +111,8 @@ function* better(fit: Fit, skin: AvatarSkin, meetings: Meeting[], more: Moves): 
       }
     }
     if (!pose) continue;
-    const beside = BESIDE * (isOfHands ? skin.hands[1] : skin.body).spacing;
-    const { least, out } = leastHeight(pose.hand, by, pose.tree, pose.normals, beside, SURFACE.THICK_M[isOfHands ? 1 : 0], SHARP_M);
+    const mostAcross = MOST_ACROSS * (isOfHands ? skin.hands[1] : skin.body).spacing;
+    const { least, out } = leastHeight(pose.hand, by, pose.tree, pose.normals, mostAcross, SURFACE.THICK_M[isOfHands ? 1 : 0], SHARP_M);
     const lack = wanted - least;
     const now = lack > 0 ? weight : held;
     if (least === Infinity || now <= 0) continue;
