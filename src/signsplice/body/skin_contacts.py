@@ -30,7 +30,7 @@ from signsplice.motion.clip import Clip
 
 _NEAR_M, _LOW_M = 0.045, 0.025
 """Distance up to which points of two skins are looked at as hands move, m, and by how much more than the nearest."""
-_BESIDE = 1.5
+_MOST_ACROSS = 1.5
 """Points that lie farther than this from the normal through the nearest point of the surface, in the distance between
 its points, are beyond its edge.
 """
@@ -136,8 +136,8 @@ class SkinFit:
         for n, (pose, by) in enumerate(zip(self._poses[k], moved, strict=True)):
             if pose is None:
                 continue
-            beside, thick = _BESIDE * self._spacing[one.what], THICK_M[one.what]
-            found[n], heights, normals = least_height(pose.hand + by, pose.points, pose.normals, beside, thick)
+            most_across, thick = _MOST_ACROSS * self._spacing[one.what], THICK_M[one.what]
+            found[n], heights, normals = least_height(pose.hand + by, pose.points, pose.normals, most_across, thick)
             direction = np.exp((found[n] - heights) / _SHARP_M) @ normals
             directions[n] = direction / (np.linalg.norm(direction) + 1e-12)
         return found, directions

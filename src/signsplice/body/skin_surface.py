@@ -115,17 +115,17 @@ lies deeper than that under the nearest skin sees it from behind, through the en
 
 
 def least_height(
-    hand: FloatArray, tree: cKDTree, normals: FloatArray, beside: float, thick: float
+    hand: FloatArray, tree: cKDTree, normals: FloatArray, most_across: float, thick: float
 ) -> tuple[float, FloatArray, FloatArray]:
     """The least height of a hand's points (H, 3) above a surface of N points, along the normal of the nearest of these,
-    and the heights (K,) and normals (K, 3) of all; infinite where none is near. Points that lie farther ``beside`` that
-    normal, or deeper than ``thick``, are beyond the surface's edge.
+    and the heights (K,) and normals (K, 3) of all; infinite where none is near. Points farther from that normal than
+    ``most_across``, or deeper than ``thick``, are beyond the surface's edge.
     """
     apart, near = (np.asarray(found) for found in tree.query(hand, distance_upper_bound=REACH_M))
     met = np.flatnonzero(np.isfinite(apart))
     out = normals[near[met]]
     height = np.einsum("nx,nx->n", hand[met] - tree.data[near[met]], out)
-    over = (apart[met] ** 2 - height**2 < beside**2) & (height > -thick)
+    over = (apart[met] ** 2 - height**2 < most_across**2) & (height > -thick)
     return float(height[over].min(initial=np.inf)), height[over], out[over]
 
 

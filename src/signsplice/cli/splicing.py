@@ -344,8 +344,7 @@ def demo(out: str) -> None:
 
     with progress("demo") as advance:
         lines = run(Path(out), advance)
-    for line in lines:
-        print(line)
+    print(*lines, sep="\n")
 
 
 COMMANDS = (splice, sentence, inbetween, methods, demo)

@@ -28,7 +28,7 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 
 WORDS = ("MOTHER", "THANK-YOU", "NAME", "BOOK", "FRIEND", "PLEASE")
-_STEP, _AROUND, _BESIDE = 0.003, 0.06, 0.006
+_STEP, _AROUND, _MOST_ACROSS = 0.003, 0.06, 0.006
 """Distance of points on triangles; of triangles from a hand that are looked at; and how far a vertex may lie from the
 normal through the nearest point; all m.
 """
@@ -182,4 +182,4 @@ def _lowest(
     points = np.einsum("sc,scx->sx", shares[near], of)
     normals = np.cross(of[:, 1] - of[:, 0], of[:, 2] - of[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    return least_height(hand, cKDTree(points), normals, _BESIDE, thick)[0]
+    return least_height(hand, cKDTree(points), normals, _MOST_ACROSS, thick)[0]

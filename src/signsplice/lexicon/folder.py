@@ -153,8 +153,7 @@ def build(
         raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
     store = made.with_name(f".{made.name}.prepared") if recipe else None
     task = FileTask((), (), "int16" if compact else "float32", roles, limits, store)
-    warnings: list[str] = [*left_out]
-    n_letters = 0
+    warnings, n_letters = [*left_out], 0
     with resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
         for source, word in _prepared(sources, task, jobs, progress):
             if isinstance(word, str):

@@ -54,23 +54,23 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
     signer = replace(signer, left_handed=False)
     wanted = [one for one in _postures(segments, sign) if one[2].location not in _LEFT_ALONE]
-    moves, turns = np.zeros((2, len(states), 2, 3))
+    moves, rotvecs = np.zeros((2, len(states), 2, 3))
     if not wanted:
         return states
     frames = sorted({frame for frame, *_ in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
     centres = [_part(pose.hands(states)[frame, which], posture, signer) for frame, which, posture in wanted]
     quats = pose.hand_rotations(states[frames], signer)
-    least, best = np.inf, (moves, turns)
+    least, best = np.inf, (moves, rotvecs)
     for n in range(_ROUNDS + 1):
-        posed = posed_signer(_moved(states[frames], quats, moves[frames], turns[frames], signer), signer)
+        posed = posed_signer(_moved(states[frames], quats, moves[frames], rotvecs[frames], signer), signer)
         found = [
             (frame, which, *_missing(posed, rows[frame], which, posture, sign, centre))
             for (frame, which, posture), centre in zip(wanted, centres, strict=True)
         ]
         left = sum(float(np.linalg.norm(miss)) for *_, miss, _ in found)
         if left < least:
-            least, best = left, (moves, turns)
+            least, best = left, (moves, rotvecs)
         if n == _ROUNDS or left == 0.0:
             break
         moves = moves + _spread([one[:3] for one in found], len(states), fps)
@@ -79,16 +79,16 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
                 (frame, which, _turn(arm, miss) if posture.touch else np.zeros(3))
                 for (frame, which, miss, arm), (_, _, posture) in zip(found, wanted, strict=True)
             ]
-            turns = turns + _spread(lean, len(states), fps)
-        moves, turns = (_limited(x, most) for x, most in ((moves, _MOST_CM), (turns, _MOST_TURN)))
+            rotvecs = rotvecs + _spread(lean, len(states), fps)
+        moves, rotvecs = (_limited(x, most) for x, most in ((moves, _MOST_CM), (rotvecs, _MOST_TURN)))
     return _moved(states, pose.hand_rotations(states, signer), *best, signer)
 
 
-def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, turns: FloatArray, signer: Signer) -> FloatArray:
+def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, rotvecs: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
-    if not (moves.any() or turns.any()):
+    if not (moves.any() or rotvecs.any()):
         return states
-    quats = rotation.multiply(rotation.exp(turns), quats)
+    quats = rotation.multiply(rotation.exp(rotvecs), quats)
     moved = states.copy()
     both = pose.hands(moved)
     both[..., pose.WRIST] = _within_reach(both[..., pose.WRIST] + moves, signer)
@@ -121,8 +121,8 @@ def brought_to_touch(
         both[..., pose.WRIST] += _limited(
             _spread([(f, w, move) for f, w, move, _ in found], len(states), fps), _STEP_CM
         )
-        turns = _limited(_spread([(f, w, turn) for f, w, _, turn in found], len(states), fps), _STEP_TURN)
-        turned = rotation.multiply(rotation.exp(turns), pose.hand_rotations(moved, signer))
+        rotvecs = _limited(_spread([(f, w, turn) for f, w, _, turn in found], len(states), fps), _STEP_TURN)
+        turned = rotation.multiply(rotation.exp(rotvecs), pose.hand_rotations(moved, signer))
         away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))
         turned = rotation.multiply(rotation.exp(_limited(away, _MOST_LEAN)), usual)
         both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
