@@ -120,6 +120,7 @@ def joined(device: str = "auto") -> Iterator[Processes]:
     distributed.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
     try:
         yield Processes(rank, count, chosen)
+        distributed.barrier()  # a process that leaves while another still talks to it aborts in gloo's threads
     except SignspliceError:
         if rank:
             time.sleep(_FIRST_SPEAKS_S)
