@@ -192,6 +192,11 @@ def test_names_of_symbols_are_read_like_their_characters() -> None:
             "parbegin moveu plus moved parend smallmod",
             Motion("split", parts=(Motion("straight", ("u",), size="small"), Motion("straight", ("d",), size="small"))),
         ),
+        ("moveil between moveu", Motion("straight", ("il", "u"))),
+        (
+            "parbegin moveu smallmod replace moved parend",
+            Motion("sequence", parts=(Motion("straight", ("u",), size="small"), Motion("straight", ("d",)))),
+        ),
         ("nondominant moveu", Motion("split", parts=(Motion("hold"), Motion("straight", ("u",))))),
         (
             "moveu moved repeatfromstart",
@@ -251,6 +256,8 @@ def test_a_notation_without_symmetry_has_one_hand_unless_it_names_the_other(name
         ),
         ("finger2 extfingeru palml parbegin extfingero moveu parend", "symbol 5: hamextfingero after the first action"),
         ("flathand extfingero palmd lrat moveu", "symbol 4: hamlrat without a place"),
+        ("nomotion flathand extfingero palmd moveu", "symbol 1: hamnomotion before the posture is left out"),
+        ("flathand extfingero palmd replace moveu", "symbol 4: hamreplace before a movement is left out"),
     ],
 )
 def test_a_defect_of_a_notation_is_mended_with_a_note(names: str, note: str) -> None:
@@ -323,6 +330,25 @@ def test_a_defect_of_gestural_sigml_is_mended_with_a_note(manual: str, note: str
     assert note in found
 
 
+def test_a_manner_is_an_attribute_of_its_name_or_a_value_of_manner() -> None:
+    shape = '<handconfig handshape="flat"/>'
+    (named,) = gestural(f'{shape}<directedmotion direction="u" manner="fast"/>').motions
+    (flag,) = gestural(f'{shape}<directedmotion direction="u" fast="true"/>').motions
+    assert named.manner == flag.manner
+    assert named.manner.fast
+
+
+def test_elements_beside_signs_are_named_and_older_ones_are_read(tmp_path: Path) -> None:
+    file = tmp_path / "old.sigml"
+    manual = '<sign_manual><handconfig handshape="flat" extfidir="u" palmor="l"/></sign_manual>'
+    file.write_text(f"<sigml><sigmlsign>{manual}</sigmlsign><frame/></sigml>", encoding="utf-8")
+    read = files.read(file)
+    assert list(read.signs) == ["old"]
+    assert [str(error).partition(":")[2] for error in read.refused] == [
+        "1: <frame> is no sign that is read, and is left out"
+    ]
+
+
 def test_sides_of_fingers_follow_the_hand_that_they_are_on() -> None:
     sites = (
         '<location_hand location="midjoint" digits="2" side="left_beside"/>'
@@ -346,6 +372,15 @@ def test_compounds_are_parts_in_order_and_the_weak_hand_may_hold_over() -> None:
     assert [p.holdover for p in sign.parts] == [False, True]
     assert sign.motions == ()
     assert sign.posture == WrittenPosture()
+
+
+def test_whole_postures_joined_by_plus_are_a_compound() -> None:
+    spelled = read(
+        "fist extfingeru palmd shoulders plus finger23 extfingerdo palmd shoulders plus symmlr fist extfingero"
+    )
+    assert [part.posture.shape.base for part in spelled.parts if part.posture.shape] == ["fist", "finger23", "fist"]
+    assert [part.hands for part in spelled.parts] == ["one", "one", "mirrored"]
+    assert read("parbegin fist extfingeru plus flathand extfingero parend palmd chest").parts == ()
 
 
 def test_faces_keep_their_lanes_and_what_runs_together() -> None:

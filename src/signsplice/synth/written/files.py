@@ -13,13 +13,15 @@ from pathlib import Path
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.synth.written import elements, gestural, hamnosys, hns
+from signsplice.synth.written import elements, gestural, hamnosys, hamnosys_tokens, hns
 from signsplice.synth.written.reading import Reading
 from signsplice.synth.written.tree import WrittenSign
 
 SUFFIXES = (".sigml", ".xml", ".csv", ".json", ".txt", ".tsv")
 """Suffixes of the files of written signs."""
 _MOST_BYTES, _MOST_SIGNS = 64 << 20, 200_000
+_SIGNS = ("hamgestural_sign", "hns_sign", "sigmlsign")
+"""Elements that hold a sign; ``sigmlsign`` is a ``hamgestural_sign`` in older files."""
 
 
 @dataclass(frozen=True)
@@ -129,15 +131,20 @@ def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | I
 
 
 def _of_text(text: str, reading: Reading) -> WrittenSign:
-    return hamnosys.sign(hamnosys.tokens(text, reading), reading)
+    return hamnosys.sign(hamnosys_tokens.tokens(text, reading), reading)
 
 
 def _of_xml(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | InputError]:
     root = elements.parse(content, name)
-    for n, element in enumerate(root.named("hamgestural_sign", "hns_sign")):
+    for child in root.children if root.tag == "sigml" else ():
+        if not any(child.named(*_SIGNS)):
+            yield FormatError(
+                f"<{child.tag[:60]}> is no sign that is read, and is left out", file=name, line=child.line
+            )
+    for n, element in enumerate(root.named(*_SIGNS)):
         if n >= _MOST_SIGNS:
             raise FormatError(f"holds more than {_MOST_SIGNS:,} signs", file=name)
-        reader = gestural if element.tag == "hamgestural_sign" else hns
+        reader = hns if element.tag == "hns_sign" else gestural
         try:
             gloss = element.attributes.get("gloss", "") or f"{Path(name).stem}"
             yield reader.sign(element, Reading(name, _gloss(gloss, name, element.line), lenient))

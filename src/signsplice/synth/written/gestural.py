@@ -210,7 +210,7 @@ class _Gestural(Values):
         self.check(e)
         makers = {"tgt_motion": self.targeted, "rpt_motion": self.repeated}
         made = makers[e.tag](e) if e.tag in makers else self.simple(e)
-        given = {key: True for key in MANNER if self.flag(e, key)}
+        given = {key: True for key in MANNER if self.flag(e, key) or self.choice(e, "manner") == key}
         manner = replace(made.manner, speed=made.manner.speed * factor(e, "speed", self.reading), **given)
         alternating = made.alternating or self.flag(e, "alternating")
         return replace(made, manner=manner, alternating=alternating, where=self.reading.where(f"<{e.tag}>", e.line))

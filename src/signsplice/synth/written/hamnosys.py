@@ -1,9 +1,10 @@
 """HamNoSys 4 as a tree: the symbols of a text, or the elements of HamNoSys SiGML, by one grammar.
 
-    sign    = {symmetry | "alternatingmotion" | "nonipsi"}, posture, {action}
+    sign    = part, {"plus", part}                                         a compound
+    part    = {symmetry | "alternatingmotion" | "nonipsi"}, posture, {action}
     posture = {slot | "parbegin", {slot}, "plus", {slot}, "parend"}        slot: handshape, F, palm, location
     action  = core, {modifier | location | contact | repetition}
-    core    = move | circle | wrist | "replace", {slot} | bracket, {action}, ["plus", {action}], end
+    core    = move, ["between", move] | circle | wrist | "replace", {slot} | bracket, {action}, ["plus", {action}], end
 
 The order of the slots is that of Hamburg's overview of HamNoSys; other orders are read too. Notations with the defects
 that dictionaries have are mended, and each mend is noted.
@@ -16,68 +17,35 @@ from dataclasses import replace
 from typing import Any
 
 from signsplice.synth.written import symbols
-from signsplice.synth.written.hamnosys_row import Token, is_posture
+from signsplice.synth.written.hamnosys_row import CLOSERS, Token, is_posture
 from signsplice.synth.written.hamnosys_slots import Slots
+from signsplice.synth.written.hamnosys_tokens import check_length, compound, mended
 from signsplice.synth.written.reading import Reading, merged, weak_has_own
 from signsplice.synth.written.tree import Motion, Pair, WrittenManner, WrittenPosture, WrittenSign
 
-_MOST_SYMBOLS, _MOST_DEPTH = 1000, 12
 _SYMMETRY = symbols.KINDS["symmetry"]
 _KINDS = {"parbegin": "parallel", "seqbegin": "sequence", "fusionbegin": "fusion"}
-_CLOSERS = frozenset(symbols.BRACKETS.values())
 _SHAPED = {"arc": ("curve", "straight"), "ellipse": ("ellipse", "circle"), "zigzag": ("zigzag", "straight", "circle")}
 """Kind of symbol -> what of a motion it says, and of which kinds of motion."""
-
-
-def tokens(text: str, reading: Reading) -> list[Token]:
-    """The symbols of a text, numbered from 1: characters of the font, or names such as hamflathand between blanks."""
-    if "ham" in text.lower():
-        words = text.replace(",", " ").split()
-    else:
-        words = [c for c in text if not c.isspace()]
-        if len(words) < len(text.strip()):
-            reading.note("blanks are left out", 0)
-    _check_length(len(words), reading)
-    found = list[Token]()
-    for position, word in enumerate(words, 1):
-        name = symbols.SYMBOLS.get(word) or symbols.PUNCTUATION.get(word)
-        if name is None and word[:3].lower() == "ham":
-            name = word[3:]
-        found += named(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
-    return found
-
-
-def _check_length(n_symbols: int, reading: Reading) -> None:
-    if n_symbols > _MOST_SYMBOLS:
-        raise reading.error(f"has {n_symbols:,} symbols, expected at most {_MOST_SYMBOLS:,}", "", 0)
-
-
-def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]:
-    """One symbol by its name without ham; none where it is left out. ``shown``: how errors call it."""
-    if meant := symbols.KINDS["alias"].get(name):
-        reading.note(f"ham{name} is read as ham{meant}", position)
-        name = meant
-    if name in symbols.PUNCTUATION.values():
-        reading.note(f"{shown} is left out", position)
-        return []
-    if name not in symbols.NAMES:
-        reading.refuse("is no symbol of HamNoSys 4", shown, position)
-        return []
-    if meaning := symbols.KINDS["unmade"].get(name, "").replace("-", " "):
-        reading.refuse(f"stands for {meaning}, which is not made", f"ham{name}", position)
-        return []
-    return [] if name == "version40" else [Token(name, position)]
 
 
 def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
     """The tree of a notation's symbols. Raises ``FormatError`` for what is not understood, or notes it where the
     reading is lenient.
     """
-    _check_length(len(found), reading)
-    where = reading.where("", found[0].position if found else 0)
+    check_length(len(found), reading)
     if not found:
         raise reading.error("has no symbol of HamNoSys", "", 0)
-    balanced = _balanced(found, reading)
+    balanced = mended(found, reading)
+    parts = [_part(part, reading) for part in compound(balanced)]
+    if len(parts) == 1:
+        return replace(parts[0], notes=tuple(reading.notes))
+    return WrittenSign(reading.gloss, parts=tuple(parts), notes=tuple(reading.notes), where=parts[0].where)
+
+
+def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
+    """A sign that is no compound, or one part of a compound."""
+    where = reading.where("", balanced[0].position if balanced else 0)
     kinds = [_SYMMETRY[t.name] for t in balanced if t.name in _SYMMETRY]
     if len(set(kinds)) > 1:
         reading.refuse("has two kinds of symmetry, expected one", "hamsymmlr", where.position)
@@ -88,6 +56,8 @@ def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
     for t in balanced[front:]:
         if t.name in (*_SYMMETRY, "nonipsi"):
             reading.note(f"{t.shown} is read as if it stood first", t.position)
+        elif t.name == "nomotion" and not rest:
+            reading.note(f"{t.shown} before the posture is left out", t.position)
         else:
             rest.append(t)
     weak = bool(rest) and rest[0].name == "nondominant" and not kinds and all(t.name != "plus" for t in rest)
@@ -100,33 +70,7 @@ def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
         posture = replace(posture, place=replace(posture.place, side="left_at"))
     two = weak_has_own([posture, *(m.target for m in _all(motions))]) or any(m.kind == "split" for m in _all(motions))
     hands = "weak" if weak else kinds[0] if kinds else "two" if two else "one"
-    return WrittenSign(
-        reading.gloss, hands, alternating, posture=posture, motions=tuple(motions), notes=tuple(reading.notes),
-        where=where,
-    )  # fmt: skip
-
-
-def _balanced(found: Sequence[Token], reading: Reading) -> list[Token]:
-    """Symbols whose brackets are closed where they are open at the end, without closers of nothing."""
-    kept, stack = list[Token](), list[str]()
-    for t in found:
-        if t.name in symbols.BRACKETS:
-            stack.append(symbols.BRACKETS[t.name])
-            if len(stack) > _MOST_DEPTH:
-                raise reading.error(f"expected at most {_MOST_DEPTH} brackets within one another", t.shown, t.position)
-        elif t.name in _CLOSERS:
-            if t.name not in stack:
-                reading.note(f"{t.shown} closes no bracket and is left out", t.position)
-                continue
-            while stack[-1] != t.name:
-                reading.note(f"ham{stack[-1]} is added before {t.shown}", t.position)
-                kept.append(Token(stack.pop(), t.position))
-            stack.pop()
-        kept.append(t)
-    for closer in reversed(stack):
-        reading.note(f"ham{closer} is added at the end", found[-1].position)
-        kept.append(Token(closer, found[-1].position))
-    return kept
+    return WrittenSign(reading.gloss, hands, alternating, posture=posture, motions=tuple(motions), where=where)
 
 
 def _all(motions: Iterable[Motion]) -> list[Motion]:
@@ -139,7 +83,7 @@ class _Parser(Slots):
     def actions(self, top: bool = False) -> list[Motion]:
         """Actions up to a plus, a closing bracket or the end."""
         found = list[Motion]()
-        while (t := self.peek()) is not None and t.name not in _CLOSERS:
+        while (t := self.peek()) is not None and t.name not in CLOSERS:
             if t.name == "plus":
                 if not top or not found:
                     break
@@ -171,7 +115,7 @@ class _Parser(Slots):
 
     def action_or_hold(self, t: Token) -> Motion:
         """One action, or none where none comes after the symbol."""
-        ends = self.peek() is None or self.at(*_CLOSERS, "plus")
+        ends = self.peek() is None or self.at(*CLOSERS, "plus")
         return Motion("hold", where=self.where(t)) if ends else self.action()
 
     def core(self, t: Token) -> Motion:
@@ -190,9 +134,9 @@ class _Parser(Slots):
         if name in ("movecross", "moveX"):
             return Motion("crossing")
         if name.startswith("move"):
-            return Motion("straight", (name.removeprefix("move"),))
+            return Motion("straight", self.two_directions(t, "move"))
         if name.startswith("circle"):
-            return Motion("circle", (name.removeprefix("circle"),))
+            return Motion("circle", self.two_directions(t, "circle"))
         if name in symbols.KINDS["wrist"]:
             return Motion(name)
         if name == "fingerplay":
@@ -200,6 +144,14 @@ class _Parser(Slots):
         if name != "nomotion":
             self.reading.refuse("modifies no action", t.shown, t.position)
         return Motion("hold")
+
+    def two_directions(self, t: Token, kind: str) -> tuple[str, ...]:
+        """The direction of a movement that was passed, or two whose mean is meant."""
+        after = self.peek(1)
+        if not self.at("between") or after is None or not after.name.startswith(kind):
+            return (t.name.removeprefix(kind),)
+        self.next()
+        return t.name.removeprefix(kind), self.next().name.removeprefix(kind)
 
     def posture_change(self, t: Token) -> Motion:
         """A change of posture with no path."""

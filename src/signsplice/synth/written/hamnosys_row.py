@@ -11,6 +11,7 @@ from signsplice.synth.written.tree import Where
 
 SITES = (*symbols.DIGITS, *symbols.FINGER_PARTS, *symbols.HAND_PARTS)
 LOCATION = frozenset((*symbols.SIDES, *SITES, *symbols.PLACES, *symbols.CONTACTS, "behind"))
+CLOSERS = frozenset(symbols.BRACKETS.values())
 PALMS = tuple(f"palm{d}" for d in ("u", "ur", "r", "dr", "d", "dl", "l", "ul"))
 
 

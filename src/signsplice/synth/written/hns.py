@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from signsplice.synth.written import hamnosys
+from signsplice.synth.written import hamnosys, hamnosys_tokens
 from signsplice.synth.written.elements import Element
 from signsplice.synth.written.hamnosys_row import Token
 from signsplice.synth.written.reading import Reading
@@ -21,7 +21,7 @@ def sign(element: Element, reading: Reading) -> WrittenSign:
     found = list[Token]()
     for e in _descendants(element):
         if e.tag.startswith("ham") and not e.tag.startswith("hamnosys"):
-            found += hamnosys.named(e.tag.removeprefix("ham"), f"<{e.tag[:60]}>", e.line, reading)
+            found += hamnosys_tokens.named(e.tag.removeprefix("ham"), f"<{e.tag[:60]}>", e.line, reading)
         elif not e.tag.startswith(("hnm_", "hamnosys", "hns_")):
             reading.refuse("is no symbol of HamNoSys 4", f"<{e.tag}>", e.line)
     if not found:
