@@ -256,6 +256,7 @@ def test_a_notation_without_symmetry_has_one_hand_unless_it_names_the_other(name
         ),
         ("finger2 extfingeru palml parbegin extfingero moveu parend", "symbol 5: hamextfingero after the first action"),
         ("flathand extfingero palmd lrat moveu", "symbol 4: hamlrat without a place"),
+        ("symmlr flathand extfingeru palml lrat lips", "symbol 6: hamlrat before hamlips is read as after it"),
         ("nomotion flathand extfingero palmd moveu", "symbol 1: hamnomotion before the posture is left out"),
         ("flathand extfingero palmd replace moveu", "symbol 4: hamreplace before a movement is left out"),
     ],

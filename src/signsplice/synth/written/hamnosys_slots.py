@@ -10,6 +10,8 @@ from signsplice.synth.written.hamnosys_row import PALMS, SITES, Row, Token, is_p
 from signsplice.synth.written.reading import merged, with_weak
 from signsplice.synth.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape
 
+_ON_HEAD = tuple(symbols.PLACES)[: tuple(symbols.PLACES).index("neck")]
+
 
 class Slots(Row):
     """Reads slots off a row of symbols."""
@@ -191,7 +193,12 @@ class Slots(Row):
         before = self.take(*symbols.SIDES)
         t = self.peek()
         if t is not None and t.name in symbols.PLACES:
-            place = Place(symbols.PLACES[self.next().name], self.sided(before))
+            t = self.next()
+            side = self.sided(before)
+            if self.mirrored and before and t.name in _ON_HEAD:  # crossed arms hide the face
+                self.reading.note(f"{before[0].shown} before {t.shown} is read as after it: hands would cross", t.position)
+                side = side.replace("left", "right")
+            place = Place(symbols.PLACES[t.name], side)
             if self.between(symbols.PLACES):
                 other = self.place().place
                 place = replace(place, between=other)
