@@ -196,7 +196,9 @@ class Slots(Row):
             t = self.next()
             side = self.sided(before)
             if self.mirrored and before and t.name in _ON_HEAD:  # crossed arms hide the face
-                self.reading.note(f"{before[0].shown} before {t.shown} is read as after it: hands would cross", t.position)
+                self.reading.note(
+                    f"{before[0].shown} before {t.shown} is read as after it: hands would cross", t.position
+                )
                 side = side.replace("left", "right")
             place = Place(symbols.PLACES[t.name], side)
             if self.between(symbols.PLACES):
