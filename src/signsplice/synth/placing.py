@@ -38,6 +38,8 @@ _MOST_TURN = np.deg2rad(25.0)
 _TOUCH_ROUNDS = 5
 _STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
 """How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
+_MOST_TOUCHING_CM = 3.0
+"""How far it is moved at most for that."""
 _APART = 5.0
 """How much more a hand counts that touches with no part."""
 _NEAREST_CM = 16.5
@@ -127,7 +129,10 @@ def brought_to_touch(
         changed = moved.copy()
         both = pose.hands(changed)
         moves, rotvecs = (_spread(wanted, [one[k] for one in found], still, len(states), fps) for k in range(2))
-        both[..., pose.WRIST] += _limited(moves, _STEP_CM)
+        wrists = pose.hands(before)[..., pose.WRIST]
+        both[..., pose.WRIST] = wrists + _limited(
+            both[..., pose.WRIST] - wrists + _limited(moves, _STEP_CM), _MOST_TOUCHING_CM
+        )
         rotvecs = _limited(rotvecs, _STEP_TURN)
         turned = rotation.multiply(rotation.exp(rotvecs), pose.hand_rotations(moved, signer))
         away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))
