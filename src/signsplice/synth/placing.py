@@ -36,6 +36,8 @@ _MOST_CM = 8.0
 _MOST_TURN = np.deg2rad(25.0)
 """How far a hand is moved, and turned, at most."""
 _TOUCH_ROUNDS = 5
+_MOST_PUSH_CM = 6.0
+"""How far a hand is pushed out of the body at most."""
 _STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
 """How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
 _MOST_TOUCHING_CM = 3.0
@@ -97,11 +99,16 @@ def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, rotvecs: Fl
     """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
     if not (moves.any() or rotvecs.any()):
         return states
-    quats = rotation.multiply(rotation.exp(rotvecs), quats)
+    wrists = _within_reach(pose.hands(states)[..., pose.WRIST] + moves, signer)
+    return _with_wrists(states, wrists, rotation.multiply(rotation.exp(rotvecs), quats), signer)
+
+
+def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with wrists (T, 2, 3) and rotations of the hands (T, 2, 4)."""
     moved = states.copy()
     both = pose.hands(moved)
-    both[..., pose.WRIST] = _within_reach(both[..., pose.WRIST] + moves, signer)
-    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
+    both[..., pose.WRIST] = wrists
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(wrists, quats, signer)
     return moved
 
 
@@ -138,8 +145,26 @@ def brought_to_touch(
         away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))
         turned = rotation.multiply(rotation.exp(_limited(away, _MOST_LEAN)), usual)
         both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
-        moved = clear_collisions(elbows.kept(changed, before, signer), signer)
+        moved = cleared(elbows.kept(changed, before, signer), signer)
     return states
+
+
+def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
+    signer = replace(signer, left_handed=False)
+    wrists = _within_reach(pose.hands(states)[..., pose.WRIST], signer)
+    return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
+
+
+def cleared(states: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) without collisions, hands pushed no farther than is of use: what an arm cannot reach is not clear
+    anywhere.
+    """
+    free = clear_collisions(states, signer)
+    wrists = pose.hands(states)[..., pose.WRIST]
+    moves = _limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
+    pose.hands(free)[..., pose.WRIST] = _within_reach(wrists + moves, signer)
+    return free
 
 
 def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
