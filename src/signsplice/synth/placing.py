@@ -36,7 +36,7 @@ _MOST_CM = 8.0
 _MOST_TURN = np.deg2rad(25.0)
 """How far a hand is moved, and turned, at most."""
 _TOUCH_ROUNDS = 5
-_MOST_PUSH_CM = 6.0
+_MOST_PUSH_CM = 8.0
 """How far a hand is pushed out of the body at most."""
 _STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
 """How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""

@@ -114,8 +114,10 @@ def _settled(
         states = clear(states, signer)
     if written:
         states = clear(elbows.kept(states, steady, signer), signer)
-        states = elbows.slowed(brought_to_touch(states, segments, sign, signer, fps), signer, fps)
-        states = twists.steadied(states, signer, fps)
+        touching = brought_to_touch(states, segments, sign, signer, fps)
+        states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
+        if states is not touching:
+            states = elbows.kept(cleared(states, signer), states, signer)
     return states
 
 

@@ -192,8 +192,7 @@ class _Gestural(Values):
         """A side of a finger: left and right are as seen with the fingers up and the palm away from the signer."""
         side = self.choice(e, key)
         if "_" in side:
-            is_left_hand = weak and not self.mirrored
-            return "radial" if side.startswith("left") != is_left_hand else "ulnar"
+            return "radial" if side.startswith("left") != weak else "ulnar"
         return "dorsal" if side == "back" else side
 
     def contact(self, e: Element) -> str:
