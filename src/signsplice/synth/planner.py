@@ -117,7 +117,7 @@ def _settled(
         touching = brought_to_touch(states, segments, sign, signer, fps)
         states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
         if states is not touching:
-            states = elbows.kept(cleared(states, signer), states, signer)
+            states = cleared(elbows.kept(cleared(states, signer), states, signer), signer)
     return states
 
 
