@@ -17,7 +17,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
 from signsplice.synth import elbows, hand, pose
-from signsplice.synth.avoidance import MIRRORED_HANDS, clear_collisions
+from signsplice.synth.avoidance import MIRRORED_HANDS, TOLERANCE_CM, between_hands, clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_signer
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
@@ -36,6 +36,7 @@ _MOST_CM = 8.0
 _MOST_TURN = np.deg2rad(25.0)
 """How far a hand is moved, and turned, at most."""
 _TOUCH_ROUNDS = 5
+_PARTED_ROUNDS = 8
 _MOST_PUSH_CM = 8.0
 """How far a hand is pushed out of the body at most."""
 _STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
@@ -154,6 +155,22 @@ def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     signer = replace(signer, left_handed=False)
     wrists = _within_reach(pose.hands(states)[..., pose.WRIST], signer)
     return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
+
+
+def parted(states: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) of hands that mirror one another, moved apart sideways where they lie in one another: pushed out
+    any other way, they would pass by one another.
+    """
+    states = states.copy()
+    frames = np.arange(len(states))
+    for _ in range(_PARTED_ROUNDS):
+        depth = -between_hands(states[frames], signer)
+        deep = depth > TOLERANCE_CM
+        frames, depth = frames[deep], depth[deep]
+        if not len(frames):
+            break
+        pose.hands(states)[frames, :, 0] -= 0.6 * depth[:, None]
+    return states
 
 
 def cleared(states: FloatArray, signer: Signer) -> FloatArray:

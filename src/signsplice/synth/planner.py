@@ -20,7 +20,7 @@ from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import brought_to_touch, cleared, placed, within_reach
+from signsplice.synth.placing import brought_to_touch, cleared, parted, placed, within_reach
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
@@ -111,6 +111,7 @@ def _settled(
         if written:
             states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
             states = twists.steadied(states, signer, fps)
+            states = parted(states, signer) if sign.hands == "symmetric" else states
         states = clear(states, signer)
     if written:
         states = clear(elbows.kept(states, steady, signer), signer)
