@@ -30,8 +30,6 @@ FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
 """Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
 LANDING_S = 0.2
 """How long, at most, a movement that ends in the open comes to rest within the hold after it."""
-_LANDING_PART = 0.33
-"""The same over the time from the knot before."""
 LAST_TOUCH_S = 0.1
 """A last hold that touches the body: hands rest there for a moment only."""
 
@@ -173,7 +171,7 @@ class SegmentPlan:
             if self.landed is not None:
                 landing = LANDING_S * self.fps
                 if self.sign.kind == "written":  # a slow movement comes to rest as slowly
-                    landing = max(landing, _LANDING_PART * (self.knots[-1].frame - self.knots[-2].frame))
+                    landing = max(landing, (self.knots[-1].frame - self.knots[-2].frame) / 3.0)
                 self.knots.append(Knot(begin + min(n_frames - 1, round(landing)), self.landed, True))
             state, self.landed = self.knots[-1].state, None
             if pause_s and not touches(segment, self.sign):
