@@ -181,6 +181,14 @@ def test_a_motion_travels_as_far_and_where_it_is_written() -> None:
         assert np.allclose(segments[1].strong.shift, expected)
 
 
+def test_a_hand_leaves_skin_that_ends_before_its_way() -> None:
+    at = replace(FLAT, place=Place("forehead", side="right_at", contact="touch"))
+    along, off = (made(at, straight(letters, size="small")).segments[1].strong for letters in ("l", "ur"))
+    assert along.touch
+    assert not off.touch
+    assert np.allclose(off.shift, (4.243, 4.243, 0.0), atol=0.01)
+
+
 def test_curves_bulge_to_their_side_by_half_the_chord_at_most() -> None:
     path = made(INDEX, straight("r", size="small", curve="u", curve_size="big")).segments[1].path
     assert (path.kind, path.direction, path.size) == ("arc", (0.0, 1.0, 0.0), 3.0)

@@ -363,7 +363,7 @@ def test_sides_of_fingers_follow_the_hand_that_they_are_on() -> None:
     pair = gestural(f"<handconstellation>{sites}</handconstellation>", 'both_hands="true" lr_symm="true"').posture.pair
     assert pair is not None
     assert pair.weak is not None
-    assert pair.weak.side == "radial"
+    assert pair.weak.side == "ulnar"
 
 
 def test_compounds_are_parts_in_order_and_the_weak_hand_may_hold_over() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from signsplice.body import capsules, swivel
 from signsplice.motion import kinematics, rotation
@@ -104,10 +104,35 @@ def largest_step(states: FloatArray, before: FloatArray, after: FloatArray, sign
     beside it, cm on the standard body, from the chest.
     """
     states = np.concatenate([before[-1:], states, after[:1]])
+    return float(np.linalg.norm(np.diff(_positions(states, signer), axis=0), axis=-1).max())
+
+
+_FASTEST_CM_S = 280.0
+"""Speed of an elbow about its shoulder from which on its direction is smoothed once more."""
+_SLOWED_S, _SLOWED_ROUNDS = 0.2, 6
+"""How far around that it is, seconds, and how often at most."""
+
+
+def slowed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) in which elbows that swing faster than people's go in more time; the states themselves without."""
+    for _ in range(_SLOWED_ROUNDS):
+        speed = np.linalg.norm(np.diff(_positions(states, signer), axis=0), axis=-1) * fps
+        fast = np.concatenate([np.zeros((1, 2)), speed > _FASTEST_CM_S])
+        if not fast.any():
+            break
+        near = maximum_filter1d(fast, 2 * round(_SLOWED_S * fps) + 1, axis=0)
+        near = gaussian_filter1d(near, 0.4 * _SLOWED_S * fps, axis=0)[..., None]
+        directions = _directions(states, signer)
+        smooth = gaussian_filter1d(directions, _WIDTH_S * fps, axis=0, mode="nearest")
+        states = _directed(states, directions + near * (smooth - directions), signer)
+    return states
+
+
+def _positions(states: FloatArray, signer: Signer) -> FloatArray:
+    """Elbows (T, 2, 3) of states (T, 65) from their shoulders, cm on the standard body, in the chest's axes."""
     arm, swivels = _solved(states, signer)
     turned = rotation.multiply(rotation.exp(swivels[..., None] * arm.direction), arm.upper)
-    elbows = rotation.rotate(turned, [-UPPER_ARM * signer.arms, 0.0, 0.0])
-    return float(np.linalg.norm(np.diff(elbows, axis=0), axis=-1).max())
+    return np.asarray(rotation.rotate(turned, [-UPPER_ARM * signer.arms, 0.0, 0.0]))
 
 
 def _solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:

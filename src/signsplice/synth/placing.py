@@ -7,38 +7,42 @@ missing at each posture, spread in time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
 from signsplice.synth import elbows, hand, pose
-from signsplice.synth.avoidance import MIRRORED_HANDS, clear_collisions
+from signsplice.synth.avoidance import MIRRORED_HANDS, TOLERANCE_CM, between_hands, clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_signer
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
-from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm
-from signsplice.synth.segment_plan import TimedSegment, bump
+from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm, on_base
+from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
 _ROUNDS = 3
 _RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
-_LEFT_CM = 0.5
+_LEFT_CM = 0.2
 """How far from its place a hand that touches nothing may stay."""
 _LEFT_ALONE = ON_ARM | {REST}
 """Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""
 _MOST_CM = 8.0
 _MOST_TURN = np.deg2rad(25.0)
 """How far a hand is moved, and turned, at most."""
-_STEADY = 0.1
-"""What keeps corrections at frames beside one another from growing."""
 _TOUCH_ROUNDS = 5
+_PARTED_ROUNDS = 8
+_MOST_PUSH_CM = 8.0
+"""How far a hand is pushed out of the body at most."""
 _STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
 """How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
+_MOST_TOUCHING_CM = 3.0
+"""How far it is moved at most for that."""
 _APART = 5.0
 """How much more a hand counts that touches with no part."""
 _NEAREST_CM = 16.5
@@ -53,33 +57,41 @@ _SIDES = ("Right", "Left")
 def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
     signer = replace(signer, left_handed=False)
-    wanted = [one for one in _postures(segments, sign) if one[2].location not in _LEFT_ALONE]
+    wanted, still = _parted(segments, sign, fps, lambda posture: posture.location not in _LEFT_ALONE)
     moves, rotvecs = np.zeros((2, len(states), 2, 3))
     if not wanted:
         return states
-    frames = sorted({frame for frame, *_ in wanted})
+    frames = sorted({one.first for one in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
-    centres = [_part(pose.hands(states)[frame, which], posture, signer) for frame, which, posture in wanted]
+    centres = [_part(pose.hands(states)[one.first, one.which], one.posture, signer) for one in wanted]
     quats = pose.hand_rotations(states[frames], signer)
     least, best = np.inf, (moves, rotvecs)
     for n in range(_ROUNDS + 1):
         posed = posed_signer(_moved(states[frames], quats, moves[frames], rotvecs[frames], signer), signer)
         found = [
-            (frame, which, *_missing(posed, rows[frame], which, posture, sign, centre))
-            for (frame, which, posture), centre in zip(wanted, centres, strict=True)
+            _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
+            for one, centre in zip(wanted, centres, strict=True)
         ]
-        left = sum(float(np.linalg.norm(miss)) for *_, miss, _ in found)
+        left = sum(float(np.linalg.norm(miss)) for miss, _ in found)
         if left < least:
             least, best = left, (moves, rotvecs)
         if n == _ROUNDS or left == 0.0:
             break
-        moves = moves + _spread([one[:3] for one in found], len(states), fps)
+        missing = [miss for miss, _ in found]
+        step = _spread(wanted, missing, still, len(states), fps)
+        if sign.hands == "base":  # a hand at the other one goes where that one goes
+            missing = [
+                miss + MIRROR * step[one.first, 1] if not one.which and on_base(one.posture.location) else miss
+                for one, miss in zip(wanted, missing, strict=True)
+            ]
+            step = _spread(wanted, missing, still, len(states), fps)
+        moves = moves + step
         if n:  # where arms do not reach, hands turn about the wrist for the part that touches
             lean = [
-                (frame, which, _turn(arm, miss) if posture.touch else np.zeros(3))
-                for (frame, which, miss, arm), (_, _, posture) in zip(found, wanted, strict=True)
+                _turn(arm, miss) if one.posture.touch else np.zeros(3)
+                for one, (miss, arm) in zip(wanted, found, strict=True)
             ]
-            rotvecs = rotvecs + _spread(lean, len(states), fps)
+            rotvecs = rotvecs + _spread(wanted, lean, still, len(states), fps)
         moves, rotvecs = (_limited(x, most) for x, most in ((moves, _MOST_CM), (rotvecs, _MOST_TURN)))
     return _moved(states, pose.hand_rotations(states, signer), *best, signer)
 
@@ -88,11 +100,16 @@ def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, rotvecs: Fl
     """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
     if not (moves.any() or rotvecs.any()):
         return states
-    quats = rotation.multiply(rotation.exp(rotvecs), quats)
+    wrists = _within_reach(pose.hands(states)[..., pose.WRIST] + moves, signer)
+    return _with_wrists(states, wrists, rotation.multiply(rotation.exp(rotvecs), quats), signer)
+
+
+def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with wrists (T, 2, 3) and rotations of the hands (T, 2, 4)."""
     moved = states.copy()
     both = pose.hands(moved)
-    both[..., pose.WRIST] = _within_reach(both[..., pose.WRIST] + moves, signer)
-    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
+    both[..., pose.WRIST] = wrists
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(wrists, quats, signer)
     return moved
 
 
@@ -103,31 +120,68 @@ def brought_to_touch(
     touches before the one that is written.
     """
     signer = replace(signer, left_handed=False)
-    wanted = [one for one in _postures(segments, sign) if one[2].touch]
+    wanted, still = _parted(segments, sign, fps, lambda posture: posture.touch)
     before, best, moved = states, np.inf, states
     usual = pose.hand_rotations(states, signer)
     for n in range(_TOUCH_ROUNDS + 1 if wanted else 0):
         posed = posed_signer(moved, signer)
         meets = sign.hands in MIRRORED_HANDS
-        found = [(frame, which, *posed.lacking(posture, frame, which, meets and in_space(posture.location)))
-                 for frame, which, posture in wanted]  # fmt: skip
-        left = sum(float(np.linalg.norm(move)) * (1.0 if turn.any() else _APART) for _, _, move, turn in found)
+        found = [
+            posed.lacking(one.posture, one.first, one.which, meets and in_space(one.posture.location)) for one in wanted
+        ]
+        left = sum(float(np.linalg.norm(move)) * (1.0 if turn.any() else _APART) for move, turn in found)
         if left < best:
             best, states = left, moved
         if n == _TOUCH_ROUNDS or left == 0.0:
             break
         changed = moved.copy()
         both = pose.hands(changed)
-        both[..., pose.WRIST] += _limited(
-            _spread([(f, w, move) for f, w, move, _ in found], len(states), fps), _STEP_CM
+        moves, rotvecs = (_spread(wanted, [one[k] for one in found], still, len(states), fps) for k in range(2))
+        wrists = pose.hands(before)[..., pose.WRIST]
+        both[..., pose.WRIST] = wrists + _limited(
+            both[..., pose.WRIST] - wrists + _limited(moves, _STEP_CM), _MOST_TOUCHING_CM
         )
-        rotvecs = _limited(_spread([(f, w, turn) for f, w, _, turn in found], len(states), fps), _STEP_TURN)
+        rotvecs = _limited(rotvecs, _STEP_TURN)
         turned = rotation.multiply(rotation.exp(rotvecs), pose.hand_rotations(moved, signer))
         away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))
         turned = rotation.multiply(rotation.exp(_limited(away, _MOST_LEAN)), usual)
         both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
-        moved = clear_collisions(elbows.kept(changed, before, signer), signer)
+        moved = cleared(elbows.kept(changed, before, signer), signer)
     return states
+
+
+def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
+    signer = replace(signer, left_handed=False)
+    wrists = _within_reach(pose.hands(states)[..., pose.WRIST], signer)
+    return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
+
+
+def parted(states: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) of hands that mirror one another, moved apart sideways where they lie in one another: pushed out
+    any other way, they would pass by one another.
+    """
+    states = states.copy()
+    frames = np.arange(len(states))
+    for _ in range(_PARTED_ROUNDS):
+        depth = -between_hands(states[frames], signer)
+        deep = depth > TOLERANCE_CM
+        frames, depth = frames[deep], depth[deep]
+        if not len(frames):
+            break
+        pose.hands(states)[frames, :, 0] -= 0.6 * depth[:, None]
+    return states
+
+
+def cleared(states: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) without collisions, hands pushed no farther than is of use: what an arm cannot reach is not clear
+    anywhere.
+    """
+    free = clear_collisions(states, signer)
+    wrists = pose.hands(states)[..., pose.WRIST]
+    moves = _limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
+    pose.hands(free)[..., pose.WRIST] = _within_reach(wrists + moves, signer)
+    return free
 
 
 def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
@@ -153,31 +207,58 @@ def _limited(vectors: FloatArray, most: float) -> FloatArray:
     return np.asarray(vectors * np.minimum(1.0, most / np.maximum(length, 1e-9)))
 
 
-def _spread(missing: Sequence[tuple[int, int, FloatArray]], n_frames: int, fps: float) -> FloatArray:
-    """Displacements (T, 2, 3) that are what is missing at some frames of each hand, and fade between them."""
-    moves = np.zeros((n_frames, 2, 3))
-    radius = max(3.0, _RADIUS_S * fps)
-    for which in (0, 1):
-        found = {frame: miss for frame, w, miss in missing if w == which}
-        frames = np.array(sorted(found), np.intp)
-        if len(frames):
-            near = bump(frames, frames, radius) + _STEADY * np.eye(len(frames))
-            factors = np.linalg.solve(near, np.array([found[int(frame)] for frame in frames]))
-            moves[:, which] = bump(np.arange(n_frames), frames, radius) @ factors
-    return moves
+@dataclass(frozen=True)
+class _Stay:
+    """A posture of the strong (0) or the weak hand (1) that is kept from a ``first`` frame to a ``last`` one."""
+
+    first: int
+    last: int
+    which: int
+    posture: Posture
 
 
-def _postures(segments: Sequence[TimedSegment], sign: Sign) -> Iterator[tuple[int, int, Posture]]:
-    """Frame, hand (0 strong, 1 weak) and posture of each segment's end; of a movement that is made more often, of each
-    time that its posture touches.
+def _parted(
+    segments: Sequence[TimedSegment], sign: Sign, fps: float, changes: Callable[[Posture], bool]
+) -> tuple[list[_Stay], list[_Stay]]:
+    """Where hands are at the end of each segment, and of each time that a movement is made, and stay in holds: the
+    postures that ``changes`` holds for, and the others.
     """
     mirrored = sign.hands == "symmetric"
-    for one in segments:
-        hands = ((0, one.segment.strong), (1, one.segment.strong if mirrored else one.segment.weak))
-        for which, posture in hands:
-            if posture is not None:
-                ends = [stop for _, stop in one.passes] if posture.touch and one.segment.times > 1 else [one.end]
-                yield from ((frame, which, posture) for frame in ends)
+    stays: list[_Stay] = []
+    for which in (0, 1):
+        for one in segments:
+            posture = one.segment.strong if mirrored or not which else one.segment.weak
+            if posture is None:
+                continue
+            if one.segment.kind == "H" and stays and stays[-1].which == which and stays[-1].posture == posture:
+                landed = 0 if posture.touch or one.begin != stays[-1].last else round(LANDING_S * fps)
+                first = min(stays[-1].first + landed, one.end)
+                stays[-1] = replace(stays[-1], first=first, last=one.end)
+                continue
+            ends = [stop for _, stop in one.passes] if one.segment.times > 1 else [one.end]
+            stays += [_Stay(frame, frame, which, posture) for frame in ends]
+    return [one for one in stays if changes(one.posture)], [one for one in stays if not changes(one.posture)]
+
+
+def _spread(
+    stays: Sequence[_Stay], missing: Sequence[FloatArray], still: Sequence[_Stay], n_frames: int, fps: float
+) -> FloatArray:
+    """Displacements (T, 2, 3) that are what is ``missing`` where hands stay, 0 where they are ``still``, go from one to
+    the next between them, and fade before the first and after the last.
+    """
+    moves = np.zeros((n_frames, 2, 3))
+    radius, times = max(3.0, _RADIUS_S * fps), np.arange(n_frames)
+    values = [*zip(stays, missing, strict=True), *((one, np.zeros(3)) for one in still)]
+    for which in (0, 1):
+        found = {frame: miss for one, miss in values if one.which == which for frame in (one.first, one.last)}
+        if found:
+            frames = np.array(sorted(found), np.intp)
+            at = np.array([found[int(frame)] for frame in frames])
+            u = np.interp(times, frames, np.arange(len(frames)))
+            k = u.astype(np.intp)
+            between = at[k] + minimum_jerk(u - k)[:, None] * (at[np.minimum(k + 1, len(at) - 1)] - at[k])
+            moves[:, which] = between * bump(times, np.clip(times, frames[0], frames[-1])[:, None], radius)
+    return moves
 
 
 def _part(hand_state: FloatArray, posture: Posture, signer: Signer) -> FloatArray:

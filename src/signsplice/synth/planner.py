@@ -14,13 +14,13 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, two_hands
+from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import brought_to_touch, placed
+from signsplice.synth.placing import brought_to_touch, cleared, parted, placed, within_reach
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
@@ -103,14 +103,22 @@ def _settled(
 ) -> FloatArray:
     """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
     written, steady = sign.kind == "written", states
+    clear = cleared if written else clear_collisions
+    if written:
+        states = within_reach(states, signer)
     for _ in range(2):  # a forearm that is turned can meet the other hand
         states = steady = elbows.steadied(states, signer, fps, written)
         if written:
             states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
-        states = clear_collisions(states, signer)
+            states = twists.steadied(states, signer, fps)
+            states = parted(states, signer) if sign.hands == "symmetric" else states
+        states = clear(states, signer)
     if written:
-        states = clear_collisions(elbows.kept(states, steady, signer), signer)
-        states = brought_to_touch(states, segments, sign, signer, fps)
+        states = clear(elbows.kept(states, steady, signer), signer)
+        touching = brought_to_touch(states, segments, sign, signer, fps)
+        states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
+        if states is not touching:
+            states = cleared(elbows.kept(cleared(states, signer), states, signer), signer)
     return states
 
 

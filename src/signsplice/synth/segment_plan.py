@@ -169,7 +169,10 @@ class SegmentPlan:
             pause_s, drift = hold_pause(self.signer, self.sign, self.take, n)
             n_frames = max(2, self._frames(segment.seconds or usual, factor) + round(self.fps * pause_s))
             if self.landed is not None:
-                self.knots.append(Knot(begin + min(n_frames - 1, round(LANDING_S * self.fps)), self.landed, True))
+                landing = LANDING_S * self.fps
+                if self.sign.kind == "written":  # a slow movement comes to rest as slowly
+                    landing = max(landing, (self.knots[-1].frame - self.knots[-2].frame) / 3.0)
+                self.knots.append(Knot(begin + min(n_frames - 1, round(landing)), self.landed, True))
             state, self.landed = self.knots[-1].state, None
             if pause_s and not touches(segment, self.sign):
                 state = drifted(state, drift, self.signer, self.sign.hands)

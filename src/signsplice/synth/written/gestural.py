@@ -50,8 +50,6 @@ def sign(element: Element, reading: Reading) -> WrittenSign:
 class _Gestural(Values):
     """Reads the manual part of one sign."""
 
-    mirrored = False
-
     def manual(self, e: Element) -> WrittenSign:
         """A sign, or a part of a compound."""
         self.check(e)
@@ -64,7 +62,6 @@ class _Gestural(Values):
             given = {key: value for key, value in e.attributes.items() if value == "true"}
             inner = [replace(part, attributes={**given, **part.attributes}) for part in parts]
             return WrittenSign(self.reading.gloss, parts=tuple(map(self.manual, inner)), where=where)
-        self.mirrored = self.flag(e, "lr_symm")
         posture, motions = WrittenPosture(), list[Motion]()
         for child in e.children:
             if child.tag not in POSTURES:
@@ -189,11 +186,12 @@ class _Gestural(Values):
         return Site(part or "midjoint", digits, self.side(e, "side", weak), second) if part or digits else None
 
     def side(self, e: Element, key: str, weak: bool) -> str:
-        """A side of a finger: left and right are as seen with the fingers up and the palm away from the signer."""
+        """A side of a finger: left and right are as seen with the fingers up and the palm away from the signer, of the
+        hand that the finger is on; of mirrored signs too, whose weak index fingers are met at their outer side.
+        """
         side = self.choice(e, key)
         if "_" in side:
-            is_left_hand = weak and not self.mirrored
-            return "radial" if side.startswith("left") != is_left_hand else "ulnar"
+            return "radial" if side.startswith("left") != weak else "ulnar"
         return "dorsal" if side == "back" else side
 
     def contact(self, e: Element) -> str:

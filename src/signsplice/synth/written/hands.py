@@ -38,6 +38,8 @@ KINDS: dict[str, tuple[str, str, Vector]] = {
 motions in its own directions."""
 _AWAY: Vector = (-1.0, 1.0, 1.0)
 _SLIDE_CM, _SLIDE_COSINE = 7.0, 0.6
+_LEAST_SLIDE = 0.75
+"""How much of its way a hand goes at least that slides."""
 _HANGING = Posture("rest", REST, "palm", (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 Words = tuple[str, ...]
 _Value = TypeVar("_Value")
@@ -220,7 +222,7 @@ def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool)
         normal = locations.locate(posture.location, weak_arm(weak)).normal * _AXES
         if normal.any() and abs(float(normal @ np.array(travel))) < _SLIDE_COSINE * length:
             slid = _slid_location(posture.location, travel)
-            if slid and normal[2] > 0.6:
+            if slid and normal[2] > 0.6 and _goes(posture.location, slid, travel):
                 return replace(posture, location=slid)
             if on_arm(posture.location):
                 return replace(posture, shift=plus(posture.shift, travel))
@@ -234,6 +236,15 @@ def _slid_location(location: str, travel: Vector) -> str:
         return ""
     out, up = map(float, offset.split(",")) if offset else (0.0, 0.0)
     return f"{name}:{out + travel[0]:.4g},{up + travel[1]:.4g}"
+
+
+def _goes(location: str, slid: str, travel: Vector) -> bool:
+    """Whether a hand that slides from one location on the body to another goes as far as it is to: skin ends, and
+    turns away.
+    """
+    nobody = weak_arm(None)
+    way = locations.locate(slid, nobody).point - locations.locate(location, nobody).point
+    return float(way @ (_AXES * travel)) >= _LEAST_SLIDE * dot(travel, travel)
 
 
 _AXES = np.array([-1.0, 1.0, 1.0])

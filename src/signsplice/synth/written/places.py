@@ -167,6 +167,8 @@ def part_of_hand(site: Site) -> str:
     """A part of the hand in the notation's words. Raises ``InputError`` for what is none."""
     if site.between is not None:
         return f"{part_of_hand(replace(site, between=None))}/{part_of_hand(site.between)}"
+    if site.part == "wristback" and site.side:  # the only word for a wrist in gestural SiGML
+        return f"wrist.{site.side}"
     if site.part in _PARTS:
         return _PARTS[site.part]
     if site.part not in _SEGMENTS:

@@ -1,0 +1,69 @@
+"""Written signs in motion: strokes as long as written, hands that stay together, arms that do not turn suddenly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from signsplice.motion import kinematics
+from signsplice.motion.arrays import FloatArray
+from signsplice.synth import planner, twists
+from signsplice.synth.avoidance import between_hands
+from signsplice.synth.notation import parse
+from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.signer import JOINTS, STANDARD
+from signsplice.synth.written import signing
+
+LOWERED = """LOWERED  hands=one kind=written
+  X shape=pinch12open at=space:3.78,24.83,16.46 palm=in fingers=0,0.383,0.924
+  M shift=0,-12,0 fingers=fwd
+  H
+"""
+CROSSED = """CROSSED  hands=base kind=written
+  X shape=finger23.across at=base-2.mid.radial by=3.mid.ulnar touch=yes palm=-0.707,0,-0.707 fingers=-0.707,0,0.707 \
+w.shape=finger23.across w.at=space:0,9.5,25 w.by=2.mid.radial w.palm=-0.707,0,-0.707 w.fingers=-0.707,0,0.707
+  M w.shift=0,-6,0
+  H
+"""
+AT_EARS = """AT-EARS  hands=symmetric kind=written
+  X shape=ceeall at=cheek by=5.tip touch=yes palm=-0.924,0.271,-0.271 fingers=0,0.707,0.707
+  M at=chin:2.5,0 touch=yes palm=-0.383,0,-0.924 fingers=up path=arc:0.707,-0.707,0:2
+  H
+"""
+
+
+def made(text: str) -> IsolatedWord:
+    (written,) = parse(text).values()
+    return planner.isolated(written)
+
+
+def heights(one: IsolatedWord) -> FloatArray:
+    """Heights (T,) of the right palm above the chest, cm."""
+    joints = [JOINTS[name] for name in ("Spine2", "RightHand", "RightHandMiddle1")]
+    rotations, positions = kinematics.forward(one.clip, joints)
+    away = positions[:, 1:].mean(axis=1) - positions[:, 0]
+    return np.asarray(np.einsum("tba,tb->ta", rotations[:, 0], away)[:, 1])
+
+
+def test_a_stroke_is_as_long_as_written_and_the_hand_then_stays() -> None:
+    one = made(LOWERED)
+    height = heights(one)[one.events.start : one.events.end + 1]
+    assert height[0] - height.min() == pytest.approx(12.0, abs=1.2)
+    assert np.ptp(height[-8:]) < 0.5
+
+
+def test_hands_that_touch_move_together() -> None:
+    one = made(CROSSED)
+    span = slice(one.events.start, one.events.end + 1)
+    assert between_hands(one.states, STANDARD)[span].max() < 0.5
+    height = heights(one)[span]
+    assert height[0] - height[-1] == pytest.approx(6.0, abs=1.2)
+
+
+def test_forearms_turn_over_in_their_own_time() -> None:
+    assert list(signing.jumps(made(AT_EARS).clip)) == []
+
+
+def test_arms_that_turn_over_nowhere_are_left_alone() -> None:
+    states = made(LOWERED).states
+    assert twists.steadied(states, STANDARD, 30.0) is states
