@@ -94,7 +94,7 @@ def test_the_package_is_one_small_module_without_dependencies(installed: Path) -
     assert len(gzip.compress(script, 9)) < MOST_BYTES
     assert not json.loads((package / "package.json").read_text()).get("dependencies")
     assert sorted(path.name for path in (package / "dist").iterdir()) == [
-        "LICENCES.txt", "LICENSE", "api.d.ts", "sign-player.js", "sign_player.d.ts",
+        "LICENCES.txt", "LICENSE", "api.d.ts", "attributes.d.ts", "sign-player.js", "sign_player.d.ts",
     ]  # fmt: skip
     for name in ("three", "@pixiv/three-vrm"):
         assert name in (package / "dist/LICENCES.txt").read_text()

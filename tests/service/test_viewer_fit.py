@@ -36,7 +36,14 @@ from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.service.scene import fit_source
 
-CASES = [("NAME", "narrow"), ("MY", "broad"), ("MOTHER", "big head"), ("FAMILY", "narrow"), ("FAMILY", "broad")]
+CASES = [
+    ("NAME", "narrow"),
+    ("MY", "broad"),
+    ("MOTHER", "big head"),
+    ("FAMILY", "narrow"),
+    ("FAMILY", "broad"),
+    ("MY", "no chest"),
+]
 SENTENCES = [("HELLO MY NAME", "narrow"), ("HELLO MY NAME", "big head")]
 FAR = ("HAT", "too short")
 MOST_M = 0.002
@@ -60,11 +67,11 @@ def signed(line: str) -> Clip:
 
 def made(folder: Path, name: str) -> Path:
     """The file of a body of ``avatars.BODIES``: one as VRM 0.x, one whose arms hang at rest. "too short": with arms
-    that reach no face.
+    that reach no face; "no chest": whose mesh hangs on a joint that has no role.
     """
     path = folder / f"{name}.vrm"
     if not path.exists():
-        avatar = avatars.body("narrow" if name == "too short" else name)
+        avatar = avatars.body("narrow" if name in ("too short", "no chest") else name)
         joints = rig_info(avatar).roles.joints
         # Joints of other names: those of one rig are matched by name, and their rest poses are taken for the same.
         names = tuple(joint.replace("mixamorig:", "J_") for joint in avatar.names)
@@ -79,7 +86,8 @@ def made(folder: Path, name: str) -> Path:
         avatar = replace(avatar, offsets=offsets)
         if name in ("too short", "big head"):
             avatar = replace(avatar, body=shaped_capsules(avatar, avatars.BODIES["big head"].shape))
-        avatars.write(path, avatar, avatars.tubes(avatar), "0.x" if name == "broad" else "1.0")
+        named = {role: joint for role, joint in avatar.roles.items() if (name, role) != ("no chest", "upperChest")}
+        avatars.write(path, avatar, avatars.tubes(avatar), "0.x" if name == "broad" else "1.0", roles=named)
     return path
 
 

@@ -2,8 +2,10 @@
  * `<sign-player>`: a person on the user's page who signs a file or a sentence of the service. See docs/player.md.
  */
 
-import type { SignPlayerEventMap, View, Word } from './api.js';
+import type { SignPlayerEventMap, Word } from './api.js';
+import { Attributes, OTHERS, PROPERTIES, SOURCES } from './attributes.js';
 import { Controls } from './controls.js';
+import { filmButton } from './flat.js';
 import { isLanguage, type Language, translateTo } from './languages.js';
 import type { Person } from './person.js';
 import { reachWarnings, titleOf, words } from './scene.js';
@@ -16,13 +18,7 @@ import type { Spliced } from './wire.js';
 
 export type { Ready, SignPlayerEventMap, View, Word } from './api.js';
 
-const SOURCES = ['src', 'gloss', 'text', 'service', 'avatar'] as const;
-const OTHERS = ['rate', 'controls', 'poster', 'view', 'mirrored', 'captions', 'camera-controls', 'loop'] as const;
-const PROPERTIES = [...SOURCES, 'rate', 'poster', 'view', 'controls', 'autoplay', 'loop', 'captions', 'mirrored', 'cameraControls'] as const;
-const VIEWS: readonly string[] = ['front', 'side', 'hands'] satisfies View[];
-const Base = globalThis.HTMLElement ?? (class {} as typeof HTMLElement); // a page that is rendered on a server has none
-
-export class SignPlayer extends Base {
+export class SignPlayer extends Attributes {
   static readonly observedAttributes: readonly string[] = [...SOURCES, ...OTHERS];
 
   /** The parts that the page of the service works with; null before the element is on a page, or without WebGL.
@@ -117,54 +113,8 @@ export class SignPlayer extends Base {
     else this.#apply(name as (typeof OTHERS)[number]);
   }
 
-  // --- what users set and read ---
+  // --- what users read ---
 
-  /** Address of a .glb, a .vrma, an answer of /v1/sentence or a report (.json). */
-  get src(): string { return this.getAttribute('src') ?? ''; }
-  set src(address: string) { this.setAttribute('src', address); }
-  /** Address of an avatar (.vrm or .glb) that signs; else the file's own figure does. */
-  get avatar(): string { return this.getAttribute('avatar') ?? ''; }
-  set avatar(address: string) { this.setAttribute('avatar', address); }
-  /** Glosses for the service to sign, in the order of signing. */
-  get gloss(): string { return this.getAttribute('gloss') ?? ''; }
-  set gloss(line: string) { this.setAttribute('gloss', line); }
-  /** A typed line for the service to sign, word by word. */
-  get text(): string { return this.getAttribute('text') ?? ''; }
-  set text(line: string) { this.setAttribute('text', line); }
-  /** Address of the service. */
-  get service(): string { return this.getAttribute('service') ?? ''; }
-  set service(address: string) { this.setAttribute('service', address); }
-  /** Address of a picture that is shown until the figure is there, or in its place without WebGL. */
-  get poster(): string { return this.getAttribute('poster') ?? ''; }
-  set poster(address: string) { this.setAttribute('poster', address); }
-  /** Speed of playing; 1 is as it was signed. */
-  get rate(): number {
-    const rate = Number(this.getAttribute('rate') ?? 1);
-    return rate > 0 && rate <= 10 ? rate : 1;
-  }
-  set rate(rate: number) { this.setAttribute('rate', String(rate)); }
-  /** Where the camera stands: in front, at the side, or near the hands, which it follows. */
-  get view(): View {
-    const view = this.getAttribute('view') ?? '';
-    return VIEWS.includes(view) ? (view as View) : 'front';
-  }
-  set view(view: View) { this.setAttribute('view', view); }
-  get controls(): boolean { return this.hasAttribute('controls'); }
-  set controls(on: boolean) { this.toggleAttribute('controls', on); }
-  /** Play as soon as it is there, unless the user wants little motion. */
-  get autoplay(): boolean { return this.hasAttribute('autoplay'); }
-  set autoplay(on: boolean) { this.toggleAttribute('autoplay', on); }
-  get loop(): boolean { return this.hasAttribute('loop'); }
-  set loop(on: boolean) { this.toggleAttribute('loop', on); }
-  /** Whether glosses are shown; they are labels, not a translation. */
-  get captions(): boolean { return this.hasAttribute('captions'); }
-  set captions(on: boolean) { this.toggleAttribute('captions', on); }
-  /** Whether the picture is a mirror's. */
-  get mirrored(): boolean { return this.hasAttribute('mirrored'); }
-  set mirrored(on: boolean) { this.toggleAttribute('mirrored', on); }
-  /** Whether the user can turn and move the camera. */
-  get cameraControls(): boolean { return this.hasAttribute('camera-controls'); }
-  set cameraControls(on: boolean) { this.toggleAttribute('camera-controls', on); }
   /** Time that is shown, s. */
   get currentTime(): number { return this.show?.player.time ?? 0; }
   set currentTime(seconds: number) { this.show?.player.seek(Math.round(seconds * this.show.player.fps)); }
@@ -294,34 +244,10 @@ export class SignPlayer extends Base {
     show(sheet);
     this.#stage.classList.add('is-flat');
     this.#stage.querySelector('.film')?.remove();
-    this.#stage.prepend(this.#note, this.#filmButton(() => from!.picture(line, 'gif', signal), sheet, show));
+    const draw = () => from!.picture(line, 'gif', signal);
+    const button = filmButton(draw, sheet, { stage: this.#stage, language: this.#language, show, say: (text) => this.#say(text), fail: (text) => this.#fail(text) });
+    this.#stage.prepend(this.#note, button);
     Object.assign(this.#stage, { tabIndex: 0, role: 'group', ariaLabel: this.#translate('stage') });
-  }
-
-  /** A button that shows the film that the service draws, or the sheet again. */
-  #filmButton(draw: () => Promise<Blob>, sheet: Blob, show: (picture: Blob) => void): HTMLButtonElement {
-    const button = Object.assign(document.createElement('button'), { type: 'button', className: 'film', textContent: this.#translate('film') });
-    button.ariaPressed = 'false';
-    let film: Promise<Blob> | null = null;
-    button.addEventListener('click', () => {
-      const isWanted = button.ariaPressed !== 'true';
-      button.ariaPressed = String(isWanted);
-      if (!isWanted) return show(sheet);
-      this.#stage.ariaBusy = 'true';
-      this.#say(this.#translate('drawing'));
-      (film ??= draw())
-        .then((drawn) => {
-          this.#say(this.#translate('flat'));
-          if (button.ariaPressed === 'true') show(drawn);
-        })
-        .catch((error: unknown) => {
-          film = null;
-          button.ariaPressed = 'false';
-          this.#fail(error instanceof Error ? error.message : String(error));
-        })
-        .finally(() => (this.#stage.ariaBusy = 'false'));
-    });
-    return button;
   }
 
   #picture(address: string, text: string): void {
@@ -386,7 +312,7 @@ export class SignPlayer extends Base {
     return isLanguage(code) ? code : 'en';
   }
 
-  #translate(key: 'stage' | 'flat' | 'film' | 'drawing'): string {
+  #translate(key: 'stage' | 'flat'): string {
     return translateTo(this.#language, key);
   }
 }

@@ -78,9 +78,8 @@ export class TimeLine {
       this.spans.children[now]?.setAttribute('aria-current', 'true');
       this.now = now;
     }
-    const track = this.element.scrollWidth;
-    if (playing && track > this.element.clientWidth) {
-      this.element.scrollLeft = (track * frame) / report.frames - this.element.clientWidth / 2;
-    }
+    const { scrollWidth, clientWidth, scrollLeft } = this.element;
+    const x = (scrollWidth * frame) / report.frames;
+    if (playing || x < scrollLeft || x > scrollLeft + clientWidth) this.element.scrollLeft = x - clientWidth / 2;
   }
 }

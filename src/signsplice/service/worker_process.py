@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import sys
 import threading
@@ -177,6 +178,8 @@ def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
     work.start_worker(settings)
     with suppress(Exception):  # if it is the lexicon's fault, jobs report it
         work.warm_up(for_streams)
+    gc.collect()
+    gc.freeze()  # else the first request waits 50 ms for a look through all that was imported
     with suppress(EOFError, OSError):
         pipe.send(None)
         while True:

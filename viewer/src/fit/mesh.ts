@@ -106,7 +106,7 @@ function addVertices(
 class Carriers {
   private readonly json: Document;
   private readonly parents = new Map<number, number>();
-  /** Node -> number of its bone, ~k for a node between bone k and the next. */
+  /** Node -> number of its bone. */
   private readonly rows = new Map<number, number>();
   private readonly springs: Set<number>;
 
@@ -118,12 +118,6 @@ class Carriers {
       const node = bone && this.numberOf(bone);
       if (typeof node === 'number') this.rows.set(node, row);
     });
-    for (const node of [...this.rows.keys()]) {
-      const between: number[] = [];
-      let above = this.parents.get(node);
-      for (; above !== undefined && !this.rows.has(above); above = this.parents.get(above)) between.push(above);
-      if (above !== undefined) for (const each of between) this.rows.set(each, ~this.rows.get(above)!);
-    }
     const { VRMC_springBone, VRM } = this.json.extensions ?? {};
     this.springs = new Set([
       ...(VRMC_springBone?.springs ?? []).flatMap(({ joints }) => (joints ?? []).map(({ node }) => node)),

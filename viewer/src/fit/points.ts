@@ -28,7 +28,7 @@ export class SkinPoints {
 
   private readonly triangles: [number, number, number][] = [];
 
-  /** The number of a vertex that is added; bones of these numbers carry it, so much: ~k for a node between bone k and the next. */
+  /** The number of a vertex that is added; bones of these numbers carry it, so much. */
   add(point: Vector3, bones: number[], weights: number[], isCloth: boolean): number {
     const vertex = this.points.push(point) - 1;
     this.carriers.push({ bones, weights });

@@ -89,7 +89,7 @@ class Fitting {
     const [left, right] = SIDES.map((side) => {
       const hand = new Set([this.number.get(`${side}Hand`)!]);
       this.bones.forEach(({ parent }, k) => hand.has(parent) && hand.add(k));
-      return surfaceOf([...hand].flatMap((bone) => [bone, ~bone]), true);
+      return surfaceOf([...hand], true);
     });
     const body = surfaceOf(BODY.flatMap((name) => this.number.get(name) ?? []), false);
     return body && left && right ? { body, hands: [left, right] } : null;

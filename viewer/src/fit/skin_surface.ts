@@ -102,11 +102,8 @@ export function skinSurface(
   const kept = all.filter((_, k) => !covered[k]);
   const bones = [...new Set(kept.flatMap(({ corners }) => corners.flatMap((corner) => points.carriers[corner]!.bones)))];
   if (!kept.length || kept.length * bones.length >= MOST_WEIGHTS) return null;
-  const joints = bones.map((carrier) => {
-    const bone = carrier < 0 ? ~carrier : carrier;
-    return { bone, origin: rest[bone]!, toTPose: toTPose[bone]! };
-  });
-  const columns = new Map(bones.map((carrier, column) => [carrier, column]));
+  const joints = bones.map((bone) => ({ bone, origin: rest[bone]!, toTPose: toTPose[bone]! }));
+  const columns = new Map(bones.map((bone, column) => [bone, column]));
   const carried = kept.map(({ at, normal, corners, shares }) => {
     const weights = new Map<number, number>();
     corners.forEach((corner, c) => {
