@@ -3,9 +3,12 @@
 A sign of the .sigml files in FOLDER, a row of the constructed HamNoSys of ``tests/synth``, or a sign of the notation
 that ships, with one to three mutations: mostly a value that another of its kind replaces, else what ``fuzz_written``
 does. Each is refused in one line, or becomes a clip that is sound: every number finite, at most 60 s, no joint that
-turns by 90 degrees in a frame unless a warning names the frame, wrists and elbows within their limits. Anything else is
+turns by 90 degrees in a frame unless a note names the frame, wrists and elbows within their limits. Anything else is
 a finding, and the exit status is 1. Printed: counts by kind, the processor time, and how many clips have a hand deeper
 than 5 mm anywhere.
+
+A written sign whose hand lies deeper than 5 mm is a finding too where no note of its clip says so, and so is one that
+takes over 2 s of processor time.
 
 N: with no finding in N inputs, 3 / N of such inputs at most fail (95 % confidence; 30,000: one in 10,000). SEED and the
 input's number choose everything about it, so that a finding is made again alone: ``N`` as ``K:K+1``.
@@ -32,7 +35,7 @@ from signsplice.synth.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
 from signsplice.synth.signer import JOINTS
 from signsplice.synth.written import signing, symbols
 
-DEEP_CM, SLACK_DEG = 0.5, 1.0
+DEEP_CM, SLACK_DEG, MOST_S = 0.5, 1.0, 2.0
 VALUE = {"SiGML": r'(\w+)="[^"]*"', "notation": r"(\w+)=\S+"}
 """A value and its name."""
 NOTATION = Path(notation.__file__).parent / "words" / "everyday.signs"
@@ -111,7 +114,7 @@ def attack(folder: Path, cases: range, seed: int) -> int:
         for _ in range(rng.choice((1, 1, 2, 3))):
             text = mutated(kind, text, texts[kind], rng)
         count[f"{kind}: inputs"] += 1
-        finding = ""
+        finding, start = "", time.process_time()
         try:
             made = clips(kind, text)
         except InputError as error:
@@ -120,6 +123,9 @@ def attack(folder: Path, cases: range, seed: int) -> int:
             made = []
         except Exception as error:  # what the program did not foresee
             finding, made = f"{type(error).__name__}: {str(error)[:200]}", []
+        took_s = (time.process_time() - start) / max(1, len(made))
+        if took_s > MOST_S:
+            finding = finding or f"takes {took_s:.1f} s"
         for clip in made:
             count[f"{kind}: clips"] += 1
             wrong = unsound(clip)
@@ -129,6 +135,8 @@ def attack(folder: Path, cases: range, seed: int) -> int:
             deep = 0.0 if wrong else depth_cm(clip)
             count[f"{kind}: deeper than 5 mm"] += deep > DEEP_CM
             count[f"{kind}: deeper than 20 mm"] += deep > 4 * DEEP_CM
+            if deep > DEEP_CM and kind != "notation" and not any("deep in the body" in note for note in clip.notes):
+                finding = finding or f"a hand lies {10.0 * deep:.0f} mm deep and no note says so"
         if finding:
             count["findings"] += 1
             print(f"case {n} ({kind}): {finding}", flush=True)

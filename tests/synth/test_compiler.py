@@ -360,6 +360,14 @@ def test_a_swing_moves_the_wrist_sideways_and_a_stir_both_ways() -> None:
         assert {k for k in (1, 2) if span[k] > 0.25} == set(moved), kind
 
 
+def test_a_hand_deep_in_the_body_is_named_with_its_frame() -> None:
+    states = planner.isolated(made(INDEX)).states.copy()
+    states[12, pose.WRIST] = (-4.0, -4.0, 8.0)  # in the chest
+    (line,) = signing.deep_hands(pose.clip(states, STANDARD, 30.0))
+    assert line.startswith("a hand lies ")
+    assert "mm deep in the body at frame 12;" in line
+
+
 def test_an_elbow_that_jumps_is_named_with_its_frame() -> None:
     clip = signing.signed(sign(INDEX, straight("u")))
     assert not clip.notes

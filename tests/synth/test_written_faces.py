@@ -11,8 +11,10 @@ from signsplice.motion.face import Face
 from signsplice.motion.kinematics import forward
 from signsplice.synth import notation, planner, pose
 from signsplice.synth.gestures import Gesture
+from signsplice.synth.signer import JOINTS
 from signsplice.synth.tables import sections
 from signsplice.synth.written import faces
+from signsplice.synth.written.shoulders import with_shoulders
 from signsplice.synth.written.tree import Tier, WrittenSign
 
 FPS, HANDS, FRAMES = 30.0, (30, 60), 90
@@ -33,7 +35,7 @@ def level(made: Face) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.asarray(made.weights.max(axis=1))
 
 
-@pytest.mark.parametrize(("table", "code"), [key for key in CODES if key[0] not in ("head", "body")])
+@pytest.mark.parametrize(("table", "code"), [key for key in CODES if key[0] not in ("head", "body", "shoulder")])
 def test_every_code_of_the_face_shows_during_the_hands_and_is_at_rest_around_them(table: str, code: str) -> None:
     made = faces.face_of(WrittenSign("X", tiers=(Tier(table, code, lane="a"),)), HANDS, FRAMES, FPS)
     if CODES[table, code] == ["ahead"]:
@@ -134,9 +136,34 @@ def test_amounts_scale_what_is_shown() -> None:
 def test_what_is_not_made_is_named_and_the_rest_is_made() -> None:
     tiers = (
         Tier("mouth_picture", "w0w", lane="mouth"), Tier("eye_brows", "XX", lane="face"),
-        Tier("shoulder", "UB", lane="shoulder"), Tier("eye_lids", "WB", lane="face"),
+        Tier("shoulder", "PB", lane="shoulder"), Tier("eye_lids", "WB", lane="face"),
     )  # fmt: skip
     assert [line.split(" is left out")[0] for line in faces.left_out(WrittenSign("X", tiers=tiers))] == [
-        "mouth_picture w0w", "eye_brows XX", "shoulder UB",
+        "mouth_picture w0w", "eye_brows XX", "shoulder PB",
     ]  # fmt: skip
     assert face(*tiers).channels == ("eyeWideLeft", "eyeWideRight")
+
+
+@pytest.mark.parametrize("code", [code for table, code in CODES if table == "shoulder"])
+def test_shoulders_move_while_hands_keep_place_and_direction(code: str) -> None:
+    word = planner.isolated(notation.everyday()["MOTHER"])
+    hands = word.events.start, word.events.end + 1
+    moved = with_shoulders(word.clip, WrittenSign("X", tiers=(Tier("shoulder", code, lane="a"),)), hands)
+    (turns, before), (turned, after) = forward(word.clip), forward(moved)
+    wrists, arms = ([JOINTS[side + name] for side in ("Left", "Right")] for name in ("Hand", "Arm"))
+    assert np.linalg.norm(after - before, axis=-1)[:, wrists].max() < 0.2
+    assert np.abs(turned - turns)[:, wrists].max() < 1e-9
+    went = np.linalg.norm(after - before, axis=-1)[:, arms].max(axis=0)
+    assert [bool(way > 2.0) for way in went] == [
+        CODES["shoulder", code][0] in ("both", side) for side in ("Left", "Right")
+    ]
+
+
+def test_shoulders_stay_and_say_so_where_a_hand_is_in_their_way() -> None:
+    text = "X  hands=one kind=written\n  X shape=flat at=shoulder by=palm palm=down fingers=in touch=yes\n  H\n"
+    (sign,) = notation.parse(text).values()
+    word = planner.isolated(sign)
+    tier = Tier("shoulder", "UB", lane="a", amount=2.0)
+    made = with_shoulders(word.clip, WrittenSign("X", tiers=(tier,)), (word.events.start, word.events.end + 1))
+    assert made.notes == ("the shoulders stay: the hands are in their way",)
+    assert np.array_equal(made.local_rotations, word.clip.local_rotations)

@@ -25,7 +25,7 @@ def _both(**parts: float) -> dict[str, float]:
 VISEMES: Mapping[str, Mapping[str, float]] = {
     "sil": {},
     "PP": {"mouthRollLower": 0.3, "mouthRollUpper": 0.3} | _both(mouthPress=0.5),
-    "FF": {"jawOpen": 0.08, "mouthRollLower": 0.6} | _both(mouthUpperUp=0.25),
+    "FF": {"jawOpen": 0.05, "mouthRollLower": 0.9} | _both(mouthUpperUp=0.4),
     "TH": {"jawOpen": 0.18, "tongueOut": 0.35} | _both(mouthLowerDown=0.2, mouthUpperUp=0.1),
     "DD": {"jawOpen": 0.15} | _both(mouthLowerDown=0.25, mouthStretch=0.1),
     "kk": {"jawOpen": 0.25} | _both(mouthLowerDown=0.1),

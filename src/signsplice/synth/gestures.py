@@ -60,13 +60,31 @@ def gesture(text: str) -> Gesture | None:
 
 def add(states: FloatArray, gestures: tuple[Gesture, ...], events: Events, fps: float) -> None:
     """Add gestures to the states (T, 65) of a word of a right-handed signer, in place."""
-    t = np.arange(len(states)) / fps
-    start, seconds = events.start / fps, max((events.end - events.start) / fps, 0.3)
     for gesture in gestures:
-        begin, end = start + gesture.begin * seconds, start + gesture.end * seconds
-        level = pose.smooth_step((t - begin + _RAMP_S) / _RAMP_S) * pose.smooth_step((end + _RAMP_S - t) / _RAMP_S)
-        if gesture.cycles:
-            cycles = max(1.0, min(gesture.cycles, float(np.floor(_MOST_HZ * (end - begin)))))
-            phase = 2.0 * np.pi * cycles * np.clip((t - begin) / (end - begin), 0.0, 1.0)
-            level = level * (np.sin(phase) if gesture.degrees[1] else 0.5 - 0.5 * np.cos(phase))
-        states[:, pose.HEAD if gesture.part == "head" else pose.TRUNK] += level[:, None] * np.deg2rad(gesture.degrees)
+        hands, swings = (events.start, events.end), bool(gesture.degrees[1])
+        height = level(len(states), fps, hands, gesture.begin, gesture.end, gesture.cycles, swings)
+        part = pose.HEAD if gesture.part == "head" else pose.TRUNK
+        states[:, part] += height[:, None] * np.deg2rad(gesture.degrees)
+
+
+def level(
+    n_frames: int,
+    fps: float,
+    hands: tuple[int, int],
+    begin: float,
+    end: float,
+    cycles: float = 0.0,
+    swings: bool = False,
+) -> FloatArray:
+    """How far (T,) a gesture has gone that lasts from ``begin`` to ``end`` of the time of the hands, which sign in the
+    frames ``hands``; ``cycles``: how often it goes there and back, ``swings``: to both sides.
+    """
+    t = np.arange(n_frames) / fps
+    start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, 0.3)
+    first, last = start + begin * seconds, start + end * seconds
+    height = pose.smooth_step((t - first + _RAMP_S) / _RAMP_S) * pose.smooth_step((last + _RAMP_S - t) / _RAMP_S)
+    if cycles:
+        cycles = max(1.0, min(cycles, float(np.floor(_MOST_HZ * (last - first)))))
+        phase = 2.0 * np.pi * cycles * np.clip((t - first) / (last - first), 0.0, 1.0)
+        height = height * (np.sin(phase) if swings else 0.5 - 0.5 * np.cos(phase))
+    return height

@@ -122,13 +122,24 @@ def body_tracks(sign: WrittenSign) -> tuple[Gesture, ...]:
     return tuple(found)
 
 
+def shoulder_tracks(sign: WrittenSign) -> Iterator[tuple[str, FloatArray, float, float, float]]:
+    """Of each movement of the shoulders of a sign that is made: the side (Left, Right, both), degrees (2,) up and
+    forward, cycles, and the fractions of the time of the hands at which it begins and ends.
+    """
+    for lane in _lanes(sign, ("shoulder",)):
+        for n, group in enumerate(lane):
+            for tier in {tier.code: tier for tier in group}.values():
+                if row := _CODES["shoulder"].get(tier.code):
+                    side, degrees, cycles = row
+                    angles = tier.amount * np.array(degrees.split(","), np.float64)
+                    yield side, angles, float(cycles), n / len(lane), (n + 1) / len(lane)
+
+
 def left_out(sign: WrittenSign) -> tuple[str, ...]:
     """What of a sign's face and body is not made, one line each."""
     lines = list[str]()
     for tier in sign.tiers:
         try:
-            if tier.tier == "shoulder":
-                raise InputError("the signer's shoulders follow the hands")
             if tier.tier == "mouth_picture" and not _GESTURE.fullmatch(tier.code):
                 mouthing.visemes(tier.code)
             elif tier.code not in _CODES.get(_table(tier), {}):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
@@ -16,11 +17,14 @@ from signsplice.synth.segment_plan import FPS
 from signsplice.synth.signer import JOINTS
 from signsplice.synth.written import faces, files
 from signsplice.synth.written.compiler import compile_sign
+from signsplice.synth.written.shoulders import with_shoulders
 from signsplice.synth.written.tree import WrittenSign
 
 _FASTEST_CM_S = 350.0
 """An elbow that is faster about its shoulder jumps; those of the words that ship stay below 275."""
 
+_DEEPEST_CM = 0.5
+"""How deep a hand may lie in the body."""
 _FASTEST_TWIST = 30.0
 """A forearm that turns faster, radians a second, turns over: it goes from one of its limits to the other in a frame."""
 
@@ -30,8 +34,16 @@ def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
     and place for what cannot be made, or, where ``lenient``, is as usual where it is not written.
     """
     word = planner.isolated(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
-    clip = faces.with_face(word.clip, sign, (word.events.start, word.events.end + 1))
-    return replace(clip, notes=(*clip.notes, *jumps(clip)))
+    hands = word.events.start, word.events.end + 1
+    clip = faces.with_face(with_shoulders(word.clip, sign, hands), sign, hands)
+    return replace(clip, notes=(*clip.notes, *deep_hands(clip), *jumps(clip)))
+
+
+def deep_hands(clip: Clip) -> Iterator[str]:
+    """A line for the hand that lies too deep in the body."""
+    depth = collision.posed_capsules(clip.skeleton, *kinematics.forward(clip)).penetration()[0].max(axis=1)
+    if depth.max() > _DEEPEST_CM:
+        yield f"a hand lies {10.0 * depth.max():.0f} mm deep in the body at frame {depth.argmax()}; look at the sign"
 
 
 def jumps(clip: Clip) -> Iterator[str]:
