@@ -20,7 +20,7 @@ from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import REST, Posture, Vector, on_arm
 from signsplice.synth.signer import STANDARD
-from signsplice.synth.written.directions import direction, dot, facing, plus, unit
+from signsplice.synth.written.directions import dot, oriented, plus, unit
 from signsplice.synth.written.places import Spot, shape_text, spot, usual_part
 from signsplice.synth.written.tree import Place, WrittenPosture, WrittenShape
 
@@ -85,8 +85,7 @@ class HandState:
         """Where fingers and palm point, in the hand's own directions."""
         assert self.fingers is not None
         assert self.palm is not None
-        along = direction(self.fingers)
-        faces = facing(along, self.palm)
+        along, faces = oriented(self.fingers, self.palm)
         return (_own(along), _own(faces)) if self.which else (along, faces)
 
     def written(self, posture: WrittenPosture | None, kind: str, literal: bool = False) -> HandState:
