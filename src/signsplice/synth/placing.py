@@ -15,12 +15,11 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.kinematics import rest_positions
-from signsplice.synth import elbows, hand, pose
-from signsplice.synth.avoidance import MIRRORED_HANDS, clear_collisions
+from signsplice.synth import hand, pose
 from signsplice.synth.contact import PosedSigner, posed_signer
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
-from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm
+from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm
 from signsplice.synth.segment_plan import TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
@@ -32,15 +31,9 @@ _LEFT_CM = 0.5
 _LEFT_ALONE = ON_ARM | {REST}
 """Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""
 _MOST_CM = 8.0
-_MOST_TURN = np.deg2rad(25.0)
-"""How far a hand is moved, and turned, at most."""
+"""How far a hand is moved at most."""
 _STEADY = 0.1
 """What keeps corrections at frames beside one another from growing."""
-_TOUCH_ROUNDS = 5
-_STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
-"""How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
-_APART = 5.0
-"""How much more a hand counts that touches with no part."""
 _NEAREST_CM = 16.5
 """How near to its shoulder a wrist is at least."""
 _BEHIND_CM = 12.0
@@ -53,81 +46,40 @@ _SIDES = ("Right", "Left")
 def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
     signer = replace(signer, left_handed=False)
-    wanted = [one for one in _postures(segments, sign) if one[2].location not in _LEFT_ALONE]
-    moves, rotvecs = np.zeros((2, len(states), 2, 3))
+    wanted = [one for one in postures(segments, sign) if one[2].location not in _LEFT_ALONE]
+    moves = np.zeros((len(states), 2, 3))
     if not wanted:
         return states
     frames = sorted({frame for frame, *_ in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
     centres = [_part(pose.hands(states)[frame, which], posture, signer) for frame, which, posture in wanted]
     quats = pose.hand_rotations(states[frames], signer)
-    least, best = np.inf, (moves, rotvecs)
+    least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
-        posed = posed_signer(_moved(states[frames], quats, moves[frames], rotvecs[frames], signer), signer)
+        posed = posed_signer(_moved(states[frames], quats, moves[frames], signer), signer)
         found = [
-            (frame, which, *_missing(posed, rows[frame], which, posture, sign, centre))
+            (frame, which, _missing(posed, rows[frame], which, posture, sign, centre))
             for (frame, which, posture), centre in zip(wanted, centres, strict=True)
         ]
-        left = sum(float(np.linalg.norm(miss)) for *_, miss, _ in found)
+        left = sum(float(np.linalg.norm(miss)) for *_, miss in found)
         if left < least:
-            least, best = left, (moves, rotvecs)
+            least, best = left, moves
         if n == _ROUNDS or left == 0.0:
             break
-        moves = moves + _spread([one[:3] for one in found], len(states), fps)
-        if n:  # where arms do not reach, hands turn about the wrist for the part that touches
-            lean = [
-                (frame, which, _turn(arm, miss) if posture.touch else np.zeros(3))
-                for (frame, which, miss, arm), (_, _, posture) in zip(found, wanted, strict=True)
-            ]
-            rotvecs = rotvecs + _spread(lean, len(states), fps)
-        moves, rotvecs = (_limited(x, most) for x, most in ((moves, _MOST_CM), (rotvecs, _MOST_TURN)))
-    return _moved(states, pose.hand_rotations(states, signer), *best, signer)
+        moves = moves + spread(found, len(states), fps)
+        moves = _limited(moves, _MOST_CM)
+    return _moved(states, pose.hand_rotations(states, signer), best, signer)
 
 
-def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, rotvecs: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
-    if not (moves.any() or rotvecs.any()):
+def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3)."""
+    if not moves.any():
         return states
-    quats = rotation.multiply(rotation.exp(rotvecs), quats)
     moved = states.copy()
     both = pose.hands(moved)
     both[..., pose.WRIST] = _within_reach(both[..., pose.WRIST] + moves, signer)
     both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
     return moved
-
-
-def brought_to_touch(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
-) -> FloatArray:
-    """States (T, 65) of a whole word, free of collisions, in which hands are turned a little where another part of them
-    touches before the one that is written.
-    """
-    signer = replace(signer, left_handed=False)
-    wanted = [one for one in _postures(segments, sign) if one[2].touch]
-    before, best, moved = states, np.inf, states
-    usual = pose.hand_rotations(states, signer)
-    for n in range(_TOUCH_ROUNDS + 1 if wanted else 0):
-        posed = posed_signer(moved, signer)
-        meets = sign.hands in MIRRORED_HANDS
-        found = [(frame, which, *posed.lacking(posture, frame, which, meets and in_space(posture.location)))
-                 for frame, which, posture in wanted]  # fmt: skip
-        left = sum(float(np.linalg.norm(move)) * (1.0 if turn.any() else _APART) for _, _, move, turn in found)
-        if left < best:
-            best, states = left, moved
-        if n == _TOUCH_ROUNDS or left == 0.0:
-            break
-        changed = moved.copy()
-        both = pose.hands(changed)
-        both[..., pose.WRIST] += _limited(
-            _spread([(f, w, move) for f, w, move, _ in found], len(states), fps), _STEP_CM
-        )
-        rotvecs = _limited(_spread([(f, w, turn) for f, w, _, turn in found], len(states), fps), _STEP_TURN)
-        turned = rotation.multiply(rotation.exp(rotvecs), pose.hand_rotations(moved, signer))
-        away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))
-        turned = rotation.multiply(rotation.exp(_limited(away, _MOST_LEAN)), usual)
-        both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
-        moved = clear_collisions(elbows.kept(changed, before, signer), signer)
-    return states
 
 
 def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
@@ -142,32 +94,29 @@ def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
     return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
 
 
-def _turn(arm: FloatArray, miss: FloatArray) -> FloatArray:
-    """The rotation vector (3,) that brings the end of an arm (3,) nearer to what it misses by ``miss`` (3,)."""
-    return np.asarray(np.cross(arm, miss) / max(float(arm @ arm), 4.0))
-
-
 def _limited(vectors: FloatArray, most: float) -> FloatArray:
     """Vectors (..., 3) of a length of at most ``most``."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors * np.minimum(1.0, most / np.maximum(length, 1e-9)))
 
 
-def _spread(missing: Sequence[tuple[int, int, FloatArray]], n_frames: int, fps: float) -> FloatArray:
-    """Displacements (T, 2, 3) that are what is missing at some frames of each hand, and fade between them."""
-    moves = np.zeros((n_frames, 2, 3))
+def spread(
+    missing: Sequence[tuple[int, int, FloatArray]], n_frames: int, fps: float, steady: float = _STEADY
+) -> FloatArray:
+    """Displacements (T, 2, C) that are what is missing (C,) at some frames of each hand, and fade between them."""
+    moves = np.zeros((n_frames, 2, len(missing[0][2])))
     radius = max(3.0, _RADIUS_S * fps)
     for which in (0, 1):
         found = {frame: miss for frame, w, miss in missing if w == which}
         frames = np.array(sorted(found), np.intp)
         if len(frames):
-            near = bump(frames, frames, radius) + _STEADY * np.eye(len(frames))
+            near = bump(frames, frames, radius) + steady * np.eye(len(frames))
             factors = np.linalg.solve(near, np.array([found[int(frame)] for frame in frames]))
             moves[:, which] = bump(np.arange(n_frames), frames, radius) @ factors
     return moves
 
 
-def _postures(segments: Sequence[TimedSegment], sign: Sign) -> Iterator[tuple[int, int, Posture]]:
+def postures(segments: Sequence[TimedSegment], sign: Sign) -> Iterator[tuple[int, int, Posture]]:
     """Frame, hand (0 strong, 1 weak) and posture of each segment's end; of a movement that is made more often, of each
     time that its posture touches.
     """
@@ -185,19 +134,27 @@ def _part(hand_state: FloatArray, posture: Posture, signer: Signer) -> FloatArra
     return hand_part(posture.part).centre(hand.points(hand_state[pose.FINGERS])) * signer.hands * signer.scale
 
 
-def _missing(
-    posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """What moves the part of a hand from where it is to where a posture puts it, (3,), and the part from its wrist
-    (3,), cm, in the chest's axes, mirrored for the weak hand as its state is. part: where it is in the hand's axes.
+def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray) -> FloatArray:
+    """What moves the part of a hand from where it is to where a posture puts it, (3,), cm, in the chest's axes,
+    mirrored for the weak hand as its state is. part: where it is in the hand's axes.
+    """
+    chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
+    joint, mirror = JOINTS[f"{_SIDES[which]}Hand"], MIRROR if which else np.ones(3)
+    here = posed.positions[frame, joint] + posed.rotations[frame, joint] @ (part * mirror)
+    missing = goal(posed, frame, which, posture, sign) - mirror * ((here - origin) @ chest)
+    length = float(np.linalg.norm(missing))
+    stays = 0.05 if posture.touch else _LEFT_CM * posed.signer.scale
+    return np.asarray(missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9))
+
+
+def goal(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> FloatArray:
+    """Where a posture puts the part of a hand, (3,), cm, in the chest's axes of a body as it is then, mirrored for the
+    weak hand as its state is.
     """
     signer, state = posed.signer, posed.states[frame]
     chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
     site, unit = hand_part(posture.part), signer.hands * signer.scale
-    joint = JOINTS[f"{_SIDES[which]}Hand"]
     mirror = MIRROR if which else np.ones(3)
-    arm = mirror * (posed.rotations[frame, joint] @ (part * mirror) @ chest)
-    here = mirror * ((posed.positions[frame, joint] - origin) @ chest) + arm
     weak = WeakArm(signer, state[27:54])
     if on_arm(posture.location):
         left = [JOINTS[name] for name in ("LeftArm", "LeftForeArm", "LeftHand")]
@@ -220,7 +177,4 @@ def _missing(
         wanted = wanted + (site.skin * unit + posture.off * signer.scale) * normal
     elif sign.hands == "symmetric" and found.point[0] == 0.0:
         wanted = wanted + axes((site.skin * unit + posture.off * signer.scale, 0.0, 0.0))
-    missing = wanted - here
-    length = float(np.linalg.norm(missing))
-    stays = 0.05 if posture.touch else _LEFT_CM * signer.scale
-    return missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9), arm
+    return np.asarray(wanted)

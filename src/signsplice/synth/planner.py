@@ -20,11 +20,12 @@ from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import brought_to_touch, placed
+from signsplice.synth.placing import placed
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
 from signsplice.synth.timing import Events, between_frames
+from signsplice.synth.touching import brought_to_touch
 
 PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""
