@@ -23,13 +23,15 @@ from signsplice.synth.placing import goal, postures, spread
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import JOINTS, Signer
 
-_ROUNDS, _STEPS = 2, 7
+_ROUNDS, _STEPS = 4, 5
 """How often all touches are brought about, and in how many steps each time."""
 _GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.5, np.deg2rad(5.0)
 """What costs 1: distance of the part from the skin, depth of the rest of the hand beyond what is free, distance from
 the written place along the skin, and angle from the written directions."""
 _FREE_CM = 0.12
 """Depth that is free."""
+_SETTLED = 1.0
+"""Cost of a touch that is left as it is."""
 _SIZE = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
 """Movements of wrist, hand and elbow that cost 1."""
 _MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
@@ -72,12 +74,16 @@ def brought_to_touch(
     for n in range(_ROUNDS + 1):
         at = moved[[one.frame for one in touches]]
         goals = _goals(at, touches, sign, signer)
-        left = float(np.square(_residuals(at, touches, goals, np.zeros((len(at), 1, 7)), signer)).sum())
-        if left < best:
-            best, states = left, moved
+        cost = np.square(_residuals(at, touches, goals, np.zeros((len(at), 1, 7)), signer)).sum(axis=(1, 2))
+        if cost.sum() < best:
+            best, states = float(cost.sum()), moved
         if n == _ROUNDS:
             break
-        found = _solved(at, touches, goals, signer)
+        found = np.zeros((len(touches), 7))
+        some = np.flatnonzero(cost > _SETTLED)
+        if not len(some):
+            break
+        found[some] = _solved(at[some], [touches[row] for row in some], goals[some], signer)
         rows = [(one.frame, which, x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
         steps = spread(rows, len(moved), fps, steady=0.02)
