@@ -47,10 +47,10 @@ def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) 
     return states
 
 
-_GRID = np.deg2rad(np.linspace(-105.0, 50.0, 24))
+_GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 """Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
-_MISSED = np.deg2rad(6.0)
-"""Angle by which a hand misses its direction that costs 1."""
+_MISSED = np.deg2rad(8.5)
+"""Angle by which a hand misses its direction that costs 1; half of it costs a sixteenth."""
 _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
 _STEP = 0.075
@@ -64,7 +64,7 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     swivels = np.broadcast_to(_GRID, (*arm.bend.shape, len(_GRID)))
-    costs = np.square(pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED)
+    costs = (pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED) ** 4
     costs = costs + _EFFORT * pose.swivel_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
     out, across = (x[..., None, :] for x in _frame(arm))
     directions = np.cos(_GRID)[:, None] * out + np.sin(_GRID)[:, None] * across  # (T, 2, K, 3)

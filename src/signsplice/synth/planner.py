@@ -17,6 +17,7 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
+from signsplice.synth.comfort import eased
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
@@ -103,15 +104,16 @@ def _settled(
     states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
     """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
-    written, steady = sign.kind == "written", states
+    written, steady, directions = sign.kind == "written", states, pose.hand_rotations(states, signer)
     for _ in range(2):  # a forearm that is turned can meet the other hand
         states = steady = elbows.steadied(states, signer, fps, written)
         if written:
             states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
+            states = eased(states, directions, signer)
         states = clear_collisions(states, signer)
     if written:
-        states = clear_collisions(elbows.kept(states, steady, signer), signer)
-        states = brought_to_touch(states, segments, sign, signer, fps)
+        states = eased(elbows.kept(states, steady, signer), directions, signer)
+        states = brought_to_touch(clear_collisions(states, signer), segments, sign, signer, fps)
     return states
 
 

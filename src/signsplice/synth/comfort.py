@@ -1,0 +1,46 @@
+"""Hands of written signs that give way a little in direction where a wrist or forearm would else bend far.
+
+Up to the easy ranges (near the 40 degrees of flexion and extension and 40 degrees from side to side with which people do
+daily tasks: Ryu et al. 1991, Journal of Hand Surgery 16A: 409-419) directions are as they are written. Beyond, a hand
+yields by a part of the rest, never by more than ``YIELDS``, in which the limits of the joints are not counted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.synth import elbows, pose
+from signsplice.synth.signer import Signer
+
+YIELDS = np.deg2rad(9.0)
+"""The most by which a hand yields."""
+_EASY = np.deg2rad([[-78.0, 78.0], [-28.0, 18.0], [-48.0, 52.0]])
+"""Twist of the forearm, deviation and flexion of the wrist from which on it does."""
+_SLOW = np.deg2rad(18.0)
+"""How far beyond them it yields by 63 % of that."""
+
+
+def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, as nearly as is easy
+    with the elbows where they are.
+    """
+    turned = states.copy()
+    both = pose.hands(turned)
+    arm = pose.solve_arm(both[..., pose.WRIST], signer)
+    both[..., pose.ROTVEC] = rotation.log(rotation.multiply(rotation.inverse(arm.fore), written))
+    turned = elbows.kept(turned, states, signer)
+    wrist = pose.wrist_angles(arm, pose.hands(turned)[..., pose.ROTVEC], signer, turned[..., pose.TURNS])
+    angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
+    beyond = angles - np.clip(angles, *_EASY.T)
+    size = np.linalg.norm(beyond, axis=-1, keepdims=True)
+    angles = angles - beyond * YIELDS * (1.0 - np.exp(-size / _SLOW)) / np.maximum(size, 1e-9)
+    twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in
+                    ((angles[..., :1], (0, 2)), (angles[..., 1:], (1, 0))))  # fmt: skip
+    made = rotation.multiply(rotation.exp(twist), rotation.exp(swing))
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    quats = rotation.multiply(rotation.exp(wrist.swivel[..., None] * axis), made)
+    changed = turned.copy()
+    pose.hands(changed)[..., pose.ROTVEC] = rotation.log(quats)
+    return elbows.kept(changed, turned, signer)
