@@ -2,7 +2,7 @@
 
 Up to the easy ranges (near the 40 degrees of flexion and extension and 40 degrees from side to side with which people do
 daily tasks: Ryu et al. 1991, Journal of Hand Surgery 16A: 409-419) directions are as they are written. Beyond, a hand
-yields by a part of the rest, never by more than ``YIELDS``, in which the limits of the joints are not counted.
+yields by a part of the rest, never by more than ``YIELDS``; where it reaches its limits, it misses by what they say.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.synth import elbows, pose
 from signsplice.synth.signer import Signer
 
-YIELDS = np.deg2rad(9.0)
+YIELDS = np.deg2rad(8.0)
 """The most by which a hand yields."""
 _EASY = np.deg2rad([[-78.0, 78.0], [-28.0, 18.0], [-48.0, 52.0]])
 """Twist of the forearm, deviation and flexion of the wrist from which on it does."""
+_LIMITS = np.array([[-pose.FOREARM_LIMIT, pose.FOREARM_LIMIT], *pose.WRIST_LIMITS])
 _SLOW = np.deg2rad(18.0)
 """How far beyond them it yields by 63 % of that."""
 
@@ -35,7 +36,9 @@ def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray
     angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
     beyond = angles - np.clip(angles, *_EASY.T)
     size = np.linalg.norm(beyond, axis=-1, keepdims=True)
-    angles = angles - beyond * YIELDS * (1.0 - np.exp(-size / _SLOW)) / np.maximum(size, 1e-9)
+    missed = np.linalg.norm(angles - np.clip(angles, *_LIMITS.T), axis=-1, keepdims=True)
+    share = (1.0 - np.exp(-size / _SLOW)) * np.maximum(0.0, 1.0 - missed / YIELDS)
+    angles = angles - YIELDS * share * beyond / np.maximum(size, 1e-9)
     twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in
                     ((angles[..., :1], (0, 2)), (angles[..., 1:], (1, 0))))  # fmt: skip
     made = rotation.multiply(rotation.exp(twist), rotation.exp(swing))
