@@ -24,7 +24,7 @@ from signsplice.synth.segment_plan import TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
 _ROUNDS = 3
-_RADIUS_S = 0.3
+RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
 _LEFT_CM = 0.5
 """How far from its place a hand that touches nothing may stay."""
@@ -66,7 +66,7 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
             least, best = left, moves
         if n == _ROUNDS or left == 0.0:
             break
-        moves = moves + spread(found, len(states), fps)
+        moves = moves + spread(found, len(states), max(3.0, RADIUS_S * fps))
         moves = _limited(moves, _MOST_CM)
     return _moved(states, pose.hand_rotations(states, signer), best, signer)
 
@@ -101,11 +101,12 @@ def _limited(vectors: FloatArray, most: float) -> FloatArray:
 
 
 def spread(
-    missing: Sequence[tuple[int, int, FloatArray]], n_frames: int, fps: float, steady: float = _STEADY
+    missing: Sequence[tuple[int, int, FloatArray]], n_frames: int, radius: float, steady: float = _STEADY
 ) -> FloatArray:
-    """Displacements (T, 2, C) that are what is missing (C,) at some frames of each hand, and fade between them."""
+    """Displacements (T, 2, C) that are what is missing (C,) at some frames of each hand, and fade in ``radius`` frames
+    from them.
+    """
     moves = np.zeros((n_frames, 2, len(missing[0][2])))
-    radius = max(3.0, _RADIUS_S * fps)
     for which in (0, 1):
         found = {frame: miss for frame, w, miss in missing if w == which}
         frames = np.array(sorted(found), np.intp)

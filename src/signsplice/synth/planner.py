@@ -105,15 +105,15 @@ def _settled(
 ) -> FloatArray:
     """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
     written, steady, directions = sign.kind == "written", states, pose.hand_rotations(states, signer)
-    for _ in range(2):  # a forearm that is turned can meet the other hand
+    for n in range(2):  # a forearm that is turned can meet the other hand
         states = steady = elbows.steadied(states, signer, fps, written)
         if written:
+            states = eased(states, directions, signer) if n else states
             states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
-            states = eased(states, directions, signer)
         states = clear_collisions(states, signer)
     if written:
-        states = eased(elbows.kept(states, steady, signer), directions, signer)
-        states = brought_to_touch(clear_collisions(states, signer), segments, sign, signer, fps)
+        states = clear_collisions(eased(elbows.kept(states, steady, signer), directions, signer), signer)
+        states = brought_to_touch(states, segments, sign, signer, fps)
     return states
 
 

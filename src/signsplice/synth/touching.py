@@ -19,11 +19,11 @@ from signsplice.synth.avoidance import MIRRORED_HANDS, clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_signer, surface
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.phonology import Posture, Sign, in_space
-from signsplice.synth.placing import goal, postures, spread
+from signsplice.synth.placing import RADIUS_S, goal, postures, spread
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import JOINTS, Signer
 
-_ROUNDS, _STEPS = 4, 5
+_ROUNDS, _STEPS = 4, 4
 """How often all touches are brought about, and in how many steps each time."""
 _GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.5, np.deg2rad(5.0)
 """What costs 1: distance of the part from the skin, depth of the rest of the hand beyond what is free, distance from
@@ -56,6 +56,11 @@ class _Touch:
     posture: Posture
     meets: bool
 
+    @property
+    def key(self) -> tuple[int, Posture]:
+        """What a touch has in common with others like it."""
+        return self.which, self.posture
+
 
 def brought_to_touch(
     states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
@@ -79,14 +84,16 @@ def brought_to_touch(
             best, states = float(cost.sum()), moved
         if n == _ROUNDS:
             break
-        found = np.zeros((len(touches), 7))
-        some = np.flatnonzero(cost > _SETTLED)
-        if not len(some):
+        some = np.flatnonzero(cost > _SETTLED).tolist()
+        if not some:
             break
-        found[some] = _solved(at[some], [touches[row] for row in some], goals[some], signer)
+        like = {row: touches[row].key if n == 0 else row for row in some}  # repeated touches begin alike
+        firsts = {key: row for row, key in reversed(like.items())}
+        solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], signer), strict=True))
+        found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
         rows = [(one.frame, which, x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
-        steps = spread(rows, len(moved), fps, steady=0.02)
+        steps = spread(rows, len(moved), max(3.0, RADIUS_S * fps / (1 + n)), steady=0.02)
         moved = clear_collisions(_moved(moved, steps, signer), signer)
     return states
 
@@ -109,9 +116,11 @@ def _goals(states: FloatArray, touches: Sequence[_Touch], sign: Sign, signer: Si
     return np.array([goal(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
 
 
-def _solved(states: FloatArray, touches: Sequence[_Touch], goals: FloatArray, signer: Signer) -> FloatArray:
-    """Movements (N, 7) of wrist, hand and elbow that bring about touches in states (N, 65)."""
-    n = len(touches)
+def _solved(
+    states: FloatArray, touches: Sequence[_Touch], goals: FloatArray, rows: Sequence[int], signer: Signer
+) -> FloatArray:
+    """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches in states (.., 65)."""
+    states, touches, goals, n = states[rows], [touches[row] for row in rows], goals[rows], len(rows)
     x, best_x, best, damping = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf), np.full(n, 0.1)
     slope, value = np.zeros((n, 7, 1)), np.zeros((n, 1))
     probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
