@@ -23,15 +23,20 @@ _SLOW = np.deg2rad(18.0)
 """How far beyond them it yields by 63 % of that."""
 
 
-def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, as nearly as is easy
-    with the elbows where they are.
+def directed(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, with the elbows where
+    they are.
     """
     turned = states.copy()
     both = pose.hands(turned)
-    arm = pose.solve_arm(both[..., pose.WRIST], signer)
-    both[..., pose.ROTVEC] = rotation.log(rotation.multiply(rotation.inverse(arm.fore), written))
-    turned = elbows.kept(turned, states, signer)
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], written, signer)
+    return elbows.kept(turned, states, signer)
+
+
+def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
+    """The same, as nearly as is easy."""
+    turned = directed(states, written, signer)
+    arm = pose.solve_arm(pose.hands(turned)[..., pose.WRIST], signer)
     wrist = pose.wrist_angles(arm, pose.hands(turned)[..., pose.ROTVEC], signer, turned[..., pose.TURNS])
     angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
     beyond = angles - np.clip(angles, *_EASY.T)

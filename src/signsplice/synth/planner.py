@@ -17,7 +17,7 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
-from signsplice.synth.comfort import eased
+from signsplice.synth.comfort import directed, eased
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
@@ -106,6 +106,7 @@ def _settled(
     """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
     written, steady, directions = sign.kind == "written", states, pose.hand_rotations(states, signer)
     for n in range(2):  # a forearm that is turned can meet the other hand
+        states = directed(states, directions, signer) if written and n else states
         states = steady = elbows.steadied(states, signer, fps, written)
         if written:
             states = eased(states, directions, signer) if n else states

@@ -1,5 +1,5 @@
 """Hands of written signs in touch with what they are written to touch, by the part that is written, in the written
-directions: where not all of that can be had, each gives way a little (damped least squares; Levenberg 1944).
+directions: where not all of that can be had, each gives way a little (damped least squares; Marquardt 1963).
 
 What moves is the wrist, the hand about it, and the elbow, at the frames of touches; between them this fades.
 """
@@ -23,15 +23,15 @@ from signsplice.synth.placing import RADIUS_S, goal, postures, spread
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import JOINTS, Signer
 
-_ROUNDS, _STEPS = 4, 4
+_ROUNDS, _STEPS = 5, 8
 """How often all touches are brought about, and in how many steps each time."""
 _GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.5, np.deg2rad(5.0)
 """What costs 1: distance of the part from the skin, depth of the rest of the hand beyond what is free, distance from
 the written place along the skin, and angle from the written directions."""
 _FREE_CM = 0.12
 """Depth that is free."""
-_SETTLED = 1.0
-"""Cost of a touch that is left as it is."""
+_SETTLED, _REACHED = 1.0, 0.3
+"""Cost of a touch that is left as it is, and with which one that is worked on is left."""
 _SIZE = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
 """Movements of wrist, hand and elbow that cost 1."""
 _MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
@@ -120,24 +120,27 @@ def _solved(
     states: FloatArray, touches: Sequence[_Touch], goals: FloatArray, rows: Sequence[int], signer: Signer
 ) -> FloatArray:
     """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches in states (.., 65)."""
-    states, touches, goals, n = states[rows], [touches[row] for row in rows], goals[rows], len(rows)
+    n, going = len(rows), np.arange(len(rows))
     x, best_x, best, damping = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf), np.full(n, 0.1)
-    slope, value = np.zeros((n, 7, 1)), np.zeros((n, 1))
+    slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
     probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
     for _ in range(_STEPS):
-        found = _residuals(states, touches, goals, x[:, None] + probes, signer)  # (n, 8, R)
-        cost = np.square(found[:, 0]).sum(axis=-1)
-        better = cost < best
-        damping = np.where(better, 0.3 * damping, 8.0 * damping)
-        best, best_x = np.where(better, cost, best), np.where(better[:, None], x, best_x)
-        if slope.shape[-1] == 1:
-            slope, value = np.zeros((n, 7, found.shape[-1])), np.zeros((n, found.shape[-1]))
-        slope[better] = ((found[:, 1:] - found[:, :1]) / _DIFFERENCE[:, None])[better]
-        value[better] = found[better, 0]
-        normal = slope @ slope.transpose(0, 2, 1)
-        normal += damping[:, None, None] * np.eye(7) * np.einsum("nii->ni", normal)[:, None]
-        step = -np.linalg.solve(normal, (slope @ value[..., None]))[..., 0]
-        x = best_x + step * np.minimum(1.0, _MOST / np.maximum(np.abs(step), 1e-9)).min(axis=-1, keepdims=True)
+        at = [rows[n] for n in going]
+        tried = x[going, None] + probes
+        found = _residuals(states[at], [touches[row] for row in at], goals[at], tried, signer)  # (G, 8, R)
+        for n, values in zip(going.tolist(), found, strict=True):
+            cost = float(values[0] @ values[0])
+            damping[n] *= 0.3 if cost < best[n] else 8.0
+            if cost < best[n]:
+                best[n], best_x[n], slopes[n] = cost, x[n], ((values[1:] - values[0]) / _DIFFERENCE[:, None], values[0])
+            slope, value = slopes[n]
+            normal = slope @ slope.T
+            normal += damping[n] * np.diag(np.diag(normal))
+            step = -np.linalg.solve(normal, slope @ value)
+            x[n] = best_x[n] + step * min(1.0, float((_MOST / np.maximum(np.abs(step), 1e-9)).min()))
+        going = going[best[going] > _REACHED]
+        if not len(going):
+            break
     return best_x
 
 
