@@ -53,6 +53,9 @@ _MISSED = np.deg2rad(7.5)
 """Angle by which a hand misses its direction that costs 1; half of it costs a sixteenth."""
 _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
+_BEFORE, _ACROSS = 0.35, 0.08
+"""How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
+over the upper arm's length."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
 
@@ -71,6 +74,8 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
     along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
     elbow = along + np.linalg.norm(bone - along, axis=-1, keepdims=True) * directions
+    across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
+    costs = costs + np.square(across_trunk / _ACROSS)
     rows = np.arange(len(states))
     led = np.empty((len(states), 2, 3))
     for which in (0, 1):
