@@ -195,9 +195,7 @@ def asked(manual: ET.Element) -> tuple[Asked, Asked]:
 def _posture(elements: list[ET.Element], two: bool, ends: list[FloatArray]) -> Asked:
     found = Asked()
     flat = [e for e in elements if e.tag == "handconfig"]
-    for e in elements:
-        if e.tag == "split_handconfig":
-            flat += list(e)[:1]
+    flat += [part for e in elements if e.tag == "split_handconfig" for part in list(e)[:1]]
     word = None
     for e in flat:
         if e.get("extfidir"):
@@ -246,10 +244,8 @@ def hand(clip: Clip, side: str = "Right") -> Hand:
         f"{side}Hand",
         *(f"{side}Hand{f}{n}" for f in ("Thumb", "Index", "Middle", "Ring", "Pinky") for n in (1, 2, 3)),
     ]
-    tips = kinematics.tip_positions(clip, rotations, positions)
-    ends = [
-        k for k, site in enumerate(clip.skeleton.end_sites) if clip.skeleton.names[site.joint].split(":")[-1] in names
-    ]
+    tips, sites = kinematics.tip_positions(clip, rotations, positions), clip.skeleton.end_sites
+    ends = [k for k, site in enumerate(sites) if clip.skeleton.names[site.joint].split(":")[-1] in names]
     world = np.concatenate([positions[:, [JOINTS[n] for n in names]], tips[:, ends]], axis=1)
     palm = (world[:, 0] + world[:, 7]) / 2  # between wrist and middle knuckle
     sites = np.einsum("tba,tkb->tka", chest, np.concatenate([world, palm[:, None]], axis=1) - at[:, None])

@@ -1,8 +1,9 @@
 """Hands of written signs that give way a little in direction where a wrist or forearm would else bend far.
 
-Up to the easy ranges (near the 40 degrees of flexion and extension and 40 degrees from side to side with which people do
-daily tasks: Ryu et al. 1991, Journal of Hand Surgery 16A: 409-419) directions are as they are written. Beyond, a hand
-yields by a part of the rest, never by more than ``YIELDS``; where it reaches its limits, it misses by what they say.
+Up to the easy ranges directions are as they are written; they are a little wider than the 40 degrees of flexion and of
+extension, and 40 from side to side, with which people do daily tasks (Ryu et al. 1991, Journal of Hand Surgery 16A:
+409-419). Beyond, a hand yields by a part of the rest, never by more than ``YIELDS``; at a joint's limit it misses the
+rest.
 """
 
 from __future__ import annotations

@@ -58,7 +58,8 @@ _THUMBS: dict[str, tuple[float, float, float, float, float]] = {
     "pinch": (10.0, 33.0, 52.0, 24.0, 26.0),
 }  # fmt: skip
 """Degrees of the thumb: beside the index finger; of a fist, beside it, across its front, on the middle or the ring
-finger; across the palm; out; before the palm; below folded fingers, and below fingertips; where the search for a fingertip begins."""
+finger; across the palm; out; before the palm; below folded fingers; below fingertips; where the search for a fingertip
+begins."""
 _PULP_CM, _GAP_CM = 1.5, 4.4
 """From thumb tip to fingertip: of a pinch, of a cee."""
 _DEEPEST_CM = 0.3

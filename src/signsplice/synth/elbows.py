@@ -50,7 +50,7 @@ def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) 
 _GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 """Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
 _MISSED = np.deg2rad(7.5)
-"""Angle by which a hand misses its direction that costs 1; half of it costs a sixteenth."""
+"""Angle by which a hand misses its direction that costs 1; twice as much costs 16 times as much."""
 _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
 _BEFORE, _ACROSS = 0.35, 0.08
