@@ -125,7 +125,7 @@ def _solved(
     slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
     probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
     for _ in range(_STEPS):
-        at = [rows[n] for n in going]
+        at = [rows[k] for k in going.tolist()]
         tried = x[going, None] + probes
         found = _residuals(states[at], [touches[row] for row in at], goals[at], tried, signer)  # (G, 8, R)
         for n, values in zip(going.tolist(), found, strict=True):
