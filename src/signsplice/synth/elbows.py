@@ -50,7 +50,7 @@ def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) 
 _GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 """Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
 _MISSED = np.deg2rad(7.5)
-"""Angle by which a hand misses its direction that costs 1; twice as much costs 16 times as much."""
+"""Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
 _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
 _BEFORE, _ACROSS = 0.35, 0.08
@@ -67,7 +67,8 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     swivels = np.broadcast_to(_GRID, (*arm.bend.shape, len(_GRID)))
-    costs = (pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED) ** 4
+    missed = np.square(pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED)
+    costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses are free, and none is worth any elbow
     costs = costs + _EFFORT * pose.swivel_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
     out, across = (x[..., None, :] for x in _frame(arm))
     directions = np.cos(_GRID)[:, None] * out + np.sin(_GRID)[:, None] * across  # (T, 2, K, 3)
