@@ -66,12 +66,14 @@ class Asked:
     """What a posture asks of the strong hand; None where it says nothing.
 
     fingers, palm: unit vectors
+    ends: of two finger directions each
     places: points, chest axes, any of which will do, cm
     touch: whether a touch is written
     """
 
     fingers: FloatArray | None = None
     palm: FloatArray | None = None
+    ends: list[FloatArray] = field(default_factory=list)
     places: list[FloatArray] = field(default_factory=list)
     touch: bool = False
 
@@ -85,23 +87,30 @@ def letters(*words: str | None) -> FloatArray | None:
     return None if length < 1e-6 else np.asarray(total / length)
 
 
-def palm_of(word: str, fingers: FloatArray) -> FloatArray:
-    """The palm's normal: a roll about the fingers' direction."""
-    across = np.array([fingers[2], 0.0, -fingers[0]])  # Y x F
-    if float(np.linalg.norm(across)) < 1e-6:
-        across = np.array([1.0, 0.0, 0.0])  # straight up or down counts as out
-    across /= np.linalg.norm(across)
-    if fingers[2] < -1e-6:
-        across = -across
-    down = np.cross(fingers, across)
-    down /= np.linalg.norm(down)
-    level = np.array([0.0, -1.0, 0.0])
-    if abs(float(fingers[1])) > 0.999:
-        level = np.array([0.0, 0.0, 1.0 if fingers[1] > 0 else -1.0])
-    if float(down @ level) < 0:
-        down = -down
-    a = np.arctan2(word.count("l") - word.count("r"), word.count("d") - word.count("u"))
-    return np.asarray(np.cos(a) * down + np.sin(a) * across)
+def palm_of(words: list[str], ends: list[FloatArray]) -> FloatArray | None:
+    """The palm's normal: a roll about the fingers' direction; of two directions each with its own roll, then midway."""
+    middle = np.sum(ends, axis=0) / max(float(np.linalg.norm(np.sum(ends, axis=0))), 1e-9)
+    found = np.zeros(3)
+    for fingers, word in zip((ends[0], ends[-1]), (words[0], words[-1]), strict=True):
+        to_signer = (fingers[2] if abs(fingers[2]) > 1e-6 else middle[2]) < -1e-6
+        across = np.array([fingers[2], 0.0, -fingers[0]])  # Y x F
+        if float(np.linalg.norm(across)) < 1e-6:  # straight up or down counts as out, or towards the signer
+            across = np.array([1.0, 0.0, 0.0])
+        elif to_signer:
+            across = -across
+        across /= np.linalg.norm(across)
+        down = np.cross(fingers, across)
+        level = np.array([0.0, -1.0, 0.0])
+        if abs(float(fingers[1])) > 0.999:
+            level = np.array([0.0, 0.0, fingers[1] * (-1.0 if to_signer else 1.0)])
+        if float(down @ level) < 0:
+            down = -down
+        a = np.arctan2(word.count("l") - word.count("r"), word.count("d") - word.count("u"))
+        axis = np.cross(fingers, middle)
+        normal = np.cos(a) * down / np.linalg.norm(down) + np.sin(a) * across
+        found += normal + np.cross(axis, normal) + np.cross(axis, np.cross(axis, normal)) / (1.0 + fingers @ middle)
+    length = float(np.linalg.norm(found))
+    return found / length if length > 0.5 else None
 
 
 def place_points(element: ET.Element, two: bool, points: dict[str, FloatArray]) -> list[FloatArray]:
@@ -173,34 +182,31 @@ def asked(manual: ET.Element) -> tuple[Asked, Asked]:
             end = [child for child in one if child.tag in ("handconfig", "location_bodyarm")] or end
         if one.tag == "rpt_motion" and one.get("repetition") in ("reverse", "tofroto", "continue", "continue_several"):
             seen["back"] += 1
-    first = _posture(start, two, None)
+    first = _posture(start, two, [])
     last = Asked()
     if end and not seen["split"] and not seen["back"]:
-        last = _posture(end, two, first.fingers)
+        last = _posture(end, two, first.ends)
         last.places = []
     if seen["split"]:
         first.places = []
     return first, last
 
 
-def _posture(elements: list[ET.Element], two: bool, fingers: FloatArray | None) -> Asked:
+def _posture(elements: list[ET.Element], two: bool, ends: list[FloatArray]) -> Asked:
     found = Asked()
     flat = [e for e in elements if e.tag == "handconfig"]
-    for e in elements:
-        if e.tag == "split_handconfig":
-            flat += list(e)[:1]
+    flat += [part for e in elements if e.tag == "split_handconfig" for part in list(e)[:1]]
     word = None
     for e in flat:
         if e.get("extfidir"):
-            found.fingers = letters(e.get("extfidir"), e.get("second_extfidir"))
+            both = (e.get("extfidir"), e.get("second_extfidir"))
+            found.fingers = letters(*both)
+            found.ends = [one for one in map(letters, both) if one is not None]
         if e.get("palmor"):
             word = (e.get("palmor", ""), e.get("second_palmor"))
-    about = found.fingers if found.fingers is not None else fingers
-    if word and about is not None and not set("oi") & set(word[0] + (word[1] or "")):
-        normals = [palm_of(one, about) for one in word if one]
-        total = np.sum(normals, axis=0)
-        if float(np.linalg.norm(total)) > 0.5:
-            found.palm = total / np.linalg.norm(total)
+    about = found.ends or ends
+    if word and about and not set("oi") & set(word[0] + (word[1] or "")):
+        found.palm = palm_of([one for one in word if one], about)
     for e in elements:
         for one in e.iter("location_bodyarm"):
             found.touch = found.touch or one.get("contact") == "touch"
@@ -238,10 +244,8 @@ def hand(clip: Clip, side: str = "Right") -> Hand:
         f"{side}Hand",
         *(f"{side}Hand{f}{n}" for f in ("Thumb", "Index", "Middle", "Ring", "Pinky") for n in (1, 2, 3)),
     ]
-    tips = kinematics.tip_positions(clip, rotations, positions)
-    ends = [
-        k for k, site in enumerate(clip.skeleton.end_sites) if clip.skeleton.names[site.joint].split(":")[-1] in names
-    ]
+    tips, sites = kinematics.tip_positions(clip, rotations, positions), clip.skeleton.end_sites
+    ends = [k for k, site in enumerate(sites) if clip.skeleton.names[site.joint].split(":")[-1] in names]
     world = np.concatenate([positions[:, [JOINTS[n] for n in names]], tips[:, ends]], axis=1)
     palm = (world[:, 0] + world[:, 7]) / 2  # between wrist and middle knuckle
     sites = np.einsum("tba,tkb->tka", chest, np.concatenate([world, palm[:, None]], axis=1) - at[:, None])

@@ -20,7 +20,7 @@ from signsplice.synth.phonology import Sign, is_location
 from signsplice.synth.signer import JOINTS, STANDARD
 from signsplice.synth.thumbs import thumb_depth
 from signsplice.synth.written import compile_sign, signing
-from signsplice.synth.written.directions import direction, facing
+from signsplice.synth.written.directions import direction, facing, oriented
 from signsplice.synth.written.tree import (
     Motion,
     Pair,
@@ -366,6 +366,27 @@ def test_a_hand_deep_in_the_body_is_named_with_its_frame() -> None:
     (line,) = signing.deep_hands(pose.clip(states, STANDARD, 30.0))
     assert line.startswith("a hand lies ")
     assert "mm deep in the body at frame 12;" in line
+
+
+@pytest.mark.parametrize(
+    ("fingers", "palm", "faces"),
+    [
+        (("u",), ("d", "dl"), (-0.38, 0.0, 0.92)),
+        (("u", "ur"), ("l", "ul"), (-0.85, 0.35, 0.38)),  # left, and left, up and forward
+        (("u", "ul"), ("l",), (-0.65, -0.27, -0.71)),  # left, and to the signer
+        (("u", "ui"), ("d",), (0.0, -0.38, -0.92)),  # upright fingers beside such that point to the signer
+        (("u", "uo"), ("d",), (0.0, -0.38, 0.92)),
+        (("l", "il"), ("r",), (0.38, 0.0, -0.92)),
+        (("o", "i"), ("d",), (0.0, -1.0, 0.0)),
+    ],
+)
+def test_each_of_two_directions_has_a_palm_of_its_own(
+    fingers: tuple[str, ...], palm: tuple[str, ...], faces: tuple[float, float, float]
+) -> None:
+    along, found = oriented(fingers, palm)
+    assert np.allclose(along, direction(fingers))
+    assert np.allclose(found, faces, atol=0.01)
+    assert abs(np.dot(along, found)) < 1e-9
 
 
 def test_an_elbow_that_jumps_is_named_with_its_frame() -> None:

@@ -36,6 +36,7 @@ _OPEN_BENDS = {
     "halfbent": (45.0, 4.0, 4.0), "bent": (86.0, 4.0, 4.0), "round": (45.0, 52.0, 36.0), "hooked": (8.0, 94.0, 60.0),
     "dblbent": (86.0, 98.0, 6.0), "dblhooked": (84.0, 102.0, 66.0),
 }  # fmt: skip
+_DOUBLE = ("dblbent", "dblhooked")
 _PINCH_BENDS = {"": (47.0, 50.0, 32.0), "bent": (81.0, 8.0, 4.0), "round": (50.0, 68.0, 60.0)}
 _CEE_BENDS = {"": (34.0, 52.0, 33.0), "bent": (62.0, 7.0, 4.0), "round": (40.0, 64.0, 56.0)}
 _ELSE_BENT = (66.0, 92.0, 62.0)  # of pinch and cee
@@ -43,6 +44,8 @@ _QUARTERS = (22.5, 27.0, 22.5)
 """Degrees of MCP, PIP and DIP."""
 _SPREADS = {"finger23spread": (15.0, -8.0, 0.0, 0.0), "finger2345": (15.0, 3.0, 10.0, 18.0)}
 _OPEN_SPREAD = (0.0, 0.0, 9.0, 16.0)
+_TUCKED = (44.0, 104.0, 60.0)
+"""Degrees of a finger that is double bent over the thumb, as in E."""
 _CROSSED = {"23": ((-8.0, 13.0, 4.0, 4.0), (12.0, -8.0, 15.0, 8.0))}
 """Degrees of spread and of the joints of two fingers that cross."""
 _THUMBS: dict[str, tuple[float, float, float, float, float]] = {
@@ -51,10 +54,12 @@ _THUMBS: dict[str, tuple[float, float, float, float, float]] = {
     "middle": (10.0, 26.0, 23.0, 45.0, 53.0), "ring": (26.0, 22.0, 26.0, 47.0, 44.0),
     "across": (21.0, -4.0, 38.0, 70.0, 66.0), "out": (-20.0, -12.0, 0.0, -6.0, -10.0),
     "opposed": (-8.0, 44.0, 40.0, 22.0, 16.0), "below": (34.0, -2.0, 28.0, 41.0, 18.0),
+    "tucked": (8.0, 16.0, 20.0, 69.0, 61.0),
     "pinch": (10.0, 33.0, 52.0, 24.0, 26.0),
 }  # fmt: skip
 """Degrees of the thumb: beside the index finger; of a fist, beside it, across its front, on the middle or the ring
-finger; across the palm; out; before the palm; below folded fingers; where the search for a fingertip begins."""
+finger; across the palm; out; before the palm; below folded fingers; below fingertips; where the search for a fingertip
+begins."""
 _PULP_CM, _GAP_CM = 1.5, 4.4
 """From thumb tip to fingertip: of a pinch, of a cee."""
 _DEEPEST_CM = 0.3
@@ -82,6 +87,11 @@ class _ComposedShape:
     def meets(self) -> bool:
         """Whether the thumb goes to a finger."""
         return self.base.startswith(("pinch", "cee"))
+
+    @property
+    def tucks(self) -> bool:
+        """Whether double bent fingers of an open hand lie on the thumb."""
+        return self.enclosed and self.bend in _DOUBLE and self.base in ("flat", "finger2345")
 
 
 _WORD = re.compile(
@@ -184,7 +194,7 @@ def _bends(shape: _ComposedShape, digit: int) -> tuple[float, ...]:
         straight = straight or (shape.meets and "2" not in shape.selected)  # the thumb passes no folded index finger
         return _STRAIGHT if straight else _FOLDED
     if not shape.meets:
-        return _OPEN_BENDS.get(shape.bend, _STRAIGHT)
+        return _TUCKED if shape.tucks else _OPEN_BENDS.get(shape.bend, _STRAIGHT)
     table = _CEE_BENDS if shape.base.startswith("cee") else _PINCH_BENDS
     return table.get(shape.bend, _ELSE_BENT)
 
@@ -192,7 +202,7 @@ def _bends(shape: _ComposedShape, digit: int) -> tuple[float, ...]:
 def _thumb(shape: _ComposedShape) -> str:
     """Where the thumb is, a name of ``_THUMBS``."""
     fist = shape.base in ("fist", "finger2", "finger23", "finger23spread")
-    if shape.enclosed:
+    if shape.enclosed and fist:
         return "below"
     if shape.thumb == "out":
         return "out"
@@ -201,7 +211,10 @@ def _thumb(shape: _ComposedShape) -> str:
     if shape.thumb == "opposed":
         return "over" if fist and not shape.bend else "opposed"
     if not fist:
-        return "across" if shape.thumb == "across" else "side"
+        if shape.tucks:
+            return "tucked"
+        closed = shape.bend in _DOUBLE and len(shape.selected) == 4
+        return "side" if shape.thumb != "across" else "over" if closed else "across"
     if shape.base == "fist":
         return "over" if shape.thumb == "across" else "fist"
     return "middle" if "3" not in shape.selected else "ring" if "4" not in shape.selected else "across"

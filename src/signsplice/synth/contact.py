@@ -22,8 +22,6 @@ from signsplice.synth.phonology import ON_ARM, Posture, on_arm, on_base
 from signsplice.synth.signer import JOINTS, Signer, skeleton
 
 _NEAR_CM = 1.0
-_TOUCHES_CM = 0.25
-"""Distance from the skin up to which a part of a hand touches it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +45,7 @@ class PosedSigner:
         """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
         cm, and the unit vector (3,) from there to the part, in the chest's axes.
         """
-        rows = _surface(posture.location, self.body, 0)
+        rows = surface(posture.location, self.body, 0)
         gaps, out = self.nearest(self.part(posture, frame, 0), frame, rows)
         site = hand_part(posture.part).skin * self.signer.hands * self.signer.scale
         return float(gaps[0]) - site, out[0] @ self.rotations[frame, JOINTS["Spine2"]]
@@ -70,33 +68,6 @@ class PosedSigner:
         n, each = gaps.argmin(axis=1), np.arange(len(points))
         return gaps[each, n], out[each, n] / np.maximum(lengths[each, n], 1e-9)[:, None]
 
-    def lacking(self, posture: Posture, frame: int, which: int, meets: bool) -> tuple[FloatArray, FloatArray]:
-        """What moves (3,), and turns (3,), a hand so that the part that a posture names touches: about what else of the
-        hand touches before it, in the chest's axes, mirrored for the weak hand as its state is. ``meets``: it is to
-        touch the other hand.
-        """
-        groups, radii, wrist = self.body.groups, self.body.radii, JOINTS["LeftHand" if which else "RightHand"]
-        own, other, arm = (
-            (groups.left, groups.right, groups.right_arm) if which else (groups.right, groups.left, groups.left_arm)
-        )
-        here = self.part(posture, frame, which)
-        gaps, out = self.nearest(here, frame, other if meets else _surface(posture.location, self.body, which))
-        gap = float(gaps[0]) - hand_part(posture.part).skin * self.signer.hands * self.signer.scale
-        points = np.concatenate(
-            [(1.0 - t) * self.starts[frame, own] + t * self.ends[frame, own] for t in (0.0, 0.5, 1.0)]
-        )
-        thick = np.concatenate([(1.0 - t) * radii[own, 0] + t * radii[own, 1] for t in (0.0, 0.5, 1.0)])
-        left = self.nearest(points, frame, [*groups.head, *groups.trunk, *arm, *other])[0] - thick
-        first, axes = int(left.argmin()), self.rotations[frame, JOINTS["Spine2"]]
-        near, lever, back = ((v @ axes) * ([-1.0, 1.0, 1.0] if which else 1.0) for v in (
-            -out[0], here[0] - points[first], self.positions[frame, wrist] - points[first]))  # fmt: skip
-        if left[first] > _TOUCHES_CM:
-            return float(left[first]) * near, np.zeros(3)
-        if gap < _TOUCHES_CM:
-            return np.zeros(3), np.zeros(3)
-        turn = gap * np.cross(lever, near) / max(float(lever @ lever), 4.0)
-        return np.cross(turn, back), turn
-
 
 def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
     """A signer, as if right-handed, in states (T, 65)."""
@@ -107,7 +78,7 @@ def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
     return PosedSigner(signer, states, rotations, positions, body, *capsule_ends(body, rotations, positions))
 
 
-def _surface(location: str, body: BodyCapsules, which: int) -> Sequence[int]:
+def surface(location: str, body: BodyCapsules, which: int) -> Sequence[int]:
     """The capsules of the part of the body at which the strong (0) or the weak hand (1) is, by its location."""
     groups = body.groups
     if location in ON_ARM:

@@ -47,12 +47,15 @@ def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) 
     return states
 
 
-_GRID = np.deg2rad(np.linspace(-105.0, 50.0, 24))
+_GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 """Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
-_MISSED = np.deg2rad(6.0)
-"""Angle by which a hand misses its direction that costs 1."""
+_MISSED = np.deg2rad(7.5)
+"""Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
 _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
+_BEFORE, _ACROSS = 0.35, 0.08
+"""How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
+over the upper arm's length."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
 
@@ -64,13 +67,16 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     swivels = np.broadcast_to(_GRID, (*arm.bend.shape, len(_GRID)))
-    costs = np.square(pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED)
+    missed = np.square(pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED)
+    costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses are free, and none is worth any elbow
     costs = costs + _EFFORT * pose.swivel_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
     out, across = (x[..., None, :] for x in _frame(arm))
     directions = np.cos(_GRID)[:, None] * out + np.sin(_GRID)[:, None] * across  # (T, 2, K, 3)
     bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
     along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
     elbow = along + np.linalg.norm(bone - along, axis=-1, keepdims=True) * directions
+    across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
+    costs = costs + np.square(across_trunk / _ACROSS)
     rows = np.arange(len(states))
     led = np.empty((len(states), 2, 3))
     for which in (0, 1):

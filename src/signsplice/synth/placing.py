@@ -16,12 +16,12 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
-from signsplice.synth import elbows, hand, pose
-from signsplice.synth.avoidance import MIRRORED_HANDS, TOLERANCE_CM, between_hands, clear_collisions
+from signsplice.synth import hand, pose
+from signsplice.synth.avoidance import TOLERANCE_CM, between_hands, clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_signer
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
-from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm, on_base
+from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_base
 from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
@@ -33,18 +33,11 @@ _LEFT_CM = 0.2
 _LEFT_ALONE = ON_ARM | {REST}
 """Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""
 _MOST_CM = 8.0
-_MOST_TURN = np.deg2rad(25.0)
-"""How far a hand is moved, and turned, at most."""
-_TOUCH_ROUNDS = 5
+"""How far a hand is moved at most."""
 _PARTED_ROUNDS = 8
+"""How often hands that lie in one another are moved apart, at most."""
 _MOST_PUSH_CM = 8.0
 """How far a hand is pushed out of the body at most."""
-_STEP_CM, _STEP_TURN, _MOST_LEAN = 4.0, np.deg2rad(12.0), np.deg2rad(10.0)
-"""How far a hand is moved and turned at a time, and turned at most, so that what is written of it touches."""
-_MOST_TOUCHING_CM = 3.0
-"""How far it is moved at most for that."""
-_APART = 5.0
-"""How much more a hand counts that touches with no part."""
 _NEAREST_CM = 16.5
 """How near to its shoulder a wrist is at least."""
 _BEHIND_CM = 12.0
@@ -57,51 +50,43 @@ _SIDES = ("Right", "Left")
 def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
     signer = replace(signer, left_handed=False)
-    wanted, still = _parted(segments, sign, fps, lambda posture: posture.location not in _LEFT_ALONE)
-    moves, rotvecs = np.zeros((2, len(states), 2, 3))
+    wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in _LEFT_ALONE)
+    moves = np.zeros((len(states), 2, 3))
     if not wanted:
         return states
     frames = sorted({one.first for one in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
     centres = [_part(pose.hands(states)[one.first, one.which], one.posture, signer) for one in wanted]
     quats = pose.hand_rotations(states[frames], signer)
-    least, best = np.inf, (moves, rotvecs)
+    least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
-        posed = posed_signer(_moved(states[frames], quats, moves[frames], rotvecs[frames], signer), signer)
-        found = [
+        posed = posed_signer(_moved(states[frames], quats, moves[frames], signer), signer)
+        missing = [
             _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
             for one, centre in zip(wanted, centres, strict=True)
         ]
-        left = sum(float(np.linalg.norm(miss)) for miss, _ in found)
+        left = sum(float(np.linalg.norm(miss)) for miss in missing)
         if left < least:
-            least, best = left, (moves, rotvecs)
+            least, best = left, moves
         if n == _ROUNDS or left == 0.0:
             break
-        missing = [miss for miss, _ in found]
-        step = _spread(wanted, missing, still, len(states), fps)
+        step = spread(wanted, missing, still, len(states), fps)
         if sign.hands == "base":  # a hand at the other one goes where that one goes
             missing = [
                 miss + MIRROR * step[one.first, 1] if not one.which and on_base(one.posture.location) else miss
                 for one, miss in zip(wanted, missing, strict=True)
             ]
-            step = _spread(wanted, missing, still, len(states), fps)
-        moves = moves + step
-        if n:  # where arms do not reach, hands turn about the wrist for the part that touches
-            lean = [
-                _turn(arm, miss) if one.posture.touch else np.zeros(3)
-                for one, (miss, arm) in zip(wanted, found, strict=True)
-            ]
-            rotvecs = rotvecs + _spread(wanted, lean, still, len(states), fps)
-        moves, rotvecs = (_limited(x, most) for x, most in ((moves, _MOST_CM), (rotvecs, _MOST_TURN)))
-    return _moved(states, pose.hand_rotations(states, signer), *best, signer)
+            step = spread(wanted, missing, still, len(states), fps)
+        moves = _limited(moves + step, _MOST_CM)
+    return _moved(states, pose.hand_rotations(states, signer), best, signer)
 
 
-def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, rotvecs: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3) and turned (T, 2, 3)."""
-    if not (moves.any() or rotvecs.any()):
+def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3)."""
+    if not moves.any():
         return states
-    wrists = _within_reach(pose.hands(states)[..., pose.WRIST] + moves, signer)
-    return _with_wrists(states, wrists, rotation.multiply(rotation.exp(rotvecs), quats), signer)
+    wrists = reachable(pose.hands(states)[..., pose.WRIST] + moves, signer)
+    return _with_wrists(states, wrists, quats, signer)
 
 
 def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
@@ -113,47 +98,10 @@ def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, sign
     return moved
 
 
-def brought_to_touch(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
-) -> FloatArray:
-    """States (T, 65) of a whole word, free of collisions, in which hands are turned a little where another part of them
-    touches before the one that is written.
-    """
-    signer = replace(signer, left_handed=False)
-    wanted, still = _parted(segments, sign, fps, lambda posture: posture.touch)
-    before, best, moved = states, np.inf, states
-    usual = pose.hand_rotations(states, signer)
-    for n in range(_TOUCH_ROUNDS + 1 if wanted else 0):
-        posed = posed_signer(moved, signer)
-        meets = sign.hands in MIRRORED_HANDS
-        found = [
-            posed.lacking(one.posture, one.first, one.which, meets and in_space(one.posture.location)) for one in wanted
-        ]
-        left = sum(float(np.linalg.norm(move)) * (1.0 if turn.any() else _APART) for move, turn in found)
-        if left < best:
-            best, states = left, moved
-        if n == _TOUCH_ROUNDS or left == 0.0:
-            break
-        changed = moved.copy()
-        both = pose.hands(changed)
-        moves, rotvecs = (_spread(wanted, [one[k] for one in found], still, len(states), fps) for k in range(2))
-        wrists = pose.hands(before)[..., pose.WRIST]
-        both[..., pose.WRIST] = wrists + _limited(
-            both[..., pose.WRIST] - wrists + _limited(moves, _STEP_CM), _MOST_TOUCHING_CM
-        )
-        rotvecs = _limited(rotvecs, _STEP_TURN)
-        turned = rotation.multiply(rotation.exp(rotvecs), pose.hand_rotations(moved, signer))
-        away = rotation.log(rotation.multiply(turned, rotation.inverse(usual)))
-        turned = rotation.multiply(rotation.exp(_limited(away, _MOST_LEAN)), usual)
-        both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], turned, signer)
-        moved = cleared(elbows.kept(changed, before, signer), signer)
-    return states
-
-
 def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
     signer = replace(signer, left_handed=False)
-    wrists = _within_reach(pose.hands(states)[..., pose.WRIST], signer)
+    wrists = reachable(pose.hands(states)[..., pose.WRIST], signer)
     return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
 
 
@@ -177,14 +125,14 @@ def cleared(states: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) without collisions, hands pushed no farther than is of use: what an arm cannot reach is not clear
     anywhere.
     """
-    free = clear_collisions(states, signer)
+    free = clear_collisions(states, signer).copy()
     wrists = pose.hands(states)[..., pose.WRIST]
     moves = _limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
-    pose.hands(free)[..., pose.WRIST] = _within_reach(wrists + moves, signer)
+    pose.hands(free)[..., pose.WRIST] = reachable(wrists + moves, signer)
     return free
 
 
-def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
+def reachable(wrists: FloatArray, signer: Signer) -> FloatArray:
     """Wrists (T, 2, 3) moved before the shoulder where they are so near to it that no elbow bends so far; far behind it
     they stay.
     """
@@ -196,11 +144,6 @@ def _within_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
     return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
 
 
-def _turn(arm: FloatArray, miss: FloatArray) -> FloatArray:
-    """The rotation vector (3,) that brings the end of an arm (3,) nearer to what it misses by ``miss`` (3,)."""
-    return np.asarray(np.cross(arm, miss) / max(float(arm @ arm), 4.0))
-
-
 def _limited(vectors: FloatArray, most: float) -> FloatArray:
     """Vectors (..., 3) of a length of at most ``most``."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
@@ -208,7 +151,7 @@ def _limited(vectors: FloatArray, most: float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class _Stay:
+class Stay:
     """A posture of the strong (0) or the weak hand (1) that is kept from a ``first`` frame to a ``last`` one."""
 
     first: int
@@ -217,38 +160,39 @@ class _Stay:
     posture: Posture
 
 
-def _parted(
+def stays(
     segments: Sequence[TimedSegment], sign: Sign, fps: float, changes: Callable[[Posture], bool]
-) -> tuple[list[_Stay], list[_Stay]]:
+) -> tuple[list[Stay], list[Stay]]:
     """Where hands are at the end of each segment, and of each time that a movement is made, and stay in holds: the
     postures that ``changes`` holds for, and the others.
     """
     mirrored = sign.hands == "symmetric"
-    stays: list[_Stay] = []
+    found: list[Stay] = []
     for which in (0, 1):
         for one in segments:
             posture = one.segment.strong if mirrored or not which else one.segment.weak
             if posture is None:
                 continue
-            if one.segment.kind == "H" and stays and stays[-1].which == which and stays[-1].posture == posture:
-                landed = 0 if posture.touch or one.begin != stays[-1].last else round(LANDING_S * fps)
-                first = min(stays[-1].first + landed, one.end)
-                stays[-1] = replace(stays[-1], first=first, last=one.end)
+            if one.segment.kind == "H" and found and found[-1].which == which and found[-1].posture == posture:
+                landed = 0 if posture.touch or one.begin != found[-1].last else round(LANDING_S * fps)
+                first = min(found[-1].first + landed, one.end)
+                found[-1] = replace(found[-1], first=first, last=one.end)
                 continue
             ends = [stop for _, stop in one.passes] if one.segment.times > 1 else [one.end]
-            stays += [_Stay(frame, frame, which, posture) for frame in ends]
-    return [one for one in stays if changes(one.posture)], [one for one in stays if not changes(one.posture)]
+            found += [Stay(frame, frame, which, posture) for frame in ends]
+    return [one for one in found if changes(one.posture)], [one for one in found if not changes(one.posture)]
 
 
-def _spread(
-    stays: Sequence[_Stay], missing: Sequence[FloatArray], still: Sequence[_Stay], n_frames: int, fps: float
+def spread(
+    wanted: Sequence[Stay], missing: Sequence[FloatArray], still: Sequence[Stay], n_frames: int, fps: float
 ) -> FloatArray:
-    """Displacements (T, 2, 3) that are what is ``missing`` where hands stay, 0 where they are ``still``, go from one to
-    the next between them, and fade before the first and after the last.
+    """Displacements (T, 2, C) that are what is ``missing`` (C,) where hands are ``wanted``, 0 where they are ``still``,
+    go from one to the next between them, and fade before the first and after the last.
     """
-    moves = np.zeros((n_frames, 2, 3))
+    size = len(missing[0])
+    moves = np.zeros((n_frames, 2, size))
     radius, times = max(3.0, _RADIUS_S * fps), np.arange(n_frames)
-    values = [*zip(stays, missing, strict=True), *((one, np.zeros(3)) for one in still)]
+    values = [*zip(wanted, missing, strict=True), *((one, np.zeros(size)) for one in still)]
     for which in (0, 1):
         found = {frame: miss for one, miss in values if one.which == which for frame in (one.first, one.last)}
         if found:
@@ -266,19 +210,27 @@ def _part(hand_state: FloatArray, posture: Posture, signer: Signer) -> FloatArra
     return hand_part(posture.part).centre(hand.points(hand_state[pose.FINGERS])) * signer.hands * signer.scale
 
 
-def _missing(
-    posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """What moves the part of a hand from where it is to where a posture puts it, (3,), and the part from its wrist
-    (3,), cm, in the chest's axes, mirrored for the weak hand as its state is. part: where it is in the hand's axes.
+def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray) -> FloatArray:
+    """What moves the part of a hand from where it is to where a posture puts it, (3,), cm, in the chest's axes,
+    mirrored for the weak hand as its state is. part: where it is in the hand's axes.
+    """
+    chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
+    joint, mirror = JOINTS[f"{_SIDES[which]}Hand"], MIRROR if which else np.ones(3)
+    here = posed.positions[frame, joint] + posed.rotations[frame, joint] @ (part * mirror)
+    missing = goal(posed, frame, which, posture, sign) - mirror * ((here - origin) @ chest)
+    length = float(np.linalg.norm(missing))
+    stays = 0.05 if posture.touch else _LEFT_CM * posed.signer.scale
+    return np.asarray(missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9))
+
+
+def goal(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> FloatArray:
+    """Where a posture puts the part of a hand, (3,), cm, in the chest's axes of a body as it is then, mirrored for the
+    weak hand as its state is.
     """
     signer, state = posed.signer, posed.states[frame]
     chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
     site, unit = hand_part(posture.part), signer.hands * signer.scale
-    joint = JOINTS[f"{_SIDES[which]}Hand"]
     mirror = MIRROR if which else np.ones(3)
-    arm = mirror * (posed.rotations[frame, joint] @ (part * mirror) @ chest)
-    here = mirror * ((posed.positions[frame, joint] - origin) @ chest) + arm
     weak = WeakArm(signer, state[27:54])
     if on_arm(posture.location):
         left = [JOINTS[name] for name in ("LeftArm", "LeftForeArm", "LeftHand")]
@@ -301,7 +253,4 @@ def _missing(
         wanted = wanted + (site.skin * unit + posture.off * signer.scale) * normal
     elif sign.hands == "symmetric" and found.point[0] == 0.0:
         wanted = wanted + axes((site.skin * unit + posture.off * signer.scale, 0.0, 0.0))
-    missing = wanted - here
-    length = float(np.linalg.norm(missing))
-    stays = 0.05 if posture.touch else _LEFT_CM * signer.scale
-    return missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9), arm
+    return np.asarray(wanted)

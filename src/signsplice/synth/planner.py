@@ -17,14 +17,16 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
+from signsplice.synth.comfort import directed, eased
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import brought_to_touch, cleared, parted, placed, within_reach
+from signsplice.synth.placing import cleared, parted, placed, within_reach
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
 from signsplice.synth.timing import Events, between_frames
+from signsplice.synth.touching import brought_to_touch
 
 PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""
@@ -102,23 +104,31 @@ def _settled(
     states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
     """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
-    written, steady = sign.kind == "written", states
-    clear = cleared if written else clear_collisions
-    if written:
-        states = within_reach(states, signer)
+    if sign.kind == "written":
+        return _written(states, segments, sign, signer, fps)
     for _ in range(2):  # a forearm that is turned can meet the other hand
-        states = steady = elbows.steadied(states, signer, fps, written)
-        if written:
-            states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
-            states = twists.steadied(states, signer, fps)
-            states = parted(states, signer) if sign.hands == "symmetric" else states
-        states = clear(states, signer)
-    if written:
-        states = clear(elbows.kept(states, steady, signer), signer)
-        touching = brought_to_touch(states, segments, sign, signer, fps)
-        states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
-        if states is not touching:
-            states = cleared(elbows.kept(cleared(states, signer), states, signer), signer)
+        states = clear_collisions(elbows.steadied(states, signer, fps), signer)
+    return states
+
+
+def _written(
+    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
+    directions = pose.hand_rotations(states, signer)
+    states = within_reach(states, signer)
+    for n in range(2):
+        states = directed(states, directions, signer) if n else states
+        states = steady = elbows.steadied(states, signer, fps, led=True)
+        states = eased(states, directions, signer) if n else states
+        states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
+        states = twists.steadied(states, signer, fps)
+        states = cleared(parted(states, signer) if sign.hands == "symmetric" else states, signer)
+    states = cleared(eased(elbows.kept(states, steady, signer), directions, signer), signer)
+    touching = brought_to_touch(states, segments, sign, signer, fps)
+    states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
+    if states is not touching:
+        states = cleared(elbows.kept(cleared(states, signer), states, signer), signer)
     return states
 
 

@@ -14,7 +14,7 @@ from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 _ROUNDS = 12
 """How often a hand whose part touches is moved out of what it lies in, or back, at most."""
-_FROM_SHOULDER_CM, _MOST_LEAN = 19.0, np.deg2rad(40.0)
+_FROM_SHOULDER_CM, _MOST_LEAN = 16.5, np.deg2rad(40.0)
 """How near to its shoulder a wrist can be, and how far a hand that touches is turned for that."""
 
 

@@ -20,6 +20,8 @@ _LETTERS: dict[str, Vector] = {
     "i": (0.0, 0.0, -1.0),
 }
 _SMALL = 1e-6
+_LEVEL = 1e-3
+"""Least part of a direction that counts."""
 
 
 def dot(a: Vector, b: Vector) -> float:
@@ -62,6 +64,24 @@ def direction(words: Sequence[str]) -> Vector:
     return ends[0] if between is None else between  # of two opposite ones the first
 
 
+def oriented(fingers: Sequence[str], palm: Sequence[str]) -> tuple[Vector, Vector]:
+    """The unit vectors along which fingers point and a palm faces. Of two directions each is resolved with its own palm
+    before they are averaged: near upright fingers a palm's letter turns with a few degrees of theirs. Raises
+    ``InputError`` where they point nowhere.
+    """
+    along = direction(fingers)
+    total: Vector = (0.0, 0.0, 0.0)
+    for finger, word in ((fingers[0], palm[0]), (fingers[-1], palm[-1])):
+        own = direction((finger,))
+        faces = _facing(own, word, along[2] < -_LEVEL)
+        cosine = dot(own, along)
+        if cosine > -0.999:  # turned as the fingers are
+            faces = plus(faces, plus(own, along), -dot(faces, along) / (1.0 + cosine))
+        total = plus(total, faces)
+    between = unit(total)
+    return along, facing(along, palm) if between is None else between
+
+
 def facing(fingers: Vector, words: Sequence[str]) -> Vector:
     """The unit vector that a palm faces whose fingers point along ``fingers``: the same reading that gives a curve its
     side. ``d`` is the lower side in the vertical plane through the fingers, ``l`` across it, towards the signer's left
@@ -72,15 +92,17 @@ def facing(fingers: Vector, words: Sequence[str]) -> Vector:
     return ends[0] if between is None else between
 
 
-def _facing(fingers: Vector, word: str) -> Vector:
-    ahead = fingers if math.hypot(fingers[0], fingers[2]) > 1e-3 else plus(fingers, (0.0, 0.0, 1.0))
-    across = unit(cross((0.0, 1.0, 0.0), ahead))
+def _facing(fingers: Vector, word: str, back: bool = False) -> Vector:
+    """``back``: fingers that point neither away nor towards the signer count as if they pointed to the signer."""
+    level = math.hypot(fingers[0], fingers[2]) <= _LEVEL
+    back = fingers[2] < -_LEVEL or (back and fingers[2] < _LEVEL)
+    across = unit(cross((0.0, 1.0, 0.0), plus(fingers, (0.0, 0.0, -1.0 if back else 1.0)) if level else fingers))
     assert across is not None
-    if ahead[2] < -1e-3:
+    if back:
         across = (-across[0], -across[1], -across[2])
     below = unit(cross(across, fingers))
     assert below is not None
-    lower = dot(below, (0.0, -1.0, 0.0)) if abs(fingers[1]) < 1.0 - 1e-6 else fingers[1] * below[2]
+    lower = fingers[1] * below[2] * (-1.0 if back else 1.0) if level else -below[1]
     if lower < 0.0:
         below = (-below[0], -below[1], -below[2])
     a, b = word.count("d") - word.count("u"), word.count("l") - word.count("r")

@@ -20,7 +20,7 @@ from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import REST, Posture, Vector, on_arm
 from signsplice.synth.signer import STANDARD
-from signsplice.synth.written.directions import direction, dot, facing, plus, unit
+from signsplice.synth.written.directions import dot, facing, oriented, plus, unit
 from signsplice.synth.written.places import Spot, shape_text, spot, usual_part
 from signsplice.synth.written.tree import Place, WrittenPosture, WrittenShape
 
@@ -40,6 +40,8 @@ _AWAY: Vector = (-1.0, 1.0, 1.0)
 _SLIDE_CM, _SLIDE_COSINE = 7.0, 0.6
 _LEAST_SLIDE = 0.75
 """How much of its way a hand goes at least that slides."""
+_UPRIGHT, _TURNED_OUT = 0.7, 0.5
+"""Upright fingers whose palm faces out as no forearm turns: its letter is read with the mean of two directions."""
 _HANGING = Posture("rest", REST, "palm", (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 Words = tuple[str, ...]
 _Value = TypeVar("_Value")
@@ -87,8 +89,9 @@ class HandState:
         """Where fingers and palm point, in the hand's own directions."""
         assert self.fingers is not None
         assert self.palm is not None
-        along = direction(self.fingers)
-        faces = facing(along, self.palm)
+        along, faces = oriented(self.fingers, self.palm)
+        if along[1] > _UPRIGHT and (-1.0 if self.which else 1.0) * faces[0] > _TURNED_OUT:
+            faces = facing(along, self.palm)
         return (_own(along), _own(faces)) if self.which else (along, faces)
 
     def written(self, posture: WrittenPosture | None, kind: str, literal: bool = False) -> HandState:

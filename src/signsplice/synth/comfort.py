@@ -1,0 +1,55 @@
+"""Hands of written signs that give way a little in direction where a wrist or forearm would else bend far.
+
+Up to the easy ranges directions are as they are written; they are a little wider than the 40 degrees of flexion and of
+extension, and 40 from side to side, with which people do daily tasks (Ryu et al. 1991, Journal of Hand Surgery 16A:
+409-419). Beyond, a hand yields by a part of the rest, never by more than ``YIELDS``; at a joint's limit it misses the
+rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.synth import elbows, pose
+from signsplice.synth.signer import Signer
+
+YIELDS = np.deg2rad(8.0)
+"""The most by which a hand yields."""
+_EASY = np.deg2rad([[-78.0, 78.0], [-28.0, 18.0], [-48.0, 52.0]])
+"""Twist of the forearm, deviation and flexion of the wrist from which on it does."""
+_LIMITS = np.array([[-pose.FOREARM_LIMIT, pose.FOREARM_LIMIT], *pose.WRIST_LIMITS])
+_SLOW = np.deg2rad(18.0)
+"""How far beyond them it yields by 63 % of that."""
+
+
+def directed(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, with the elbows where
+    they are.
+    """
+    turned = states.copy()
+    both = pose.hands(turned)
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], written, signer)
+    return elbows.kept(turned, states, signer)
+
+
+def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
+    """The same, as nearly as is easy."""
+    turned = directed(states, written, signer)
+    arm = pose.solve_arm(pose.hands(turned)[..., pose.WRIST], signer)
+    wrist = pose.wrist_angles(arm, pose.hands(turned)[..., pose.ROTVEC], signer, turned[..., pose.TURNS])
+    angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
+    beyond = angles - np.clip(angles, *_EASY.T)
+    size = np.linalg.norm(beyond, axis=-1, keepdims=True)
+    missed = np.linalg.norm(angles - np.clip(angles, *_LIMITS.T), axis=-1, keepdims=True)
+    share = (1.0 - np.exp(-size / _SLOW)) * np.maximum(0.0, 1.0 - missed / YIELDS)
+    angles = angles - YIELDS * share * beyond / np.maximum(size, 1e-9)
+    twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in
+                    ((angles[..., :1], (0, 2)), (angles[..., 1:], (1, 0))))  # fmt: skip
+    made = rotation.multiply(rotation.exp(twist), rotation.exp(swing))
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    quats = rotation.multiply(rotation.exp(wrist.swivel[..., None] * axis), made)
+    changed = turned.copy()
+    pose.hands(changed)[..., pose.ROTVEC] = rotation.log(quats)
+    return elbows.kept(changed, turned, signer)

@@ -1,0 +1,206 @@
+"""Hands of written signs in touch with what they are written to touch, by the part that is written, in the written
+directions: where not all of that can be had, each gives way a little (damped least squares; Marquardt 1963).
+
+What moves is the wrist, the hand about it, and the elbow, at the frames of touches; between them this fades.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from signsplice.body import collision
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.synth import elbows, hand, locations, pose
+from signsplice.synth.avoidance import MIRRORED_HANDS
+from signsplice.synth.contact import PosedSigner, posed_signer, surface
+from signsplice.synth.hand_parts import hand_part
+from signsplice.synth.phonology import Posture, Sign, in_space
+from signsplice.synth.placing import Stay, cleared, goal, reachable, spread, stays
+from signsplice.synth.segment_plan import TimedSegment
+from signsplice.synth.signer import JOINTS, Signer
+
+_ROUNDS, _STEPS = 5, 8
+"""How often all touches are brought about, and in how many steps each time."""
+_GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.2, np.deg2rad(5.0)
+"""What costs 1: distance of the part from the skin, depth of the rest of the hand beyond what is free, distance from
+the written place along the skin, and angle from the written directions."""
+_FREE_CM = 0.12
+"""Depth that is free."""
+_SETTLED, _REACHED = 1.0, 0.3
+"""Cost of a touch that is left as it is, and with which one that is worked on is left."""
+_SIZE = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
+"""Movements of wrist, hand and elbow that cost 1."""
+_MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
+"""Movements in one step, at most."""
+_DIFFERENCE = np.array([0.02] * 3 + [0.004] * 3 + [0.01])
+"""Movements by which derivatives are found."""
+_SIDES = ("Right", "Left")
+_MIRROR = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class _Touch:
+    """A touch that is written.
+
+    stay: when, of which hand, and what is written
+    meets: whether it is of both hands, which mirror one another
+    """
+
+    stay: Stay
+    meets: bool
+
+    @property
+    def frame(self) -> int:
+        """When it begins."""
+        return self.stay.first
+
+    @property
+    def which(self) -> int:
+        """The hand: 0 strong, 1 weak."""
+        return self.stay.which
+
+    @property
+    def posture(self) -> Posture:
+        """What is written."""
+        return self.stay.posture
+
+    @property
+    def key(self) -> tuple[int, Posture]:
+        """What a touch has in common with others like it."""
+        return self.which, self.posture
+
+
+def brought_to_touch(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to."""
+    signer = replace(signer, left_handed=False)
+    mirrored = sign.hands in MIRRORED_HANDS
+    wanted, still = stays(segments, sign, fps, lambda posture: posture.touch)
+    touches = [
+        _Touch(one, mirrored and in_space(one.posture.location))
+        for one in wanted
+        if not (one.which and mirrored and in_space(one.posture.location))
+    ]
+    if not touches:
+        return states
+    best, moved = np.inf, states
+    for n in range(_ROUNDS + 1):
+        at = moved[[one.frame for one in touches]]
+        goals = _goals(at, touches, sign, signer)
+        cost = np.square(_residuals(at, touches, goals, np.zeros((len(at), 1, 7)), signer)).sum(axis=(1, 2))
+        if cost.sum() < best:
+            best, states = float(cost.sum()), moved
+        if n == _ROUNDS:
+            break
+        some = np.flatnonzero(cost > _SETTLED).tolist()
+        if not some:
+            break
+        like = {row: touches[row].key if n == 0 else row for row in some}  # repeated touches begin alike
+        firsts = {key: row for row, key in reversed(like.items())}
+        solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], signer), strict=True))
+        found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
+        held = [(replace(one.stay, which=which), x) for one, x in zip(touches, found, strict=True)
+                for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
+        steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), fps / (1 + n))
+        moved = cleared(_moved(moved, steps, signer), signer)
+    return states
+
+
+def _moved(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
+    """States (N, 65) with both hands' wrists, hands and elbows moved by ``steps`` (N, 2, 7)."""
+    quats = rotation.multiply(rotation.exp(steps[..., 3:6]), pose.hand_rotations(states, signer))
+    changed = states.copy()
+    both = pose.hands(changed)
+    both[..., pose.WRIST] = reachable(both[..., pose.WRIST] + steps[..., :3], signer)
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
+    changed = elbows.kept(changed, states, signer)
+    changed[:, pose.TURNS] += steps[..., 6]
+    return changed
+
+
+def _goals(states: FloatArray, touches: Sequence[_Touch], sign: Sign, signer: Signer) -> FloatArray:
+    """Where the parts that touch are written to be (N, 3), in the chest's axes."""
+    posed = posed_signer(states, signer)
+    return np.array([goal(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
+
+
+def _solved(
+    states: FloatArray, touches: Sequence[_Touch], goals: FloatArray, rows: Sequence[int], signer: Signer
+) -> FloatArray:
+    """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches in states (.., 65)."""
+    n, going = len(rows), np.arange(len(rows))
+    x, best_x, best, damping = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf), np.full(n, 0.1)
+    slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
+    probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
+    for _ in range(_STEPS):
+        at = [rows[k] for k in going.tolist()]
+        tried = x[going, None] + probes
+        found = _residuals(states[at], [touches[row] for row in at], goals[at], tried, signer)  # (G, 8, R)
+        for n, values in zip(going.tolist(), found, strict=True):
+            cost = float(values[0] @ values[0])
+            damping[n] *= 0.3 if cost < best[n] else 8.0
+            if cost < best[n]:
+                best[n], best_x[n], slopes[n] = cost, x[n], ((values[1:] - values[0]) / _DIFFERENCE[:, None], values[0])
+            slope, value = slopes[n]
+            normal = slope @ slope.T
+            normal += damping[n] * np.diag(np.diag(normal))
+            step = -np.linalg.solve(normal, slope @ value)
+            x[n] = best_x[n] + step * min(1.0, float((_MOST / np.maximum(np.abs(step), 1e-9)).min()))
+        going = going[best[going] > _REACHED]
+        if not len(going):
+            break
+    return best_x
+
+
+def _residuals(
+    states: FloatArray, touches: Sequence[_Touch], goals: FloatArray, x: FloatArray, signer: Signer
+) -> FloatArray:
+    """What is missing (N, K, R) of touches in states (N, 65) with movements (N, K, 7); 1 is as bad in each number."""
+    k = x.shape[1]
+    hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in touches])
+    steps = np.repeat(hands, k, axis=0)[..., None] * x.reshape(-1, 1, 7)
+    posed = posed_signer(_moved(np.repeat(states, k, axis=0), steps, signer), signer)
+    rows = []
+    for row, one in enumerate(touches):
+        some = slice(row * k, (row + 1) * k)
+        rows.append(_missing(posed, some, one, goals[row], x[row]))
+    return np.array(rows)
+
+
+def _missing(posed: PosedSigner, rows: slice, one: _Touch, aim: FloatArray, x: FloatArray) -> FloatArray:
+    groups, radii, mirror = posed.body.groups, posed.body.radii, _MIRROR[one.which]
+    chest = posed.rotations[rows, JOINTS["Spine2"]]
+    own, other, arm = (
+        (groups.left, groups.right, groups.right_arm) if one.which else (groups.right, groups.left, groups.left_arm)
+    )
+    unit, wrist = posed.signer.hands * posed.signer.scale, JOINTS[f"{_SIDES[one.which]}Hand"]
+    part = hand_part(one.posture.part)
+    centre = part.centre(hand.points(pose.hands(posed.states[rows.start])[one.which, pose.FINGERS])) * unit * mirror
+    at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ centre
+    here = np.einsum("kb,kba->ka", at - posed.positions[rows, JOINTS["Spine2"]], chest) * mirror
+    touched = np.array(other if one.meets else surface(one.posture.location, posed.body, one.which))
+    start, span = posed.starts[rows, touched], (posed.ends - posed.starts)[rows, touched]
+    apart = at[:, None] - start
+    along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
+    thick = radii[touched, 0] + along * (radii[touched, 1] - radii[touched, 0])
+    gap = (np.linalg.norm(apart - along[..., None] * span, axis=-1) - thick).min(axis=1) - part.skin * unit
+    solid = [*groups.head, *groups.trunk, *arm, *other]
+    depth = collision.overlap(posed.starts[rows], posed.ends[rows], radii, own, solid)[0].max(axis=2)
+    turned = mirror[:, None] * np.einsum("kba,kbc->kac", chest, posed.rotations[rows, wrist]) * mirror
+    written = locations.facing(one.posture.palm, one.posture.fingers)
+    away = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
+    return np.concatenate(
+        [
+            gap[:, None] / _GAP_CM,
+            np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM,
+            (here - aim) / _PLACE_CM,
+            away / _TURNED,
+            x / _SIZE,
+        ],
+        axis=1,
+    )
