@@ -140,6 +140,41 @@ class PosedCapsules:
             apart=apart,
         )
 
+    def nearest(
+        self, own: Sequence[int], parts: Sequence[Sequence[int]], most: float = np.inf
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distance (T, P) of the skin of some capsules from that of each of some parts, clip units, negative inside,
+        and the unit vector (T, P, 3) away from it; ``most`` and 0 at frames where all are farther.
+        """
+        rows, other = np.asarray(own, np.intp), np.concatenate([np.asarray(part, np.intp) for part in parts])
+        bounds = np.cumsum([0, *map(len, parts)])
+        radii, starts, axes = self.body.radii, self.starts, self.ends - self.starts
+        distance, out = np.full((len(starts), len(parts)), most), np.zeros((len(starts), len(parts), 3))
+        middles, half = starts[:, rows] + 0.5 * axes[:, rows], 0.5 * np.sqrt(dot(axes[:, rows], axes[:, rows]))
+        thick, thin = radii.max(axis=1), radii.min(axis=1)
+        at = np.arange(len(starts))
+        if np.isfinite(most):
+            balls, radius = _ball(middles, half + thick[rows])
+            at = np.flatnonzero(
+                _meet(balls, radius, starts[:, other], axes[:, other], thick[other] + most).any(axis=(1, 2))
+            )
+        if not len(at):
+            return distance, out
+        box = np.ix_(at, other)
+        away = np.sqrt(np.maximum(_squared_distances(middles[at], starts[box], axes[box]), 0.0))  # (F, A, B)
+        greatest = (away - thin[rows, None] - thin[other]).min(axis=1)
+        greatest = np.minimum.reduceat(greatest, bounds[:-1], axis=1)  # (F, P)
+        part = np.repeat(np.arange(len(parts)), np.diff(bounds))
+        least = away - (half[at] + thick[rows])[..., None] - thick[other]
+        frames, i, j = np.nonzero(least <= greatest[:, part][:, None] + TINY)
+        frames, i, part, j = at[frames], rows[i], part[j], other[j]
+        start, to = starts[frames, i], starts[frames, j]
+        found = clearances(start - to, axes[frames, i], axes[frames, j], radii[i], radii[j])
+        order = np.argsort(found.distance, kind="stable")[::-1]  # of a part's pairs the last one, the nearest, stays
+        distance[frames[order], part[order]] = found.distance[order]
+        out[frames[order], part[order]] = found.normals[order]
+        return distance, out
+
     def penetration(self, firsts: Sequence[int] = (0,)) -> tuple[FloatArray, FloatArray]:
         """``hand_penetration`` where a hand lies in something, in a small part of the time: only ``near_pairs`` are
         tested. Elsewhere the depth is some number not above 0, and the exit direction means nothing.
@@ -162,14 +197,18 @@ def _meet(
     """Whether balls, middles (T, A, 3) and radii (T, A), meet capsules, starts and axes (T, B, 3) and radii (B,):
     (T, A, B).
     """
-    # Squared distances by matrix products: few temporary arrays.
-    transposed = axes.transpose(0, 2, 1)  # (T, 3, B)
-    squares = dot(axes, axes)[:, None] + TINY
-    along = middles @ transposed - dot(starts, axes)[:, None]  # (T, A, B)
-    fraction = np.clip(along / squares, 0.0, 1.0)
-    away = dot(middles, middles)[:, :, None] + dot(starts, starts)[:, None] - 2.0 * middles @ starts.transpose(0, 2, 1)
-    distances = away - fraction * (2.0 * along - fraction * squares)
+    distances = _squared_distances(middles, starts, axes)
     return np.asarray(distances < np.maximum(reach[:, :, None] + thick, 0.0) ** 2)
+
+
+def _squared_distances(points: FloatArray, starts: FloatArray, axes: FloatArray) -> FloatArray:
+    """Squared distances (T, A, B) of points (T, A, 3) from line segments, starts and axes (T, B, 3)."""
+    # By matrix products: few temporary arrays.
+    squares = dot(axes, axes)[:, None] + TINY
+    along = points @ axes.transpose(0, 2, 1) - dot(starts, axes)[:, None]  # (T, A, B)
+    fraction = np.clip(along / squares, 0.0, 1.0)
+    away = dot(points, points)[:, :, None] + dot(starts, starts)[:, None] - 2.0 * points @ starts.transpose(0, 2, 1)
+    return np.asarray(away - fraction * (2.0 * along - fraction * squares))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,16 +10,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body import collision
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.clearance import SkinPairs, pair_clearances, skin_pairs
+from signsplice.body.collision import PosedCapsules
 from signsplice.motion import curves, kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.naming import SIDES
 from signsplice.synth import pose
+from signsplice.synth.figure import Figure
 from signsplice.synth.phonology import Sign
-from signsplice.synth.signer import JOINTS, Signer, skeleton
+from signsplice.synth.signer import Signer
 
 TOLERANCE_CM = 0.2
 """Depth up to which a touch may press into the body."""
@@ -37,10 +38,10 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
     Each push is spread over about five frames. ``ends``: the frames belong between two others; pushes fade out towards
     both ends, so that their neighbours fit.
     """
-    signer = replace(signer, left_handed=False)
+    figure = Figure(states, signer)
     level = curves.fade_window(len(states)) if ends else np.ones(len(states))
     mean = np.zeros((len(states), 2, 3))
-    depth, exits = penetration(states, signer)
+    depth, exits = _depths(figure.posed(states).capsules)
     for n in range(2 * _ROUNDS):
         out = exits
         if n >= _ROUNDS:
@@ -56,8 +57,8 @@ def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> 
         displacements = curves.spread_in_time(push[..., None] * out, _KERNEL) * level[:, None, None]  # (T, 2, 3)
         states = states.copy()
         pose.hands(states)[..., pose.WRIST] += displacements
-        frames = displacements.any(axis=(1, 2))
-        depth[frames], exits[frames] = penetration(states[frames], signer)
+        frames = np.flatnonzero(displacements.any(axis=(1, 2)))
+        depth[frames], exits[frames] = _depths(figure.posed(states[frames], frames).capsules)
     return states
 
 
@@ -66,11 +67,12 @@ def penetration(states: FloatArray, signer: Signer, slack: float = 0.0) -> tuple
     other arm, cm, some negative number where it is free by more than ``slack`` (then without a direction); and the unit
     direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is.
     """
-    local_quats, roots = pose.rotations(states, signer)
-    rotations, positions = kinematics.forward(Clip(skeleton(signer), local_quats, roots, 30.0))
-    posed = collision.posed_capsules(skeleton(signer), rotations, positions)
-    depth, out = posed.near_pairs(slack, forearms=True).penetration()
-    out = np.einsum("tba,thb->tha", rotations[:, JOINTS["Spine2"]], out)
+    return _depths(Figure(states, signer).posed(states).capsules, slack)
+
+
+def _depths(capsules: PosedCapsules, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """``penetration`` of capsules in the chest's axes."""
+    depth, out = capsules.near_pairs(slack, forearms=True).penetration()
     return depth[:, ::-1], out[:, ::-1] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
 
 
@@ -86,39 +88,26 @@ MIRRORED_HANDS = ("symmetric", "alternating")
 """Kinds of hands of which either may touch; of others the strong one."""
 
 
-def hand_clearances(states: FloatArray, signer: Signer) -> FloatArray:
-    """Distances (T, 4) between skins, cm, negative inside: of the strong hand and of the weak one from head and trunk,
-    of the strong hand from the weak hand or arm, and from the weak hand alone.
+def hand_clearances(states: FloatArray, signer: Signer, most: float = np.inf) -> FloatArray:
+    """Distances (T, 4) between skins, cm, negative inside, or ``most`` where they are greater: of the strong hand and
+    of the weak one from head and trunk, of the strong hand from the weak hand or arm, and from the weak hand alone.
     """
-    body, starts, ends = _posed(states, signer)
-    groups = body.groups
+    capsules = Figure(states, signer).posed(states).capsules
+    body, groups = capsules.body, capsules.body.groups
     solid = (*groups.head, *groups.trunk)
     parts = zip(body.parts, body.sides, strict=True)
     arm = tuple(n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff"))
-    pairs = ((groups.right, solid), (groups.left, solid), (groups.right, arm), (groups.right, groups.left))
-    clearances = np.stack([_clearance(body, starts, ends, *pair) for pair in pairs], axis=1)
-    clearances[:, 2] = clearances[:, 2:].min(axis=1)
-    return clearances
+    strong, weak = (
+        capsules.nearest(own, other, most)[0]
+        for own, other in ((groups.right, (solid, arm, groups.left)), (groups.left, (solid,)))
+    )
+    return np.column_stack([strong[:, 0], weak[:, 0], strong[:, 1:].min(axis=1), strong[:, 2]])
 
 
 def between_hands(states: FloatArray, signer: Signer) -> FloatArray:
     """Distance (T,) between the skins of the two hands, cm, negative inside."""
-    body, starts, ends = _posed(states, signer)
-    return _clearance(body, starts, ends, body.groups.right, body.groups.left)
-
-
-def _posed(states: FloatArray, signer: Signer) -> tuple[BodyCapsules, FloatArray, FloatArray]:
-    """The capsules of a right-handed signer's body, and where their axes (T, C, 3) start and end."""
-    signer = replace(signer, left_handed=False)
-    bones = skeleton(signer)
-    body = body_capsules(bones)
-    return body, *capsule_ends(body, *kinematics.forward(Clip(bones, *pose.rotations(states, signer), 30.0)))
-
-
-def _clearance(
-    body: BodyCapsules, starts: FloatArray, ends: FloatArray, own: tuple[int, ...], other: tuple[int, ...]
-) -> FloatArray:
-    return np.asarray(-collision.overlap(starts, ends, body.radii, own, other)[0].max(axis=(1, 2)))
+    capsules = Figure(states, signer).posed(states).capsules
+    return capsules.nearest(capsules.body.groups.right, (capsules.body.groups.left,))[0][:, 0]
 
 
 def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from signsplice.body import capsules, collision
+from signsplice.body.collision import PosedCapsules
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import pose
+from signsplice.synth.figure import Figure
 from signsplice.synth.signer import JOINTS, Signer, skeleton
 
 _CARRIERS = ("Head", "Neck", "Spine2", "Hips")
@@ -62,7 +63,9 @@ def nearness(states: FloatArray, signer: Signer) -> Nearness:
     """Where the hands of states (T, 65) are, were head and trunk upright."""
     upright = states.copy()
     upright[:, 54:] = 0.0
-    clearances, out, apart = _clearances(upright, signer)
+    capsules = Figure(upright, signer).posed(upright).capsules
+    clearances, out = _clearances(capsules)
+    apart = _apart(capsules, _TOGETHER_CM * signer.scale)
     weights = _weights(clearances / signer.scale, apart / signer.scale)
     begins, hangs = _HANGING_CM
     height = pose.hands(states)[..., 1] / signer.scale
@@ -70,34 +73,29 @@ def nearness(states: FloatArray, signer: Signer) -> Nearness:
     return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights, clearances, out[..., _HEAD, 0])
 
 
-def _clearances(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Distances (T, 2, 4) of both hands' skin from that of the carriers, cm; the directions (T, 2, 4, 3) away from it
-    in the chest's axes; and distances (T,) of the hands from one another or a forearm.
+def _clearances(capsules: PosedCapsules) -> tuple[FloatArray, FloatArray]:
+    """Distances (T, 2, 4) of both hands' skin from that of the carriers, cm, and the directions (T, 2, 4, 3) away from
+    it in the chest's axes.
     """
-    body = capsules.body_capsules(skeleton(signer))
-    local_quats, roots = pose.rotations(states, signer)
-    rotations, positions = forward(Clip(skeleton(signer), local_quats, roots, 30.0))
-    ends = capsules.capsule_ends(body, rotations, positions)
-    solid = np.array([*body.groups.head, *body.groups.trunk])
-    names = list(JOINTS)
-    carriers = [_CARRIERS.index(n) if (n := names[j]) in _CARRIERS else _CHEST for j in body.joints[solid]]
-    hands = (body.groups.right, body.groups.left)
-    clearances, out = np.empty((len(states), 2, len(_CARRIERS))), np.empty((len(states), 2, len(_CARRIERS), 3))
-    rows, parts = np.arange(len(states)), [np.flatnonzero(np.array(carriers) == k) for k in range(len(_CARRIERS))]
-    for n, own in enumerate(hands):
-        depth, away = collision.overlap(*ends, body.radii, own, solid.tolist())  # (T, A, B), (T, A, B, 3)
-        for k, part in enumerate(parts):
-            a, b = np.divmod(depth[:, :, part].reshape(len(states), -1).argmax(axis=1), len(part))
-            clearances[:, n, k], out[:, n, k] = -depth[rows, a, part[b]], away[rows, a, part[b]]
+    body, names = capsules.body, list(JOINTS)
+    solid = (*body.groups.head, *body.groups.trunk)
+    carriers = [n if (n := names[body.joints[k]]) in _CARRIERS else "Spine2" for k in solid]
+    parts = [[k for k, n in zip(solid, carriers, strict=True) if n == name] for name in _CARRIERS]
+    found = [capsules.nearest(hand, parts) for hand in (body.groups.right, body.groups.left)]
+    clearances, out = (np.stack([one[k] for one in found], axis=1) for k in range(2))
+    return clearances, out
+
+
+def _apart(capsules: PosedCapsules, most: float) -> FloatArray:
+    """Distances (T,) of the hands from one another or a forearm, cm, or ``most`` where they are greater."""
+    body = capsules.body
+    hands = body.groups.right, body.groups.left
     arms = [
         [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == side]
         for side in ("right", "left")
     ]
-    depths = [
-        collision.overlap(*ends, body.radii, hands[n], (*hands[1 - n], *arms[1 - n]))[0].max(axis=(1, 2))
-        for n in (0, 1)
-    ]
-    return clearances, np.einsum("tba,tnkb->tnka", rotations[:, JOINTS["Spine2"]], out), -np.maximum(*depths)
+    depths = [capsules.nearest(hands[n], ((*hands[1 - n], *arms[1 - n]),), most)[0][:, 0] for n in (0, 1)]
+    return np.minimum(*depths)
 
 
 def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
@@ -131,8 +129,8 @@ def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
 def _carriers(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Rotations (T, 4, 4) and positions (T, 4, 3), cm, of the carriers in the chest's axes and from the chest."""
     joints = [JOINTS[name] for name in _CARRIERS]
-    local_quats, roots = pose.rotations(states, signer)
-    rotations, positions = forward(Clip(skeleton(signer), local_quats, roots, 30.0), joints)
+    upright = Clip(skeleton(signer), *pose.without_arms(states, signer), 30.0)
+    rotations, positions = forward(upright, joints)
     chest = rotations[:, _CHEST]
     turns = rotation.from_matrix(np.einsum("tba,tkbc->tkac", chest, rotations))
     return turns, np.einsum("tba,tkb->tka", chest, positions - positions[:, _CHEST, None])
@@ -149,8 +147,11 @@ def _touching(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     frames = weight.any(axis=(1, 2))
     pushes = np.zeros((len(states), 2, 3))
     nearest, wanted, weight = nearest[frames], wanted[frames], weight[frames]
-    for _ in range(_ROUNDS * bool(frames.any())):
-        clearances, out, _ = _clearances(states[frames], signer)
+    if not frames.any():
+        return states
+    figure = Figure(states[frames], signer)
+    for _ in range(_ROUNDS):
+        clearances, out = _clearances(figure.posed(states[frames]).capsules)
         missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
         pushes[frames] = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
         push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")

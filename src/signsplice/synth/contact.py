@@ -7,19 +7,18 @@ All positions are in the chest's axes of a right-handed signer, cm, with trunk a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
-from signsplice.motion import kinematics
+from signsplice.body.capsules import BodyCapsules
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
 from signsplice.synth import hand, pose
 from signsplice.synth.avoidance import between_hands, hand_clearances
+from signsplice.synth.figure import ARMS, Figure, Frames
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.phonology import ON_ARM, Posture, on_arm, on_base
-from signsplice.synth.signer import JOINTS, Signer, skeleton
+from signsplice.synth.signer import JOINTS, Signer
 
 _NEAR_CM = 1.0
 
@@ -29,7 +28,7 @@ class PosedSigner:
     """A right-handed signer in T states.
 
     states: (T, 65).
-    rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints, in the world.
+    rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints but fingers, in the chest's axes.
     body: the capsules, with where their axes ``starts`` and ``ends`` (T, C, 3).
     """
 
@@ -71,11 +70,19 @@ class PosedSigner:
 
 def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
     """A signer, as if right-handed, in states (T, 65)."""
-    signer = replace(signer, left_handed=False)
-    bones = skeleton(signer)
-    body = body_capsules(bones)
-    rotations, positions = kinematics.forward(Clip(bones, *pose.rotations(states, signer), 30.0))
-    return PosedSigner(signer, states, rotations, positions, body, *capsule_ends(body, rotations, positions))
+    return posed_figure(Figure(states, signer), states)
+
+
+def posed_figure(
+    figure: Figure, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
+) -> PosedSigner:
+    """A figure's signer in states (F, 65), those of the figure ``at`` some frames but for their ``arms``, which are
+    those of the states or others (``Figure.posed``).
+    """
+    posed = figure.posed(states, at, arms)
+    rotations, positions, capsules = figure.rotations[at].copy(), figure.positions[at].copy(), posed.capsules
+    rotations[:, ARMS], positions[:, ARMS] = posed.rotations, posed.positions
+    return PosedSigner(figure.signer, states, rotations, positions, capsules.body, capsules.starts, capsules.ends)
 
 
 def surface(location: str, body: BodyCapsules, which: int) -> Sequence[int]:

@@ -7,18 +7,17 @@ has no reference that is steady everywhere.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from signsplice.body import capsules, swivel
-from signsplice.motion import kinematics, rotation
+from signsplice.body import swivel
+from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
 from signsplice.rig.naming import SIDES
 from signsplice.synth import pose, trajectory
-from signsplice.synth.signer import JOINTS, UPPER_ARM, Signer, skeleton
+from signsplice.synth.arm_costs import led_costs
+from signsplice.synth.figure import Figure
+from signsplice.synth.signer import UPPER_ARM, Signer
 
 _WIDTH_S = 0.10
 """Standard deviation of the Gaussian that smooths these directions in time, seconds."""
@@ -28,8 +27,6 @@ _CLEARING_S = 0.06
 """The same for what keeps forearms free, which is smoothed as much once already."""
 _PRESSED_M = 0.003
 """Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
-_SIDES = ("Right", "Left")
-"""The strong and the weak arm of a right-handed signer."""
 
 
 def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) -> FloatArray:
@@ -38,10 +35,11 @@ def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) 
     """
     if not signer.manner.low_elbows:
         return states
-    directions, width_s = (_led(states, signer, fps), _LED_S) if led else (_directions(states, signer), _WIDTH_S)
-    states = _directed(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
+    directions, width_s = (_led(states, signer, fps), _LED_S) if led else (directions_of(states, signer), _WIDTH_S)
+    states = directed(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
+    figure = Figure(states, signer)
     for which in (0, 1):
-        turns = gaussian_filter1d(_clearing(states, which, signer, fps), _CLEARING_S * fps, mode="nearest")
+        turns = gaussian_filter1d(_clearing(states, which, figure, fps), _CLEARING_S * fps, mode="nearest")
         states = states.copy()
         states[:, pose.TURNS.start + which] += turns
     return states
@@ -52,7 +50,7 @@ _GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 _MISSED = np.deg2rad(7.5)
 """Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
 _EFFORT = 0.35
-"""What an elbow costs that is not where it is easy, over ``pose.swivel_costs``."""
+"""What an elbow costs that is not where it is easy, over ``arm_costs.swivel_costs``."""
 _BEFORE, _ACROSS = 0.35, 0.08
 """How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
 over the upper arm's length."""
@@ -66,11 +64,11 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
-    swivels = np.broadcast_to(_GRID, (*arm.bend.shape, len(_GRID)))
-    missed = np.square(pose.missed_angle(arm, both[..., pose.ROTVEC], swivels) / _MISSED)
+    missed, effort = led_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
+    missed = np.square(missed / _MISSED)
     costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses are free, and none is worth any elbow
-    costs = costs + _EFFORT * pose.swivel_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
-    out, across = (x[..., None, :] for x in _frame(arm))
+    costs = costs + _EFFORT * effort
+    out, across = (x[..., None, :] for x in pose.elbow_axes(arm))
     directions = np.cos(_GRID)[:, None] * out + np.sin(_GRID)[:, None] * across  # (T, 2, K, 3)
     bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
     along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
@@ -90,7 +88,7 @@ def kept(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with elbows in the directions of those ``before`` (T, 65) hands were moved a little: an easy place
     can be far from the one beside it.
     """
-    return _directed(states, _directions(before, signer), signer)
+    return directed(states, directions_of(before, signer), signer)
 
 
 def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:
@@ -100,9 +98,9 @@ def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Si
     if not signer.manner.low_elbows:
         return states
     steps = len(states) + 1
-    start, end = (_directions(part, signer).reshape(len(part), 6) for part in (before, after))
+    start, end = (directions_of(part, signer).reshape(len(part), 6) for part in (before, after))
     between = trajectory.joining(start, end, steps, np.arange(1, steps)[:, None] / steps)
-    return _directed(states, between.reshape(-1, 2, 3), signer)
+    return directed(states, between.reshape(-1, 2, 3), signer)
 
 
 def largest_step(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> float:
@@ -128,9 +126,9 @@ def slowed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
             break
         near = maximum_filter1d(fast, 2 * round(_SLOWED_S * fps) + 1, axis=0)
         near = gaussian_filter1d(near, 0.4 * _SLOWED_S * fps, axis=0)[..., None]
-        directions = _directions(states, signer)
+        directions = directions_of(states, signer)
         smooth = gaussian_filter1d(directions, _WIDTH_S * fps, axis=0, mode="nearest")
-        states = _directed(states, directions + near * (smooth - directions), signer)
+        states = directed(states, directions + near * (smooth - directions), signer)
     return states
 
 
@@ -145,50 +143,46 @@ def _solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
     """Both arms of states (T, 65) with hanging elbows, and their swivels (T, 2)."""
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
-    return arm, pose.wrist_angles(arm, both[..., pose.ROTVEC], signer, states[..., pose.TURNS]).swivel
+    return arm, pose.easy_swivels(arm, both[..., pose.ROTVEC], signer) + states[..., pose.TURNS]
 
 
-def _frame(arm: pose.Arm) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (T, 2, 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
-    turned by a quarter.
-    """
-    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])
-    out = bone - np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
-    out = out / np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-9)
-    return out, np.cross(arm.direction, out)
-
-
-def _directions(states: FloatArray, signer: Signer) -> FloatArray:
+def directions_of(states: FloatArray, signer: Signer) -> FloatArray:
     """Unit vectors (T, 2, 3) from the lines between shoulders and wrists to the elbows of states (T, 65)."""
     arm, swivels = _solved(states, signer)
-    out, across = _frame(arm)
+    out, across = pose.elbow_axes(arm)
     return np.asarray(np.cos(swivels)[..., None] * out + np.sin(swivels)[..., None] * across)
 
 
-def _directed(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
+def swivels_to(arm: pose.Arm, directions: FloatArray) -> FloatArray:
+    """The swivels (...) with which elbows are in these directions (..., 3) from the lines of shoulder and wrist."""
+    out, across = pose.elbow_axes(arm)
+    sin, cos = (np.einsum("...c,...c->...", directions, axis) for axis in (across, out))
+    return np.asarray(np.arctan2(sin, cos))
+
+
+def directed(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with elbows turned to these directions (T, 2, 3), as nearly as the wrists allow."""
     arm, swivels = _solved(states, signer)
-    out, across = _frame(arm)
-    wanted = np.arctan2(np.sum(directions * across, axis=-1), np.sum(directions * out, axis=-1))
-    directed = states.copy()
-    directed[:, pose.TURNS] += np.angle(np.exp(1j * (wanted - swivels)))
-    return directed
+    turned = states.copy()
+    turned[:, pose.TURNS] += _short(swivels_to(arm, directions) - swivels)
+    return turned
 
 
-def _clearing(states: FloatArray, which: int, signer: Signer, fps: float) -> FloatArray:
+def _short(angles: FloatArray) -> FloatArray:
+    """The same angles from -pi to pi."""
+    return np.asarray(np.angle(np.exp(1j * angles)))
+
+
+def _clearing(states: FloatArray, which: int, figure: Figure, fps: float) -> FloatArray:
     """By how much (T,) the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
-    bones = skeleton(replace(signer, left_handed=False))
-    body = capsules.body_capsules(bones)
-    clip = Clip(bones, *pose.rotations(states, replace(signer, left_handed=False)), fps)
-    rotations, positions = kinematics.forward(clip)
-    starts, ends = (0.01 * x for x in capsules.capsule_ends(body, rotations, positions))
-    side = SIDES[1 - which]
-    solid = [*body.groups.below_arms, *(body.groups.right_arm if which else body.groups.left_arm)]
-    radii = 0.01 * body.radii
-    s, e, w = (0.01 * positions[:, JOINTS[_SIDES[which] + name]] for name in ("Arm", "ForeArm", "Hand"))
+    arms, groups = figure.posed(states), figure.body.groups
+    solid = [*groups.below_arms, *(groups.right_arm if which else groups.left_arm)]
+    radii, forearm = 0.01 * figure.body.radii, figure.body.keys.index(f"{SIDES[1 - which]}LowerArm")
+    starts, ends = (0.01 * x[:, solid] for x in (arms.capsules.starts, arms.capsules.ends))
+    shoulder, elbow, wrist = (0.01 * arms.positions[:, which, n] for n in (1, 2, 3))
     turns = swivel.choose(
-        swivel.BentArm(s, e, w, radii[body.keys.index(f"{side}LowerArm")]),
-        swivel.Solid(starts[:, solid], ends[:, solid], radii[solid]),
+        swivel.BentArm(shoulder, elbow, wrist, radii[forearm]),
+        swivel.Solid(starts, ends, radii[solid]),
         np.full((len(states), len(solid)), _PRESSED_M),
         fps,
     )

@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.curves import minimum_jerk
-from signsplice.synth import hand
+from signsplice.synth import arm_costs, hand
+from signsplice.synth.arm_costs import MARGIN, angles_of, soft_clip, swivel_costs
 from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
 
 SIZE = 65
@@ -34,33 +34,21 @@ WRIST, ROTVEC, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
 TRUNK, HEAD, ROOT, TURNS = slice(54, 57), slice(57, 60), slice(60, 63), slice(63, 65)
 """Where these numbers are in a state."""
 
-WRIST_LIMITS = np.deg2rad([[-38.0, 28.0], [-72.0, 82.0]])
-"""Least and greatest deviation (positive towards the thumb) and flexion (positive towards the palm) of the wrist,
-radians; American Academy of Orthopaedic Surgeons 1965, widened by 5 degrees for passive range."""
-FOREARM_LIMIT = np.deg2rad(95.0)
-"""Greatest twist of the forearm in either direction from thumb-up, radians (80 to 90 in the same source)."""
+WRIST_LIMITS, FOREARM_LIMIT, smooth_step = arm_costs.WRIST_LIMITS, arm_costs.FOREARM_LIMIT, arm_costs.smooth_step
 ELBOW_LIMIT = np.deg2rad(148.0)
 """Greatest flexion of the elbow, radians."""
-
-_MARGIN = 0.15  # from here on angles approach their limits softly, radians
 
 _X = np.array([1.0, 0.0, 0.0])
 _HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
 _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
-_EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _SHARPNESS = 2.5
 _BLUNTER = 4.0  # with low elbows, whose cost can have two minima: an elbow would jump from one to the other
-_HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
-_BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
-_PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.5, for low elbows
 _HALF_COLLAR = 0.5 * np.deg2rad([15.0, 14.0])  # how far a collar bone rises, and comes forward
 _HEAD_PARTS = (0.4, 0.6)  # of the head's rotation, neck and head
 _LEG_CM = 81.0  # hip to ankle of the standard body
-_TINY = 1e-300
 _MIDDLE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
 _LEGS = [JOINTS[name] for name in ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot")]
-_ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
 
 
 def hands(states: FloatArray) -> FloatArray:
@@ -104,26 +92,37 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
     upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
     out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
-    x, y, z = out.transpose(out.ndim - 1, *range(out.ndim - 1))
-    half = _HALF_COLLAR * smooth_step(np.stack([(y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9], axis=-1))
-    (rise, forward), (level, ahead) = (np.moveaxis(f(half), -1, 0) for f in (np.sin, np.cos))
-    collar = np.stack([-forward * rise, forward * level, -ahead * rise, ahead * level], axis=-1)  # Y after -Z
+    x, y, z = out[..., 0], out[..., 1], out[..., 2]
+    half = np.empty((2, *x.shape))
+    half[0], half[1] = (y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9
+    half = smooth_step(half)
+    half *= _HALF_COLLAR.reshape(2, *(1,) * x.ndim)
+    (rise, forward), (level, ahead) = np.sin(half), np.cos(half)
+    collar = np.empty((*x.shape, 4))  # Y after -Z
+    collar[..., 0], collar[..., 1], collar[..., 2], collar[..., 3] = (
+        -forward * rise, forward * level, -ahead * rise, ahead * level)  # fmt: skip
     direction = wrists - collar_position - rotation.rotate(collar, shoulder_offset)
-    distance = np.linalg.norm(direction, axis=-1, keepdims=True)
+    distance = _length(direction)
     direction = direction / distance
     least = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(ELBOW_LIMIT))
-    distance = _soft_clip(distance, least, 0.992 * (upper_arm + forearm), 0.04 * (upper_arm + forearm))
+    distance = soft_clip(distance, least, 0.992 * (upper_arm + forearm), 0.04 * (upper_arm + forearm))
     # The elbow: ``along`` the line from shoulder to wrist, ``off`` from it towards the hint.
     along = (upper_arm**2 - forearm**2 + distance**2) / (2.0 * distance)
     off = np.sqrt(np.maximum(upper_arm**2 - along**2, 0.0))
-    hint = _HINT - np.sum(direction * _HINT, axis=-1, keepdims=True) * direction
-    elbow = along * direction + off * hint / np.linalg.norm(hint, axis=-1, keepdims=True)
-    upper, fore = elbow / upper_arm, (distance * direction - elbow) / forearm  # unit vectors along the bones
-    hinge = rotation.cross(upper, fore)
-    bend = np.arctan2(np.linalg.norm(hinge, axis=-1), np.sum(upper * fore, axis=-1))
-    hinge /= np.linalg.norm(hinge, axis=-1, keepdims=True)
-    upper, fore = _bone_rotations(np.stack([upper, fore]), hinge)
+    hint = _HINT - (direction @ _HINT)[..., None] * direction
+    elbow = along * direction + off * hint / _length(hint)
+    bones = np.empty((2, *elbow.shape))  # unit vectors along upper arm and forearm
+    bones[0], bones[1] = elbow / upper_arm, (distance * direction - elbow) / forearm
+    hinge = rotation.cross(bones[0], bones[1])
+    length = _length(hinge)
+    bend = np.arctan2(length[..., 0], np.einsum("...c,...c->...", bones[0], bones[1]))
+    upper, fore = _bone_rotations(bones, hinge / length)
     return Arm(collar, upper, fore, direction, bend)
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    """Lengths (..., 1) of vectors (..., 3)."""
+    return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors))[..., None])
 
 
 def _bone_rotations(bones: FloatArray, hinge: FloatArray) -> FloatArray:
@@ -162,103 +161,40 @@ class Wrist:
     flexion: FloatArray
 
 
-def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray | float = 0.0) -> Wrist:
-    """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), the elbow where they are
-    smallest, and where the signer's manner says so, low; turned from there by ``swivels`` (...).
+def elbow_axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (..., 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
+    turned by a quarter.
+    """
+    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])
+    out = bone - np.einsum("...c,...c->...", bone, arm.direction)[..., None] * arm.direction
+    out = out / np.maximum(_length(out), 1e-9)
+    return out, rotation.cross(arm.direction, out)
+
+
+def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
+    """Where elbows are easy (...), radians, in arms that carry hands with rotation vectors ``rotvecs`` (..., 3): where
+    the angles of forearm and wrist are smallest, and where the signer's manner says so, low.
 
     The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
     each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump.
     """
-    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    wanted = rotation.exp(rotvecs)
     cost = swivel_costs(arm, rotvecs, signer, _SWIVELS)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
-    swivel = (weight * _SWIVELS).sum(axis=-1) / weight.sum(axis=-1) + swivels
-    chosen = rotation.multiply(rotation.exp(-swivel[..., None] * axis), wanted)
-    return Wrist(swivel, *_split(chosen))
+    return np.asarray((weight @ _SWIVELS) / weight.sum(axis=-1))
 
 
-def swivel_costs(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
-    """What elbows at ``swivels`` (S,) cost, (..., S), in arms that carry hands with rotation vectors ``rotvecs``
-    (..., 3).
+def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray | float = 0.0) -> Wrist:
+    """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), elbows where they are easy,
+    turned from there by ``swivels`` (...).
     """
+    return wrist_at(arm, rotation.exp(rotvecs), easy_swivels(arm, rotvecs, signer) + swivels)
+
+
+def wrist_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> Wrist:
+    """The same for rotations (..., 4) of hands from forearms with hanging elbows, elbows at ``swivels`` (...)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    turned = rotation.multiply(
-        rotation.exp(-swivels[:, None] * axis[..., None, :]), rotation.exp(rotvecs)[..., None, :]
-    )
-    twist, deviation, flexion = _split(turned)  # (..., S)
-    usual = -np.deg2rad(signer.elbow_deg)
-    angles = np.stack([twist, deviation, flexion, np.broadcast_to(swivels - usual, twist.shape)], axis=-1)
-    cost = np.square(angles / _EASE).sum(axis=-1)
-    if signer.manner.low_elbows:
-        cost = cost + signer.manner.low_elbows * _raised_cost(arm, angles[..., :3], signer, swivels)
-    return np.asarray(cost)
-
-
-def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
-    """What each candidate swivel (..., S) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
-    that bends forearm and wrist beyond their limits: angles (..., S, 3) of twist, deviation and flexion.
-
-    Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as body
-    and wrists allow.
-    """
-    bone = -rotation.to_matrix(arm.upper)[..., 0]  # unit vector from shoulder to elbow, (..., 3)
-    along = np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
-    side = np.cross(arm.direction, bone)
-    cos, sin = np.cos(swivels)[:, None], np.sin(swivels)[:, None]
-    off = (bone - along)[..., None, :] * cos + side[..., None, :] * sin  # (..., S, 3)
-    low, high = np.array([[-FOREARM_LIMIT, FOREARM_LIMIT], *WRIST_LIMITS]).T
-    breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + _MARGIN + _ONSET)
-    broad = np.array([-signer.shoulders, 1.0, 1.0])
-    upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
-    reach = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(arm.bend))[..., None]
-    shoulder = COLLAR * broad + rotation.rotate(arm.collar, SHOULDER * broad)
-    elbow = (shoulder + upper_arm * along)[..., None, :] + upper_arm * off
-    wrist = (shoulder + reach * arm.direction)[..., None, :]
-    depth = np.maximum(0.0, np.stack([_trunk_depth(elbow), _trunk_depth(0.55 * elbow + 0.45 * wrist)]))
-    cost = _HEIGHT_COST * off[..., 1] + np.square(breach / _BREACH).sum(axis=-1)
-    return np.asarray(cost + (np.square(depth) / (_PRESSED_CM * (_PRESSED_CM + depth))).sum(axis=0))
-
-
-def _trunk_depth(points: FloatArray) -> FloatArray:
-    """Depth (...) of an arm's axis at points (..., 3) in the trunk of the standard body, cm: an oval around a line from
-    side to side, ending at the shoulders.
-    """
-    half_width, thick = 9.3, 13.5  # thick: half of the trunk's and half of the arm's
-    beside = np.maximum(np.abs(points[..., 0]) - half_width, 0.0)
-    depth = thick - np.sqrt(np.square(beside) + np.square(points[..., 2] - 0.7))
-    return np.asarray(depth * smooth_step((10.0 - points[..., 1]) / 10.0))
-
-
-def _split(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Twist about X, then deviation and flexion, of rotations from forearm to hand (..., 4)."""
-    quats = quats * np.where(quats[..., 3:] < 0.0, -1.0, 1.0)
-    x, y, z, w = quats.transpose(quats.ndim - 1, *range(quats.ndim - 1))
-    half = np.arctan2(x, w)
-    sin, cos = np.sin(half), np.cos(half)
-    y, z, w = cos * y + sin * z, cos * z - sin * y, cos * w + sin * x  # of the swing, which has no x
-    off = np.sqrt(y * y + z * z)
-    scale = 2.0 * np.arctan2(off, w) / np.maximum(off, _TINY)
-    return 2.0 * half, scale * y, scale * z
-
-
-def missed_angle(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
-    """By how much (..., S), radians, forearm and wrist miss the rotations ``rotvecs`` (..., 3) with elbows at
-    ``swivels`` (..., S), since they keep to their limits.
-    """
-    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    turned = rotation.multiply(
-        rotation.exp(-swivels[..., None] * axis[..., None, :]), rotation.exp(rotvecs)[..., None, :]
-    )
-    twist, deviation, flexion = _split(turned)
-    limits = ((-FOREARM_LIMIT, FOREARM_LIMIT), *WRIST_LIMITS)
-    kept = [
-        _soft_clip(x, low, high, _MARGIN) for x, (low, high) in zip((twist, deviation, flexion), limits, strict=True)
-    ]
-    swing = rotation.exp(np.stack([np.zeros_like(kept[1]), *kept[1:]], axis=-1))
-    made = rotation.multiply(rotation.exp(kept[0][..., None] * _X), swing)
-    return np.asarray(np.linalg.norm(rotation.log(rotation.multiply(rotation.inverse(made), turned)), axis=-1))
+    return Wrist(swivels, *angles_of(rotation.multiply(rotation.exp(-swivels[..., None] * axis), quats)))
 
 
 def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip:
@@ -268,6 +204,27 @@ def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip
 
 def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 65)."""
+    local_quats, roots = without_arms(states, signer)
+    collar, upper, fore, hand_quats = arm_rotations(*posed_arms(states, signer))
+    chain = {
+        "Shoulder": collar,
+        "Arm": rotation.multiply(rotation.inverse(collar), upper),
+        "ForeArm": rotation.multiply(rotation.inverse(upper), fore),
+        "Hand": rotation.multiply(rotation.inverse(fore), hand_quats),
+    }
+    for n, side in enumerate(_sides(signer)):
+        mirror = np.array([1.0, -1.0, -1.0, 1.0]) if side == "Left" else 1.0
+        for name, q in chain.items():
+            local_quats[:, JOINTS[side + name]] = q[:, n] * mirror
+    return local_quats, roots
+
+
+def _sides(signer: Signer) -> tuple[str, str]:
+    return ("Left", "Right") if signer.left_handed else ("Right", "Left")
+
+
+def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
+    """``rotations`` of states (T, 65) with straight arms, as at rest."""
     n_frames = len(states)
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
     local_quats[..., 3] = 1.0
@@ -276,34 +233,37 @@ def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
     lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _LEG_CM
     parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)] + [f * states[:, HEAD] for f in _HEAD_PARTS]
     local_quats[:, _MIDDLE + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
-    both = hands(states)
-    arm = solve_arm(both[..., WRIST], signer)
-    wrist = wrist_angles(arm, both[..., ROTVEC], signer, states[..., TURNS])
-    swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
-    upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
-    # Half of the twist at the elbow, half at the wrist.
-    half_twist = rotation.exp(0.5 * _soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, _MARGIN)[..., None] * _X)
-    low, high = WRIST_LIMITS.T
-    bent = _soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, _MARGIN)
-    swing = rotation.exp(np.concatenate([np.zeros((*bent.shape[:-1], 1)), bent], axis=-1))
-    chain = {
-        "Shoulder": arm.collar,
-        "Arm": rotation.multiply(rotation.inverse(arm.collar), upper),
-        "ForeArm": rotation.multiply(rotation.multiply(rotation.inverse(upper), fore), half_twist),
-        "Hand": rotation.multiply(half_twist, swing),
-    }
-    fingers = hand.rotations(both[..., FINGERS])
-    sides = ("Left", "Right") if signer.left_handed else ("Right", "Left")
-    for n, side in enumerate(sides):
-        mirror = np.array([1.0, -1.0, -1.0, 1.0]) if side == "Left" else 1.0
-        for name, q in chain.items():
-            local_quats[:, JOINTS[side + name]] = q[:, n] * mirror
+    fingers = hand.rotations(hands(states)[..., FINGERS])
+    for n, side in enumerate(_sides(signer)):
         first = JOINTS[f"{side}HandThumb1"]
+        mirror = np.array([1.0, -1.0, -1.0, 1.0]) if side == "Left" else 1.0
         local_quats[:, first : first + 15] = fingers[:, n] * mirror
     roots = displacement * signer.scale + skeleton(signer).offsets[0]
     if signer.left_handed:  # trunk and head are written for a right-handed signer, too
         local_quats[:, _MIDDLE] *= np.array([1.0, -1.0, -1.0, 1.0])
     return local_quats, roots
+
+
+def posed_arms(states: FloatArray, signer: Signer) -> tuple[Arm, Wrist]:
+    """Both arms, as right arms, of states (..., 65), strong first, and their angles."""
+    both = hands(states)
+    arm = solve_arm(both[..., WRIST], signer)
+    return arm, wrist_angles(arm, both[..., ROTVEC], signer, states[..., TURNS])
+
+
+def arm_rotations(arm: Arm, wrist: Wrist) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Rotations (..., 4), in the chest's axes, of collar bone, upper arm, forearm and hand of right arms, whose angles
+    keep to their limits.
+    """
+    swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
+    upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
+    # Half of the twist at the elbow, half at the wrist.
+    half_twist = rotation.exp(0.5 * soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, MARGIN)[..., None] * _X)
+    low, high = WRIST_LIMITS.T
+    bent = soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, MARGIN)
+    swing = rotation.exp(np.concatenate([np.zeros((*bent.shape[:-1], 1)), bent], axis=-1))
+    fore = rotation.multiply(fore, half_twist)
+    return arm.collar, upper, fore, rotation.multiply(fore, rotation.multiply(half_twist, swing))
 
 
 def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
@@ -312,16 +272,3 @@ def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
     """
     lowest = 1.0 / 3.0 + (_LOWEST_SPINE - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
     return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)
-
-
-def smooth_step(x: FloatArray) -> FloatArray:
-    """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
-    return np.asarray(minimum_jerk(np.minimum(np.maximum(x, 0.0), 1.0)))
-
-
-def _soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> FloatArray:
-    """``x`` kept between limits: unchanged until ``margin`` from one, then approaching it (C1, by tanh)."""
-    x = np.asarray(x, np.float64)
-    over, under = x - (np.asarray(high) - margin), (np.asarray(low) + margin) - x
-    x = np.where(over > 0.0, np.asarray(high) - margin + margin * np.tanh(np.maximum(over, 0.0) / margin), x)
-    return np.where(under > 0.0, np.asarray(low) + margin - margin * np.tanh(np.maximum(under, 0.0) / margin), x)
