@@ -32,13 +32,15 @@ _STUCK_CM = 0.35
 _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
-def clear_collisions(states: FloatArray, signer: Signer, ends: bool = False) -> FloatArray:
+def clear_collisions(
+    states: FloatArray, signer: Signer, ends: bool = False, figure: Figure | None = None
+) -> FloatArray:
     """States (T, 65) with wrists moved out of head, trunk and the other arm where they lay deeper than the tolerance.
 
     Each push is spread over about five frames. ``ends``: the frames belong between two others; pushes fade out towards
-    both ends, so that their neighbours fit.
+    both ends, so that their neighbours fit. ``figure``: of these states but for their arms.
     """
-    figure = Figure(states, signer)
+    figure = figure or Figure(states, signer)
     level = curves.fade_window(len(states)) if ends else np.ones(len(states))
     mean = np.zeros((len(states), 2, 3))
     depth, exits = _depths(figure.posed(states).capsules)

@@ -28,17 +28,14 @@ def directed(states: FloatArray, written: FloatArray, signer: Signer) -> FloatAr
     """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, with the elbows where
     they are.
     """
-    turned = states.copy()
-    both = pose.hands(turned)
-    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], written, signer)
-    return elbows.kept(turned, states, signer)
+    arm, swivels = elbows.solved(states, signer)
+    return elbows.turned(states, arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels, signer)
 
 
 def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
     """The same, as nearly as is easy."""
-    turned = directed(states, written, signer)
-    arm = pose.solve_arm(pose.hands(turned)[..., pose.WRIST], signer)
-    wrist = pose.wrist_angles(arm, pose.hands(turned)[..., pose.ROTVEC], signer, turned[..., pose.TURNS])
+    arm, swivels = elbows.solved(states, signer)
+    wrist = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels)
     angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
     beyond = angles - np.clip(angles, *_EASY.T)
     size = np.linalg.norm(beyond, axis=-1, keepdims=True)
@@ -49,7 +46,5 @@ def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray
                     ((angles[..., :1], (0, 2)), (angles[..., 1:], (1, 0))))  # fmt: skip
     made = rotation.multiply(rotation.exp(twist), rotation.exp(swing))
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    quats = rotation.multiply(rotation.exp(wrist.swivel[..., None] * axis), made)
-    changed = turned.copy()
-    pose.hands(changed)[..., pose.ROTVEC] = rotation.log(quats)
-    return elbows.kept(changed, turned, signer)
+    quats = rotation.multiply(rotation.exp(swivels[..., None] * axis), made)
+    return elbows.turned(states, arm, quats, swivels, signer)

@@ -16,7 +16,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.rig.naming import SIDES
 from signsplice.synth import pose, trajectory
 from signsplice.synth.arm_costs import led_costs
-from signsplice.synth.figure import Figure
+from signsplice.synth.figure import Figure, PosedArms
 from signsplice.synth.signer import UPPER_ARM, Signer
 
 _WIDTH_S = 0.10
@@ -29,19 +29,25 @@ _PRESSED_M = 0.003
 """Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
 
 
-def steadied(states: FloatArray, signer: Signer, fps: float, led: bool = False) -> FloatArray:
+def steadied(
+    states: FloatArray, signer: Signer, fps: float, led: bool = False, figure: Figure | None = None
+) -> FloatArray:
     """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
-    arm; in plain motion the states themselves. ``exact``: elbows go where wrists can turn hands as they are written.
+    arm; in plain motion the states themselves. ``led``: elbows go where wrists can turn hands as they are written;
+    ``figure``: of these states but for their arms.
     """
     if not signer.manner.low_elbows:
         return states
     directions, width_s = (_led(states, signer, fps), _LED_S) if led else (directions_of(states, signer), _WIDTH_S)
     states = directed(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
-    figure = Figure(states, signer)
+    figure = figure or Figure(states, signer)
+    posed = figure.posed(states)
     for which in (0, 1):
-        turns = gaussian_filter1d(_clearing(states, which, figure, fps), _CLEARING_S * fps, mode="nearest")
-        states = states.copy()
-        states[:, pose.TURNS.start + which] += turns
+        turns = _clearing(posed, which, fps)
+        if turns.any():
+            states = states.copy()
+            states[:, pose.TURNS.start + which] += gaussian_filter1d(turns, _CLEARING_S * fps, mode="nearest")
+            posed = figure.posed(states) if not which else posed
     return states
 
 
@@ -91,6 +97,19 @@ def kept(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:
     return directed(states, directions_of(before, signer), signer)
 
 
+def turned(states: FloatArray, arm: pose.Arm, quats: FloatArray, swivels: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) whose hands are turned to ``quats`` (T, 2, 4) from their forearms in an ``arm`` with hanging
+    elbows, with elbows at ``swivels`` (T, 2).
+    """
+    made = states.copy()
+    both = pose.hands(made)
+    both[..., pose.ROTVEC] = rotation.log(quats)
+    made[:, pose.TURNS] += _short(
+        swivels - pose.easy_swivels(arm, both[..., pose.ROTVEC], signer) - made[:, pose.TURNS]
+    )
+    return made
+
+
 def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:
     """States (n, 65) of a transition whose elbows go from those of ``before`` (.., 65) to those of ``after`` (.., 65),
     at the speed of both ends; in plain motion the states themselves.
@@ -134,12 +153,12 @@ def slowed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
 
 def _positions(states: FloatArray, signer: Signer) -> FloatArray:
     """Elbows (T, 2, 3) of states (T, 65) from their shoulders, cm on the standard body, in the chest's axes."""
-    arm, swivels = _solved(states, signer)
-    turned = rotation.multiply(rotation.exp(swivels[..., None] * arm.direction), arm.upper)
-    return np.asarray(rotation.rotate(turned, [-UPPER_ARM * signer.arms, 0.0, 0.0]))
+    arm, swivels = solved(states, signer)
+    upper = rotation.multiply(rotation.exp(swivels[..., None] * arm.direction), arm.upper)
+    return np.asarray(rotation.rotate(upper, [-UPPER_ARM * signer.arms, 0.0, 0.0]))
 
 
-def _solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
+def solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
     """Both arms of states (T, 65) with hanging elbows, and their swivels (T, 2)."""
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
@@ -148,7 +167,11 @@ def _solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
 
 def directions_of(states: FloatArray, signer: Signer) -> FloatArray:
     """Unit vectors (T, 2, 3) from the lines between shoulders and wrists to the elbows of states (T, 65)."""
-    arm, swivels = _solved(states, signer)
+    return directions_at(*solved(states, signer))
+
+
+def directions_at(arm: pose.Arm, swivels: FloatArray) -> FloatArray:
+    """The same of arms with elbows at ``swivels`` (T, 2)."""
     out, across = pose.elbow_axes(arm)
     return np.asarray(np.cos(swivels)[..., None] * out + np.sin(swivels)[..., None] * across)
 
@@ -162,10 +185,10 @@ def swivels_to(arm: pose.Arm, directions: FloatArray) -> FloatArray:
 
 def directed(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with elbows turned to these directions (T, 2, 3), as nearly as the wrists allow."""
-    arm, swivels = _solved(states, signer)
-    turned = states.copy()
-    turned[:, pose.TURNS] += _short(swivels_to(arm, directions) - swivels)
-    return turned
+    arm, swivels = solved(states, signer)
+    made = states.copy()
+    made[:, pose.TURNS] += _short(swivels_to(arm, directions) - swivels)
+    return made
 
 
 def _short(angles: FloatArray) -> FloatArray:
@@ -173,17 +196,17 @@ def _short(angles: FloatArray) -> FloatArray:
     return np.asarray(np.angle(np.exp(1j * angles)))
 
 
-def _clearing(states: FloatArray, which: int, figure: Figure, fps: float) -> FloatArray:
+def _clearing(posed: PosedArms, which: int, fps: float) -> FloatArray:
     """By how much (T,) the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
-    arms, groups = figure.posed(states), figure.body.groups
+    body, groups = posed.capsules.body, posed.capsules.body.groups
     solid = [*groups.below_arms, *(groups.right_arm if which else groups.left_arm)]
-    radii, forearm = 0.01 * figure.body.radii, figure.body.keys.index(f"{SIDES[1 - which]}LowerArm")
-    starts, ends = (0.01 * x[:, solid] for x in (arms.capsules.starts, arms.capsules.ends))
-    shoulder, elbow, wrist = (0.01 * arms.positions[:, which, n] for n in (1, 2, 3))
+    radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
+    starts, ends = (0.01 * x[:, solid] for x in (posed.capsules.starts, posed.capsules.ends))
+    shoulder, elbow, wrist = (0.01 * posed.positions[:, which, n] for n in (1, 2, 3))
     turns = swivel.choose(
         swivel.BentArm(shoulder, elbow, wrist, radii[forearm]),
         swivel.Solid(starts, ends, radii[solid]),
-        np.full((len(states), len(solid)), _PRESSED_M),
+        np.full((len(elbow), len(solid)), _PRESSED_M),
         fps,
     )
     return turns if which == 0 else -turns

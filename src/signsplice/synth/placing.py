@@ -18,7 +18,8 @@ from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
 from signsplice.synth import hand, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, between_hands, clear_collisions
-from signsplice.synth.contact import PosedSigner, posed_signer
+from signsplice.synth.contact import PosedSigner, posed_figure
+from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
 from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_base
@@ -47,9 +48,11 @@ _BEFORE = np.array([-0.35, 0.0, 0.9367])
 _SIDES = ("Right", "Left")
 
 
-def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float) -> FloatArray:
-    """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
-    signer = replace(signer, left_handed=False)
+def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float) -> FloatArray:
+    """States (T, 65) of a whole word with hands at their places at the end of each of its segments; ``figure``: of
+    these states.
+    """
+    signer = figure.signer
     wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in _LEFT_ALONE)
     moves = np.zeros((len(states), 2, 3))
     if not wanted:
@@ -60,7 +63,7 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, sig
     quats = pose.hand_rotations(states[frames], signer)
     least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
-        posed = posed_signer(_moved(states[frames], quats, moves[frames], signer), signer)
+        posed = posed_figure(figure, _moved(states[frames], quats, moves[frames], signer), np.array(frames))
         missing = [
             _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
             for one, centre in zip(wanted, centres, strict=True)
@@ -121,14 +124,14 @@ def parted(states: FloatArray, signer: Signer) -> FloatArray:
     return states
 
 
-def cleared(states: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) without collisions, hands pushed no farther than is of use: what an arm cannot reach is not clear
-    anywhere.
+def cleared(states: FloatArray, figure: Figure) -> FloatArray:
+    """States (T, 65), those of a figure but for their arms, without collisions, hands pushed no farther than is of use:
+    what an arm cannot reach is not clear anywhere.
     """
-    free = clear_collisions(states, signer).copy()
+    free = clear_collisions(states, figure.signer, figure=figure).copy()
     wrists = pose.hands(states)[..., pose.WRIST]
     moves = _limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
-    pose.hands(free)[..., pose.WRIST] = reachable(wrists + moves, signer)
+    pose.hands(free)[..., pose.WRIST] = reachable(wrists + moves, figure.signer)
     return free
 
 

@@ -18,6 +18,7 @@ from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, twists,
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.comfort import directed, eased
+from signsplice.synth.figure import Figure
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
@@ -116,19 +117,20 @@ def _written(
 ) -> FloatArray:
     """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
     directions = pose.hand_rotations(states, signer)
-    states = within_reach(states, signer)
+    states, figure = within_reach(states, signer), Figure(states, signer)
     for n in range(2):
         states = directed(states, directions, signer) if n else states
-        states = steady = elbows.steadied(states, signer, fps, led=True)
+        states = elbows.steadied(states, signer, fps, led=True, figure=figure)
+        steady = elbows.directions_of(states, signer)
         states = eased(states, directions, signer) if n else states
-        states = elbows.kept(placed(states, segments, sign, signer, fps), steady, signer)
+        states = elbows.directed(placed(states, segments, sign, figure, fps), steady, signer)
         states = twists.steadied(states, signer, fps)
-        states = cleared(parted(states, signer) if sign.hands == "symmetric" else states, signer)
-    states = cleared(eased(elbows.kept(states, steady, signer), directions, signer), signer)
-    touching = brought_to_touch(states, segments, sign, signer, fps)
+        states = cleared(parted(states, signer) if sign.hands == "symmetric" else states, figure)
+    states = cleared(eased(elbows.directed(states, steady, signer), directions, signer), figure)
+    touching = brought_to_touch(states, segments, sign, figure, fps)
     states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
     if states is not touching:
-        states = cleared(elbows.kept(cleared(states, signer), states, signer), signer)
+        states = cleared(elbows.kept(cleared(states, figure), states, signer), figure)
     return states
 
 

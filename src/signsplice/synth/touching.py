@@ -10,13 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import elbows, hand, locations, pose
 from signsplice.synth.avoidance import MIRRORED_HANDS
-from signsplice.synth.contact import PosedSigner, posed_signer, surface
+from signsplice.synth.contact import PosedSigner, posed_figure, surface
+from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.phonology import Posture, Sign, in_space
 from signsplice.synth.placing import Stay, cleared, goal, reachable, spread, stays
@@ -48,10 +50,12 @@ class _Touch:
 
     stay: when, of which hand, and what is written
     meets: whether it is of both hands, which mirror one another
+    centre: (3,) of the part that touches, in its hand's axes, cm
     """
 
     stay: Stay
     meets: bool
+    centre: FloatArray
 
     @property
     def frame(self) -> int:
@@ -74,25 +78,52 @@ class _Touch:
         return self.which, self.posture
 
 
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    """A signer at the frames of N touches.
+
+    states: (N, 65)
+    quats: (N, 2, 4) rotations of hands in the chest's axes
+    elbows: (N, 2, 3) directions of elbows
+    """
+
+    states: FloatArray
+    quats: FloatArray
+    elbows: FloatArray
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> _Poses:
+        """The signer at some touches."""
+        return _Poses(self.states[rows], self.quats[rows], self.elbows[rows])
+
+
+def _poses(states: FloatArray, signer: Signer) -> _Poses:
+    arm, swivels = elbows.solved(states, signer)
+    quats = rotation.multiply(arm.fore, rotation.exp(pose.hands(states)[..., pose.ROTVEC]))
+    return _Poses(states, quats, elbows.directions_at(arm, swivels))
+
+
 def brought_to_touch(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
 ) -> FloatArray:
-    """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to."""
-    signer = replace(signer, left_handed=False)
-    mirrored = sign.hands in MIRRORED_HANDS
+    """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to; ``figure``: of
+    these states.
+    """
+    signer, mirrored = figure.signer, sign.hands in MIRRORED_HANDS
     wanted, still = stays(segments, sign, fps, lambda posture: posture.touch)
     touches = [
-        _Touch(one, mirrored and in_space(one.posture.location))
+        _Touch(one, mirrored and in_space(one.posture.location), _centre(states, one, signer))
         for one in wanted
         if not (one.which and mirrored and in_space(one.posture.location))
     ]
     if not touches:
         return states
     best, moved = np.inf, states
+    frames = np.array([one.frame for one in touches])
     for n in range(_ROUNDS + 1):
-        at = moved[[one.frame for one in touches]]
-        goals = _goals(at, touches, sign, signer)
-        cost = np.square(_residuals(at, touches, goals, np.zeros((len(at), 1, 7)), signer)).sum(axis=(1, 2))
+        at = _poses(moved[frames], signer)
+        posed = posed_figure(figure, at.states, frames)
+        goals = np.array([goal(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
+        cost = np.square(_residuals(at, touches, goals, np.zeros((len(frames), 1, 7)), figure)).sum(axis=(1, 2))
         if cost.sum() < best:
             best, states = float(cost.sum()), moved
         if n == _ROUNDS:
@@ -102,45 +133,53 @@ def brought_to_touch(
             break
         like = {row: touches[row].key if n == 0 else row for row in some}  # repeated touches begin alike
         firsts = {key: row for row, key in reversed(like.items())}
-        solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], signer), strict=True))
+        solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], figure), strict=True))
         found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
         held = [(replace(one.stay, which=which), x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
         steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), fps / (1 + n))
-        moved = cleared(_moved(moved, steps, signer), signer)
+        moved = cleared(_moved(moved, steps, signer), figure)
     return states
+
+
+def _centre(states: FloatArray, stay: Stay, signer: Signer) -> FloatArray:
+    """Where the part that touches is in its hand's axes (3,), cm."""
+    fingers = pose.hands(states)[stay.first, stay.which, pose.FINGERS]
+    centre = hand_part(stay.posture.part).centre(hand.points(fingers))
+    return np.asarray(centre * signer.hands * signer.scale * _MIRROR[stay.which])
 
 
 def _moved(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
     """States (N, 65) with both hands' wrists, hands and elbows moved by ``steps`` (N, 2, 7)."""
-    quats = rotation.multiply(rotation.exp(steps[..., 3:6]), pose.hand_rotations(states, signer))
+    wrists, (arm, quats, swivels) = _arms(_poses(states, signer), steps, signer)
     changed = states.copy()
-    both = pose.hands(changed)
-    both[..., pose.WRIST] = reachable(both[..., pose.WRIST] + steps[..., :3], signer)
-    both[..., pose.ROTVEC] = pose.hand_rotvecs(both[..., pose.WRIST], quats, signer)
-    changed = elbows.kept(changed, states, signer)
-    changed[:, pose.TURNS] += steps[..., 6]
-    return changed
+    pose.hands(changed)[..., pose.WRIST] = wrists
+    return elbows.turned(changed, arm, quats, swivels, signer)
 
 
-def _goals(states: FloatArray, touches: Sequence[_Touch], sign: Sign, signer: Signer) -> FloatArray:
-    """Where the parts that touch are written to be (N, 3), in the chest's axes."""
-    posed = posed_signer(states, signer)
-    return np.array([goal(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
+def _arms(at: _Poses, steps: FloatArray, signer: Signer) -> tuple[FloatArray, tuple[pose.Arm, FloatArray, FloatArray]]:
+    """Wrists (N, 2, 3) moved by ``steps`` (N, 2, 7); and their arms with hanging elbows, the rotations (N, 2, 4) of
+    hands from these forearms, and the swivels (N, 2) of elbows.
+    """
+    wrists = reachable(pose.hands(at.states)[..., pose.WRIST] + steps[..., :3], signer)
+    arm = pose.solve_arm(wrists, signer)
+    quats = rotation.multiply(rotation.exp(steps[..., 3:6]), at.quats)
+    swivels = elbows.swivels_to(arm, at.elbows) + steps[..., 6]
+    return wrists, (arm, rotation.multiply(rotation.inverse(arm.fore), quats), swivels)
 
 
 def _solved(
-    states: FloatArray, touches: Sequence[_Touch], goals: FloatArray, rows: Sequence[int], signer: Signer
+    at: _Poses, touches: Sequence[_Touch], goals: FloatArray, rows: Sequence[int], figure: Figure
 ) -> FloatArray:
-    """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches in states (.., 65)."""
+    """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches."""
     n, going = len(rows), np.arange(len(rows))
     x, best_x, best, damping = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf), np.full(n, 0.1)
     slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
     probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
     for _ in range(_STEPS):
-        at = [rows[k] for k in going.tolist()]
+        some = np.array(rows)[going]
         tried = x[going, None] + probes
-        found = _residuals(states[at], [touches[row] for row in at], goals[at], tried, signer)  # (G, 8, R)
+        found = _residuals(at[some], [touches[row] for row in some], goals[some], tried, figure)  # (G, 8, R)
         for n, values in zip(going.tolist(), found, strict=True):
             cost = float(values[0] @ values[0])
             damping[n] *= 0.3 if cost < best[n] else 8.0
@@ -157,19 +196,20 @@ def _solved(
     return best_x
 
 
-def _residuals(
-    states: FloatArray, touches: Sequence[_Touch], goals: FloatArray, x: FloatArray, signer: Signer
-) -> FloatArray:
-    """What is missing (N, K, R) of touches in states (N, 65) with movements (N, K, 7); 1 is as bad in each number."""
-    k = x.shape[1]
+def _residuals(at: _Poses, touches: Sequence[_Touch], goals: FloatArray, x: FloatArray, figure: Figure) -> FloatArray:
+    """What is missing (N, K, R) of touches with movements (N, K, 7); 1 is as bad in each number."""
+    rows = np.repeat(np.arange(len(touches)), x.shape[1])
     hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in touches])
-    steps = np.repeat(hands, k, axis=0)[..., None] * x.reshape(-1, 1, 7)
-    posed = posed_signer(_moved(np.repeat(states, k, axis=0), steps, signer), signer)
-    rows = []
-    for row, one in enumerate(touches):
-        some = slice(row * k, (row + 1) * k)
-        rows.append(_missing(posed, some, one, goals[row], x[row]))
-    return np.array(rows)
+    at = at[rows]
+    _, (arm, quats, swivels) = _arms(at, hands[rows, :, None] * x.reshape(-1, 1, 7), figure.signer)
+    frames = np.array([one.frame for one in touches])[rows]
+    posed = posed_figure(figure, at.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
+    return np.array(
+        [
+            _missing(posed, slice(row * x.shape[1], (row + 1) * x.shape[1]), one, goals[row], x[row])
+            for row, one in enumerate(touches)
+        ]
+    )
 
 
 def _missing(posed: PosedSigner, rows: slice, one: _Touch, aim: FloatArray, x: FloatArray) -> FloatArray:
@@ -180,8 +220,7 @@ def _missing(posed: PosedSigner, rows: slice, one: _Touch, aim: FloatArray, x: F
     )
     unit, wrist = posed.signer.hands * posed.signer.scale, JOINTS[f"{_SIDES[one.which]}Hand"]
     part = hand_part(one.posture.part)
-    centre = part.centre(hand.points(pose.hands(posed.states[rows.start])[one.which, pose.FINGERS])) * unit * mirror
-    at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ centre
+    at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
     here = np.einsum("kb,kba->ka", at - posed.positions[rows, JOINTS["Spine2"]], chest) * mirror
     touched = np.array(other if one.meets else surface(one.posture.location, posed.body, one.which))
     start, span = posed.starts[rows, touched], (posed.ends - posed.starts)[rows, touched]

@@ -29,9 +29,7 @@ _WIDTH_S, _AROUND_S = 0.045, 0.25
 
 def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) in which no forearm turns over in a frame; the states themselves where none did."""
-    both = pose.hands(states)
-    arm = pose.solve_arm(both[..., pose.WRIST], signer)
-    wrist = pose.wrist_angles(arm, both[..., pose.ROTVEC], signer, states[..., pose.TURNS])
+    arm, wrist = pose.posed_arms(states, signer)
     kept = np.clip(wrist.twist, -pose.FOREARM_LIMIT, pose.FOREARM_LIMIT)
     turned = kept.copy()
     fast = np.abs(np.diff(kept, axis=0)).max(axis=0, initial=0.0) * fps > _FASTEST
