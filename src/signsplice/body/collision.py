@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.body.clearance import TINY, clearances, dot
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.cache import kept
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.kinematics import forward
 from signsplice.rig.info import rig_info
@@ -98,25 +99,19 @@ class PosedCapsules:
 
         Whole hands are tested first, as balls too: most of the time they are near to nothing.
         """
-        groups, radii = self.body.groups, self.body.radii
-        hands = [np.array(own, np.intp) for own in (groups.left, groups.right)]
-        arms = groups.left_arm, groups.right_arm
-        if forearms:
-            hands += [np.array([n for n in arm if self.body.parts[n] == "cuff"], np.intp) for arm in arms]
-        others = np.array([*groups.head, *groups.trunk, *arms[0], *arms[1], *groups.right], np.intp)
-        n_solid = len(others) - len(groups.right)
+        hands, others, n_solid, may_meet, thick = _meeting_parts(self.body)
+        if not forearms:
+            hands, may_meet = hands[:2], may_meet[:2]
+        radii = self.body.radii
         lengths = np.diff([*firsts, len(self.starts)])
         origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
-        middles, thick = starts + 0.5 * axes, radii.max(axis=1)
+        middles = starts + 0.5 * axes
         reach = 0.5 * np.sqrt(dot(axes, axes)) + thick
         whole = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
         balls, radius = (np.hstack([ball[k] for ball in whole]) for k in (0, 1))
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
-        met[:, 1, n_solid:] = False  # the right hand and itself
-        for side, arm in enumerate(arms):
-            met[:, side::2, np.isin(others, arm)] = False
-        met[:, 2:, ~np.isin(others, arms[0] + arms[1])] = False
+        met &= may_meet
         at, columns = np.flatnonzero(met.any(axis=(1, 2))), np.flatnonzero(met.any(axis=(0, 1)))
         own, others = np.concatenate(hands), others[columns]
         rows, box = np.ix_(at, own), np.ix_(at, others)
@@ -180,6 +175,25 @@ class PosedCapsules:
         tested. Elsewhere the depth is some number not above 0, and the exit direction means nothing.
         """
         return self.near_pairs(firsts=firsts).penetration()
+
+
+@kept
+def _meeting_parts(
+    body: BodyCapsules,
+) -> tuple[list[NDArray[np.intp]], NDArray[np.intp], int, NDArray[np.bool_], FloatArray]:
+    """The capsules of both hands and both forearms; the (B,) others, which they must not go into, and how many of
+    these are not of the right hand; which of them (4, B) are tested for each of the former; and radii (C,).
+    """
+    groups, arms = body.groups, (body.groups.left_arm, body.groups.right_arm)
+    own = [groups.left, groups.right, *([n for n in arm if body.parts[n] == "cuff"] for arm in arms)]
+    others = np.array([*groups.head, *groups.trunk, *arms[0], *arms[1], *groups.right], np.intp)
+    n_solid = len(others) - len(groups.right)
+    meet = np.ones((4, len(others)), bool)
+    meet[1, n_solid:] = False  # the right hand and itself
+    for side, arm in enumerate(arms):
+        meet[side::2, np.isin(others, arm)] = False
+    meet[2:, ~np.isin(others, arms[0] + arms[1])] = False
+    return [np.array(rows, np.intp) for rows in own], others, n_solid, meet, body.radii.max(axis=1)
 
 
 def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:

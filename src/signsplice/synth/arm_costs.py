@@ -83,7 +83,7 @@ def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArr
     """
     bone = -rotation.to_matrix(arm.upper)[..., 0]  # unit vector from shoulder to elbow, (..., 3)
     along = np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
-    side = np.cross(arm.direction, bone)
+    side = rotation.cross(arm.direction, bone)
     cos, sin = np.cos(swivels)[:, None], np.sin(swivels)[:, None]
     off = (bone - along)[..., None, :] * cos + side[..., None, :] * sin  # (..., S, 3)
     low, high = np.array(_ANGLE_LIMITS).T

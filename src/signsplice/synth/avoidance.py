@@ -64,12 +64,15 @@ def clear_collisions(
     return states
 
 
-def penetration(states: FloatArray, signer: Signer, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
+def penetration(
+    states: FloatArray, signer: Signer, slack: float = 0.0, figure: Figure | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Depth (T, 2) of each hand, strong first, in head, trunk, the other arm or its hand, or of its forearm in the
     other arm, cm, some negative number where it is free by more than ``slack`` (then without a direction); and the unit
-    direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is.
+    direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is. ``figure``: of
+    these states but for their arms.
     """
-    return _depths(Figure(states, signer).posed(states).capsules, slack)
+    return _depths((figure or Figure(states, signer)).posed(states).capsules, slack)
 
 
 def _depths(capsules: PosedCapsules, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:

@@ -84,8 +84,9 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     rows = np.arange(len(states))
     led = np.empty((len(states), 2, 3))
     for which in (0, 1):
-        step = elbow[1:, which, None] - elbow[:-1, which, :, None]
-        changes = np.square(step / _STEP).sum(axis=-1) * (fps / 30.0) ** 2
+        at, scale = elbow[:, which], (fps / 30.0 / _STEP) ** 2
+        squares = scale * np.square(at).sum(axis=-1)
+        changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * at[:-1] @ at[1:].transpose(0, 2, 1)
         led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]
     return led
 

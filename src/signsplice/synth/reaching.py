@@ -10,6 +10,7 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import pose
 from signsplice.synth.avoidance import TOLERANCE_CM, penetration
+from signsplice.synth.figure import Figure
 from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 _ROUNDS = 12
@@ -46,8 +47,10 @@ def in_contact(
     """
     signer = replace(signer, left_handed=False)
     wanted, made, free = hand_state[:3].copy(), hand_state.copy(), hand_state
+    figure = Figure(pose.of_hands(made, made if weak is None else weak)[None], signer)
     for n in range(_ROUNDS):
-        depth, out = penetration(pose.of_hands(made, made if weak is None else weak)[None], signer)
+        state = pose.of_hands(made, made if weak is None else weak)
+        depth, out = penetration(state[None], signer, figure=figure)
         if depth[0, 0] > TOLERANCE_CM:
             way = out[0, 0] + normal
             wrist = made[:3] + (depth[0, 0] - 0.5 * TOLERANCE_CM) * (
