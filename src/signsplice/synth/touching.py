@@ -223,7 +223,8 @@ def _missing(posed: PosedSigner, rows: slice, one: _Touch, aim: FloatArray, x: F
     at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
     here = np.einsum("kb,kba->ka", at - posed.positions[rows, JOINTS["Spine2"]], chest) * mirror
     touched = np.array(other if one.meets else surface(one.posture.location, posed.body, one.which))
-    start, span = posed.starts[rows, touched], (posed.ends - posed.starts)[rows, touched]
+    start = posed.starts[rows, touched]
+    span = posed.ends[rows, touched] - start
     apart = at[:, None] - start
     along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
     thick = radii[touched, 0] + along * (radii[touched, 1] - radii[touched, 0])
