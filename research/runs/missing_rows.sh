@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The rows that the comparison of like with like still lacks (research/docs/treatments.md): the three rivals as printed,
+# The rows that the comparison of like with like still lacks (research/docs/README.md): the three rivals as printed,
 # LpTransformer in equal treatment, and LpTransformer with the bias alone, with three seeds on both truths. The pairs have
 # to be of the rows' corpus: version 2, made at commit 7078547 by `signsplice synth pairs -o DIR`, and with --truth word.
 # Five trainings a seed and truth, about 25 minutes of one core each. The same call continues.
