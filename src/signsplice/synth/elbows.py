@@ -56,6 +56,8 @@ _EFFORT = 0.35
 _BEFORE, _ACROSS = 0.35, 0.08
 """How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
 over the upper arm's length."""
+_AS_HIGH, _RAISED = 0.0, 0.1
+"""How high over its shoulder an elbow may be freely, and what costs 1 beyond, over the upper arm's length."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
 
@@ -76,7 +78,8 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
     elbow = along + np.linalg.norm(bone - along, axis=-1, keepdims=True) * directions
     across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
-    costs = costs + np.square(across_trunk / _ACROSS)
+    raised = np.maximum(0.0, elbow[..., 1] - _AS_HIGH)
+    costs = costs + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
     rows = np.arange(len(states))
     led = np.empty((len(states), 2, 3))
     for which in (0, 1):
