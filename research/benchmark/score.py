@@ -2,7 +2,7 @@
 
     python score.py PAIRS PREDICTIONS [--split random] [--part test]
 
-PAIRS is the corpus (README.md beside this file says how it is made). PREDICTIONS holds two arrays:
+PAIRS is the corpus (research/docs/benchmark.md says how it is made). PREDICTIONS holds two arrays:
 
     splices.npy  (n, 5)  whole numbers: pair, pre, post, first frame, number of frames
     frames.npy   (F, K)  the transitions' frames, one after another, as coordinates in [-0.5, 0.5]

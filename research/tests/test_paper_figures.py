@@ -69,9 +69,9 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     names += ["treatments", "frame-errors"]
     files = [*(f"{n}{s}" for n in names for s in (".png", ".svg"))]
     assert sorted(path.name for path in written) == sorted(files)
-    pages.write(measured(), tmp_path, "cpu", ("frame-errors",))
-    errors = (tmp_path / "frame-errors.md").read_text()
-    assert f"| {published.name('lstm')} | AdamW, 100 steps | 1.0 | 1.0 | 2.0 |" in errors, "frames 1 to 2, 1, 2, ..."
+    pages.write(measured(), tmp_path, "cpu")
+    errors = (tmp_path / "frame-errors.csv").read_text()
+    assert f'{published.name("lstm")},"AdamW, 100 steps",1.0,1.0,2.0,' in errors, "frames 1 to 2, 1, 2, ..."
     assert set(left_out) == {f"{name}-sgd" for name in (*names[:6], names[-1])}
     assert all(path.stat().st_size > 5000 for path in written if path.suffix in (".png", ".svg"))
     few = [r for r in measured().rows if r.system in style.COMPARED and r.fr in (None, 8)]
@@ -227,20 +227,19 @@ def test_tables_need_only_results(tmp_path: Path) -> None:
     results.save(measured(), tmp_path / results.FILE)
     code = (
         "import sys, signsplice_paper.cli.commands as c\n"
-        f"c.app.main(['table1', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
-        "print(sorted({'torch', 'matplotlib', 'onnxruntime'} & set(sys.modules)))"
+        f"c.app.main(['tables', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
+        "print(sorted({'torch', 'onnxruntime'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    assert (tmp_path / "table1.md").is_file()
-    assert not (tmp_path / "table3.md").exists()
-    assert run("table3", "--out", str(tmp_path))[0] == 0
-    assert "no row of scale paper" in run("table3", "--out", str(tmp_path), "--scale", "paper")[1]
+    assert (tmp_path / "tables.md").is_file()
+    results.save(Results(), tmp_path / results.FILE)
+    assert "no row of scale cpu" in run("tables", "--out", str(tmp_path))[1]
 
 
 def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
     out = ("--out", str(tmp_path / "out"))
-    assert run("table1", *out)[1].endswith("`signsplice-paper evaluate` or `all` makes it")
+    assert run("tables", *out)[1].endswith("`signsplice-paper evaluate` or `all` makes it")
     assert (
         "has no corpus.json, expected a corpus of pairs" in run("evaluate", "--pairs", str(tmp_path / "none"), *out)[1]
     )
@@ -277,8 +276,8 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
     assert "35 rows judged, 35 in all" in output, (
         "mean, truth, 4 baselines, 3 methods on three splits; lpt-printed, in one pass, with a bias, and lstm on two"
     )
-    assert {"table1.md", "table1.csv", "classical.md", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
-    assert "| LSTM | AdamW, 20 steps |" in (out / "table1.md").read_text()
+    assert {"tables.md", "table1.csv", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
+    assert "| LSTM | AdamW, 20 steps |" in (out / "tables.md").read_text()
     assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))
     assert "0 rows judged, 35 in all" in run(*call)[1]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import page_template, pages, results
+from signsplice_paper import page_template, pages, published, results
 from toys import of_rows, row
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -33,6 +33,20 @@ def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_
         committed = folder / path.name
         assert committed.is_file(), f"{committed}: not there; `signsplice-paper tables --out {folder}`"
         assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice-paper tables --out {folder}`"
+
+
+def test_the_table_of_treatments_has_spreads_and_names_what_lacks_seeds() -> None:
+    seeds = [row(published.PRINTED, seed=seed, scores={"paa": 0.7 + 0.1 * seed}) for seed in range(3)]
+    partner = of_rows(*seeds, row("lstm", fr=None, scores={"pta": 0.25}))
+    filled = page_template.filled("{{partner treatments}}\n{{partner seeds}}", {"partner": partner}, "cpu")
+    *table, few = filled.splitlines()
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table]
+    assert [row[1] for row in rows] == ["printed", "as printed", "equal treatment"] * 4
+    assert rows[10][5] == "0.800 [0.700, 0.900]"
+    assert rows[5][4] == "0.250", "one seed has no spread"
+    assert few.startswith("three each, but 0 of ConvS2S, as printed; ")
+    assert "1 of LSTM, equal treatment" in few
+    assert "LpTransformer, as printed" not in few
 
 
 def test_a_template_takes_means_spreads_ratios_splits_and_methods_from_the_rows() -> None:

@@ -273,3 +273,12 @@ def test_finger_angles_become_finger_rotations() -> None:
     facing = locations.facing((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
     assert np.allclose(rotation.rotate(facing, [-1.0, 0.0, 0.0]), [0.0, 1.0, 0.0])
     assert np.allclose(rotation.rotate(facing, [0.0, -1.0, 0.0]), [0.0, 0.0, 1.0])
+
+
+def test_a_turn_has_whole_turns_added_until_it_is_nearest_to_another() -> None:
+    before, after = np.array([-3.08, 0.1, 0.2]), np.array([3.06, -0.12, -0.2])
+    found = pose.nearest_turn(after, before)
+    assert np.linalg.norm(found - before) < 0.2
+    assert rotation.angle_between(rotation.exp(found), rotation.exp(after)) < 1e-9
+    assert pose.nearest_turn(before, before) is before
+    assert not pose.nearest_turn(np.zeros(3), before).any()

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
-from signsplice_paper import frame_errors, published, treatment_figure
+from signsplice_paper import frame_errors, published, treatments
 from signsplice_paper.curve import MOST_DIFFERENCE, Curve, difference
 from signsplice_paper.kept_frames import HERMITE, PRODUCT, KeptFrames
 from signsplice_paper.labels import label_points
@@ -62,9 +62,9 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
             name = name if optimiser == "adamw" else f"{name}-{optimiser}"
             written += _written(pyplot, draw(), folder / name, left_out)
         left_out += plots.refused
-    alike = treatment_figure.plot(results, scale, pyplot)
+    alike = treatments.plot(results, scale, pyplot)
     if alike is not None:
-        written += _written(pyplot, alike, folder / treatment_figure.NAME, left_out)
+        written += _written(pyplot, alike, folder / treatments.NAME, left_out)
     for name, chosen in (("figure6", kept[:1]), ("figure7", kept[1:])):
         written += _written(pyplot, draw_pairs(pyplot, chosen, scale), folder / name, left_out)
     return written, list(dict.fromkeys(left_out))

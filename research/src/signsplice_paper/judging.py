@@ -10,17 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.splicing.methods.learned import SYSTEM
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import (
     assembled,
     baselines,
     bias,
     bundles,
-    clip_methods,
     curve,
     kept_frames,
-    margins,
     pair_samples,
     protocol,
     published,
@@ -33,14 +30,12 @@ from signsplice_paper.environment import environment
 from signsplice_paper.kept_frames import KeptFrames
 from signsplice_paper.mean_transition import NAME as MEAN_TRANSITION
 from signsplice_paper.mean_transition import MeanAnswers
-from signsplice_paper.plan import Choice, Run
 from signsplice_paper.protocol import Answer, Protocol
 from signsplice_paper.results import CLASSICAL, CORPUS_TRAINED, FITTED, MEAN, SHIPPED, ResultRow, Results
 from signsplice_paper.systems import open_bundle
 
 ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
 """Title -> a context that yields a callback (done, total), or None."""
-Warn = Callable[[str], object]
 Scores = dict[str, float]
 MoreScores = Callable[[str], Scores]
 """A split -> scores on other pairs of it than the test part."""
@@ -301,60 +296,3 @@ class _LazySystem:
     def positions(self, number: int) -> protocol.Positions:
         """The positions alone."""
         return protocol.positions(self.judge.pairs, self.system)(number)
-
-
-def corpus_trained_methods(configs: Iterable[PaperConfig], warn: Warn) -> list[ClipMethod]:
-    """Methods of this project's networks that were trained on a corpus of pairs.
-
-    A bundle that cannot be judged, or a second one of the same split, is skipped with a warning.
-    """
-    by_source: dict[tuple[str, ...], list[ClipMethod]] = {}
-    for config in configs:
-        if config.system != SYSTEM or not any(network.trained_on for network in config.networks.values()):
-            continue
-        bundle = config.path.parent
-        try:
-            methods = clip_methods.product_methods(bundle)
-            source = tuple((methods[0].trained_on or {}).values())
-            if source in by_source:
-                raise InputError(f"{bundle}: trained on {' '.join(source)} like another bundle; move one away")
-            by_source[source] = methods
-        except InputError as error:
-            warn(f"not judged: {error}")
-    return [method for methods in by_source.values() for method in methods]
-
-
-def _run(config: PaperConfig) -> Run:
-    """The training that made a bundle."""
-    return Run(
-        config.system or "", config.scale or "", config.optimiser or "", config.split or "", config.fr, config.seed or 0
-    )
-
-
-def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, warn: Warn) -> tuple[int, Results]:
-    """Judge the methods on clips and the bundles in ``folder``: the number of new rows, and all results.
-
-    results.json and frames.npz in ``out`` are written after every method and bundle, so that an interrupted call loses
-    at most one. ``judge.known`` are the results before. ``choice``: which bundles; methods on
-    clips are judged only if it names none.
-    """
-    configs = bundles.read_all(folder)
-    chosen = [config for config in configs if config.scale == scale and choice.allows(_run(config))]
-    named = bool(choice.systems or choice.optimisers or choice.seeds or choice.frs)
-    if not chosen:
-        warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
-    methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
-    halved = {bundles.short_hash(c): c.stored["halved"]["bundle"][:12] for c in chosen if "halved" in c.stored}
-    numbers = sorted({number for p in judge.protocols() for number in p.numbers})
-    judge = replace(
-        judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn), published_from=halved
-    )
-    known, n_rows = judge.known, 0
-    for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
-        n_rows += len(judgement.rows)
-        if judgement.rows or judgement.curves:
-            known = known.merged(judgement.rows, judgement.curves)
-            results.save(known, out / results.FILE)
-            if judgement.kept:
-                kept_frames.save(judgement.kept, out / kept_frames.FILE)
-    return n_rows, known

@@ -92,12 +92,12 @@ def latex(table: Table) -> str:
     )
 
 
-def selected(table: Table, names: Sequence[str] | None, heads: Sequence[str] | None, missing: bool = False) -> Table:
-    """The lines of a table that have a score (with ``missing`` all) and whose first cell is one of ``names``, and the
-    columns under ``heads``, beside the first two; None: all. Of scores over several seeds the mean alone.
+def selected(table: Table, names: Sequence[str] | None, heads: Sequence[str] | None) -> Table:
+    """The lines of a table that have a score and whose first cell is one of ``names``, and the columns under ``heads``,
+    beside the first two; None: all. Of scores over several seeds the mean alone.
     """
     columns = [n for n, head in enumerate(table.head) if n < 2 or heads is None or head in heads]
-    scored = [row for row in table.rows if row and (missing or set(row[2:]) - {"", "-"})]
+    scored = [row for row in table.rows if row and set(row[2:]) - {"", "-"}]
     rows = [row for row in scored if names is None or row[0] in names]
     kept = tuple(tuple(row[n].split(" [")[0] for n in columns) for row in rows)
     return replace(table, head=tuple(table.head[n] for n in columns), rows=kept)

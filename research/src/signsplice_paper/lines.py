@@ -20,7 +20,9 @@ from signsplice_paper.results import CLASSICAL, CLIP_SCALES, CORPUS_TRAINED, FIT
 OPTIMISERS = {"adamw": "AdamW", "sgd": "SGD", "sgd-momentum": "SGD with momentum"}
 MISSING, UNTRAINED, BELOW = "not trained yet", "not trained: no token found", "below the mean transition"
 TIMES = ("ms_mean", "ms_median")
-"""Scores of the last seed alone, timed on one day with other systems: a machine is not as fast on every day."""
+"""Scores of the last seed that has them, timed on one day with other systems: a machine is not as fast on every day,
+and rows of a busy one have none.
+"""
 SHORT = "short"
 """Digits of a score with two significant figures."""
 
@@ -47,8 +49,8 @@ class TableLine:
 
     def values(self, name: str) -> list[float]:
         """A score of every seed, of the last for ``TIMES``, without those that are NaN."""
-        rows = self.rows[-1:] if name in TIMES else self.rows
-        return [value for row in rows if not math.isnan(value := row.score(name))]
+        found = [value for row in self.rows if not math.isnan(value := row.score(name))]
+        return found[-1:] if name in TIMES else found
 
     def score(self, name: str) -> float:
         """The mean of a score over the seeds; NaN if it is unknown."""

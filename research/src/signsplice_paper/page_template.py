@@ -4,11 +4,13 @@
 what is looked up:
 
     {{partner lpt-printed accuracy 3}}                the mean over the seeds, three digits
+    {{partner lpt-printed pta,paa 3}}                 two cells of a table
     {{partner lpt-printed accuracy 3 spread}}         with the least and the largest of the seeds
     {{partner transformer@unseen-signer pta 3}}       another split than random
     {{partner pose-velocity+hermite:nothing bleu-4 3}}    a method, by what it was given of the truth
     {{partner lpt-printed#6 mse short}}               another fr; "short" has two significant figures
     {{partner transformer/lpt-printed ms_mean 1}}     the ratio of the two scores
+    {{partner treatments}}  {{partner seeds}}         the four systems by treatment; how many seeds each line has
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice_paper import results
+from signsplice_paper import results, treatments
 from signsplice_paper.lines import SHORT, TableLine, line, written
 from signsplice_paper.pages import OTHER_TRUTH, is_of_other_truth, put
 from signsplice_paper.results import Results
@@ -37,17 +39,23 @@ def filled(text: str, known: Mapping[str, Results], scale: str) -> str:
 
 def _figure(asked: str, known: Mapping[str, Results], scale: str) -> str:
     words = asked.split()
+    if words[1:] in (["treatments"], ["seeds"]) and words[0] in known:
+        if words[1] == "seeds":
+            return treatments.seeds(known[words[0]], scale)
+        return "\n".join(f"| {' | '.join(cells)} |" for cells in treatments.rows(known[words[0]], scale))
     if len(words) not in (4, 5) or words[0] not in known or words[4:] not in ([], ["spread"]):
         raise InputError(f"{{{{{asked}}}}}: expected TRUTH SYSTEM SCORE DIGITS [spread], of {', '.join(known)}")
-    truth, systems, score, places = words[:4]
+    truth, systems, scores, places = words[:4]
     digits = SHORT if places == SHORT else int(places)
     found = [_line(system, known[truth], scale) for system in systems.split("/")]
-    values = [one.score(score) for one in found]
-    if any(map(math.isnan, values)):
-        raise InputError(f"{{{{{asked}}}}}: no row of scale {scale} has it")
-    if words[4:]:
-        return found[0].cell(score, digits)
-    return written(values[0] if len(values) == 1 else values[0] / values[1], digits)
+    cells = []
+    for score in scores.split(","):
+        values = [one.score(score) for one in found]
+        if any(map(math.isnan, values)):
+            raise InputError(f"{{{{{asked}}}}}: no row of scale {scale} has it")
+        ratio = values[0] if len(values) == 1 else values[0] / values[1]
+        cells.append(found[0].cell(score, digits) if words[4:] else written(ratio, digits))
+    return " | ".join(cells)
 
 
 def _line(asked: str, found: Results, scale: str) -> TableLine:

@@ -1,14 +1,13 @@
-"""The pages of tables: a short one as Markdown, all lines and columns as CSV, and LaTeX where asked for."""
+"""The tables as pages: the main lines and columns on one Markdown page, all of them as CSV, and LaTeX where asked."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from signsplice.formats.atomic import replacing
 from signsplice_paper import frame_errors, layout, published, tables
-from signsplice_paper.extra_metrics import FIRST
 from signsplice_paper.layout import Table
 from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import FILE, Results
@@ -18,107 +17,101 @@ _ABLATIONS = (*published.ABLATIONS, published.PRINTED, *published.IMPROVED_ABLAT
 _MEAN = published.name("mean-transition")
 OTHER_TRUTH = "word"
 """Subfolder with the results of the other truth: it has the CSV alone, beside the pages and claims of its parent."""
+PAGE = "tables.md"
 
 
 @dataclass(frozen=True)
-class _Page:
-    """What a page holds.
+class _Group:
+    """Tables of one CSV, and what of them stands on the page.
 
     - tables: those of a split
-    - names: first cells of the lines that the short page shows, None for all
+    - names: first cells of the lines that the page shows, None for all
     - heads: its columns, None for all
-    - n_tables: how many of the first split's tables it shows, one below the other
-    - missing: whether it shows lines without a score
+    - n_tables: how many of the first split's tables it shows
     """
 
     tables: Callable[[Results, str, str], list[Table]]
     names: tuple[str, ...] | None = None
     heads: tuple[str, ...] | None = None
     n_tables: int = 1
-    missing: bool = False
 
 
 _SPLICING = ("BLEU-1", "BLEU-4", "PTA", "PAA", "Accuracy", "MSE", "ms a pair")
-_PAGES = {
-    "table1": _Page(tables.table_1, (*_COMPARED, _MEAN), _SPLICING),
-    "table2": _Page(lambda results, scale, split: tables.table_2(results, scale) if split == SPLITS[0] else []),
-    "treatments": _Page(tables.table_treatments, missing=True),
-    "table3": _Page(tables.table_3, tuple(map(published.name, _ABLATIONS)), _SPLICING[1:]),
-    "fr": _Page(tables.table_fr, heads=("BLEU-4", "PAA", "Accuracy", "MSE", "ms a pair", "length exact")),
-    "classical": _Page(
+_TABLE_2 = "table2"
+_METHODS = (
+    *("truth", "assembled", "signsplice", "learned-fluent+learned", "pose-velocity+hermite", "true-positions+hermite"),
+    *("commonest-cut+ridge", "lpt-positions+ridge", "true-positions+ridge"),
+)
+_GROUPS = {
+    "table1": _Group(tables.table_1, (*_COMPARED, _MEAN), _SPLICING),
+    _TABLE_2: _Group(
+        lambda results, scale, split: tables.table_2(results, scale) if split == SPLITS[0] else [], n_tables=0
+    ),
+    "treatments": _Group(tables.table_treatments, n_tables=0),
+    "table3": _Group(tables.table_3, tuple(map(published.name, _ABLATIONS)), _SPLICING[1:]),
+    "fr": _Group(tables.table_fr, n_tables=0),
+    "classical": _Group(
         tables.table_classical,
-        (
-            *_COMPARED,
-            "pose-velocity+hermite",
-            "true-positions+hermite",
-            *(name for name, _ in (*tables.CLASSICAL_IN_TABLE_1[:5], *tables.OWN_IN_TABLE_1)),
-        ),
-        ("Accuracy", "BLEU-4", "error, arm/1000", "velocity error, m/s", *tables.viewed_titles(), "ms, median"),
+        (*_COMPARED, *_METHODS),
+        ("Accuracy", "BLEU-4", *tables.viewed_titles()),
         n_tables=2,
     ),
-    frame_errors.PAGE: _Page(
-        frame_errors.table, heads=(f"frames 1 to {FIRST}", *(f"frame {n}" for n in (1, 2, 3, 5, 8)))
-    ),
+    frame_errors.PAGE: _Group(frame_errors.table, n_tables=0),
 }
-PAGES = tuple(_PAGES)
 
 
 def made(results: Results, scale: str) -> dict[str, list[Table]]:
-    """The tables by page, each for every split that was judged; none if there is no row."""
+    """The tables by CSV, each for every split that was judged; none if there is no row."""
     splits = SPLITS if results.rows else ()
     return {
         name: [
-            replace(table, split="" if name == "table2" else split)
+            replace(table, split="" if name == _TABLE_2 else split)
             for split in splits
-            for table in page.tables(results, scale, split)
+            for table in group.tables(results, scale, split)
         ]
-        for name, page in _PAGES.items()
+        for name, group in _GROUPS.items()
     }
 
 
-def write(results: Results, folder: Path, scale: str, only: Sequence[str] = PAGES, latex: bool = False) -> list[Path]:
-    """Write pages as .md and .csv, and as .tex if ``latex`` says so; the paths written."""
-    found = made(results, scale)
+def write(results: Results, folder: Path, scale: str, latex: bool = False) -> list[Path]:
+    """Write the page and the CSVs, and ``.tex`` files if ``latex`` says so; the paths written."""
+    found = {name: every for name, every in made(results, scale).items() if every}
     missing = missing_rows(results, scale)
-    written = []
-    for page in only:
-        every = found[page]
-        if not every and not (page == "fr" and found["table1"]):  # fr is linked: it says that it has no rows
-            continue
-        texts = {}
-        if not is_of_other_truth(folder):
-            texts[".md"] = _short(page, every, scale) + (f"\n\n{missing}\n" if page == PAGES[0] else "\n")
-        if every and page != "table2":
-            texts[".csv"] = layout.as_csv(every)
-        if latex:
-            texts[".tex"] = "\n".join(map(layout.latex, every)).rstrip() or _nothing(scale)
-            texts[".tex"] += f"\n\n\\par {layout.escape(missing)}\n"
-        for suffix, text in texts.items():
-            put(folder / f"{page}{suffix}", text)
-            written.append(folder / f"{page}{suffix}")
-    return written
+    texts = {f"{name}.csv": layout.as_csv(every) for name, every in found.items()}
+    if found and not is_of_other_truth(folder):
+        texts[PAGE] = _page(found, missing)
+    if latex:
+        note = f"\n\n\\par {layout.escape(missing)}\n"
+        texts |= {f"{name}.tex": "\n".join(map(layout.latex, every)).rstrip() + note for name, every in found.items()}
+    for name, text in texts.items():
+        put(folder / name, text)
+    return [folder / name for name in texts]
 
 
-def _short(page: str, every: Sequence[Table], scale: str) -> str:
-    """The page of the first split's main lines and columns."""
-    if not every:
-        return _nothing(scale)
-    shown = [table for table in every if table.split == every[0].split][: _PAGES[page].n_tables]
-    of = _PAGES[page]
-    shown = [layout.selected(table, of.names, of.heads, of.missing) for table in shown]
-    if _PAGES[page].n_tables > 1:  # systems that stand in several tables: with the seeds of the first
-        first = {row[0]: row for row in reversed(shown[0].rows)}
-        shown[0] = replace(shown[0], rows=tuple(row for row in shown[0].rows if first[row[0]] is row))
-    texts = [layout.markdown(replace(table, notes=())).rstrip() for table in shown]
-    if page != "table2":
-        texts.append(
-            f"Test pairs; of several seeds the mean. All lines, columns, ranges and splits: [{page}.csv]({page}.csv)."
-        )
-    return "\n\n".join([*texts, *layout.paragraphs(shown[0].notes)])
-
-
-def _nothing(scale: str) -> str:
-    return f"No two rows to compare at scale {scale} yet."
+def _page(found: dict[str, list[Table]], missing: str) -> str:
+    """The main lines and columns of the first split of all tables; what they were judged by stands once at the end."""
+    texts = [
+        "# Tables",
+        "Test pairs; of several seeds the mean. All lines, columns, ranges and splits: "
+        + ", ".join(f"[{name}.csv]({name}.csv)" for name in found)
+        + ".",
+    ]
+    for name, every in found.items():
+        group = _GROUPS[name]
+        shown = [
+            layout.selected(table, group.names, group.heads)
+            for table in [table for table in every if table.split == every[0].split][: group.n_tables]
+        ]
+        if name == "table1":  # the paper's own lines stand beside the treatments
+            shown = [replace(one, rows=tuple(row for row in one.rows if row[1] != tables.PRINTED)) for one in shown]
+        if group.n_tables > 1:  # systems that stand in several tables: with the seeds of the first
+            first = {row[0]: row for row in reversed(shown[0].rows)}
+            shown[0] = replace(shown[0], rows=tuple(row for row in shown[0].rows if first[row[0]] is row))
+        for table in shown:
+            body = layout.markdown(replace(table, notes=()))
+            texts.append(body.replace(f"**{table.caption}**", f"## {table.caption}", 1).rstrip())
+    judged = next((every[0].notes for every in found.values() if every[0].split), ())
+    return "\n\n".join([*texts, "## How they were judged", *layout.paragraphs((*judged, missing))]) + "\n"
 
 
 def is_of_other_truth(folder: Path) -> bool:

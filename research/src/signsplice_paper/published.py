@@ -85,8 +85,6 @@ IN_ONE_PASS = {PRINTED: "lpt-printed-one-pass", IMPROVED: "lpt-one-pass", "trans
 ACCURACY = 0.99
 MSE = 0.0015
 VISIBLE = 0.002
-TIMES_FASTER = 5.0
-"""Prediction time of Transformer over that of LpTransformer."""
 BEST_FR = 8
 
 AS_PRINTED, BIAS_ALONE, EQUAL = "as printed", "bias alone", "equal treatment"

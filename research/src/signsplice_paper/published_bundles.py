@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import bundle_sha256
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import bundles, published
 from signsplice_paper.configs import PaperConfig
@@ -100,11 +99,7 @@ def _command(config: PaperConfig) -> list[str]:
 
 
 def judged_as(config: PaperConfig) -> Mapping[str, Any]:
-    """What a published bundle was made from, and how far they agree; for one whose frames are of another published
-    bundle (``runs/positions_anew.py``), itself. Raises ``InputError`` for any other bundle.
-    """
-    if isinstance(config.stored.get("frames_from"), str):
-        return {"bundle": bundle_sha256(config.path.parent)}
+    """What a published bundle was made from, and how far they agree. Raises ``InputError`` for any other bundle."""
     made = config.stored.get("halved")
     if not isinstance(made, dict) or not isinstance(made.get("bundle"), str):
         raise InputError(f"{config.path}: was not written by `signsplice-paper publish`; write it by that")
@@ -114,9 +109,7 @@ def judged_as(config: PaperConfig) -> Mapping[str, Any]:
 def _line(config: PaperConfig) -> str:
     made = judged_as(config)
     n_bytes = sum(path.stat().st_size for path in config.path.parent.iterdir())
-    agrees = "is itself"
-    if "pairs" in made:
-        agrees = f"{made['pairs']}: {made['positions']}, {made['lengths']}; {made['largest_difference']:.1g}"
+    agrees = f"{made['pairs']}: {made['positions']}, {made['lengths']}; {made['largest_difference']:.1g}"
     cells = (
         config.path.parent.name, published.name(config.system or ""), config.scale, config.optimiser, config.split,
         config.seed, config.steps, made["bundle"][:12], bundles.short_hash(config), f"{n_bytes / 1e6:.1f}", agrees,

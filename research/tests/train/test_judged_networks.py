@@ -17,7 +17,8 @@ from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train import training
 from signsplice_paper.bundles import read_all
-from signsplice_paper.judging import Judge, corpus_trained_methods
+from signsplice_paper.evaluation import corpus_trained_methods
+from signsplice_paper.judging import Judge
 from signsplice_paper.results import CORPUS_TRAINED, Results
 from training_toys import ALONE, GLOSSES
 

@@ -77,4 +77,4 @@ def test_from_ten_clips_to_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     rows = json.loads((tmp_path / "out" / "results.json").read_text())["rows"]
     assert {"lpt", "transformer", "learned-fluent+learned"} <= {row["system"] for row in rows}
     assert {row["split"] for row in rows} == {"random", "unseen-words"}
-    assert (tmp_path / "out" / "table1.md").read_text().count("|") > 50
+    assert (tmp_path / "out" / "tables.md").read_text().count("|") > 50

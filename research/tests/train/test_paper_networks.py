@@ -28,6 +28,17 @@ def batch(name: str, n: int = 4) -> Batch:
     return data("train", CONFIGS[name][1]).batch(range(n))
 
 
+def token_logits(network: Any, one: Batch) -> Tensor:
+    with torch.no_grad():
+        if isinstance(network, Spsn):
+            found: Tensor = network(one.x, one.n_before, one.mask)
+            return found
+        assert isinstance(network, Generator)
+        logits = network.encode(one.x, one.mask, one.n_before).tokens
+        assert logits is not None
+        return logits
+
+
 @pytest.mark.parametrize("name", CONFIGS)
 def test_every_weight_gets_a_gradient(name: str) -> None:
     made = toy(name)
@@ -201,19 +212,9 @@ def test_every_token_depends_on_both_words_to_their_ends(name: str) -> None:
     network = toy(name).network.eval()
     one = batch(name, 1)
 
-    def tokens(x: Tensor) -> Tensor:
-        with torch.no_grad():
-            if isinstance(network, Spsn):
-                found: Tensor = network(x, one.n_before, one.mask)
-                return found
-            assert isinstance(network, Generator)
-            logits = network.encode(x, one.mask, one.n_before).tokens
-            assert logits is not None
-            return logits
-
-    changed = one.x.clone()
-    changed[:, -1] += 0.1
-    assert (tokens(changed) - tokens(one.x))[0, 0, :2].abs().max() > 1e-7, (
+    changed = replace(one, x=one.x.clone())
+    changed.x[:, -1] += 0.1
+    assert (token_logits(network, changed) - token_logits(network, one))[0, 0, :2].abs().max() > 1e-7, (
         "the first frame's token, the last frame's pose"
     )
 
@@ -331,25 +332,14 @@ def test_the_token_bias_emits_all_tokens_and_moves_none(name: str) -> None:
     rows = data("train")
     batch = rows.batch(range(len(rows)))
     network = task.network.eval()
-
-    def token_logits() -> Tensor:
-        with torch.no_grad():
-            if isinstance(network, Spsn):
-                out: Tensor = network(batch.x, batch.n_before, batch.mask)
-                return out
-            assert isinstance(network, Generator)
-            tokens = network.encode(batch.x, batch.mask, batch.n_before).tokens
-            assert tokens is not None
-            return tokens
-
-    logits = token_logits() - torch.tensor([0.0, 5.0, 5.0])
+    logits = token_logits(network, batch) - torch.tensor([0.0, 5.0, 5.0])
     at, emitted = positions(logits, batch.mask)
     assert not emitted.all()
     last: Any = network.out if isinstance(network, Spsn) else network.token
     last.bias.data -= torch.tensor([0.0, 5.0, 5.0])
     bias = token_bias(task, rows)
     assert bias > 0.0
-    biased, all_emitted = positions(token_logits() + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask)
+    biased, all_emitted = positions(token_logits(network, batch) + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask)
     assert all_emitted.all()
     assert torch.equal(biased, at)
     last.bias.data += torch.tensor([0.0, 50.0, 50.0])

@@ -17,7 +17,7 @@ from signsplice.rig.naming import SIDES
 from signsplice.synth import pose, trajectory
 from signsplice.synth.arm_costs import led_costs
 from signsplice.synth.figure import Figure, PosedArms
-from signsplice.synth.signer import UPPER_ARM, Signer
+from signsplice.synth.signer import COLLAR, SHOULDER, UPPER_ARM, Signer
 
 _WIDTH_S = 0.10
 """Standard deviation of the Gaussian that smooths these directions in time, seconds."""
@@ -60,6 +60,8 @@ _EFFORT = 0.35
 _BEFORE, _ACROSS = 0.35, 0.08
 """How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
 over the upper arm's length."""
+_RAISED = 0.1
+"""How high over both shoulder and wrist an elbow costs 1, over the upper arm's length."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
 
@@ -72,7 +74,7 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     missed, effort = led_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
     missed = np.square(missed / _MISSED)
-    costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses are free, and none is worth any elbow
+    costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses cost little
     costs = costs + _EFFORT * effort
     out, across = (x[..., None, :] for x in pose.elbow_axes(arm))
     directions = np.cos(_GRID)[:, None] * out + np.sin(_GRID)[:, None] * across  # (T, 2, K, 3)
@@ -80,7 +82,9 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
     elbow = along + np.linalg.norm(bone - along, axis=-1, keepdims=True) * directions
     across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
-    costs = costs + np.square(across_trunk / _ACROSS)
+    wrist = (both[..., 1] / signer.scale - (COLLAR + SHOULDER)[1]) / (UPPER_ARM * signer.arms)
+    raised = np.maximum(0.0, elbow[..., 1] - np.maximum(0.0, wrist)[..., None])
+    costs = costs + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
     rows = np.arange(len(states))
     led = np.empty((len(states), 2, 3))
     for which in (0, 1):

@@ -76,8 +76,8 @@ def level(
     cycles: float = 0.0,
     swings: bool = False,
 ) -> FloatArray:
-    """How far (T,) a gesture has gone that lasts from ``begin`` to ``end`` of the time of the hands, which sign in the
-    frames ``hands``; ``cycles``: how often it goes there and back, ``swings``: to both sides.
+    """How far (T,) a gesture has gone that lasts from ``begin`` to ``end`` of the time of the hands; these sign between
+    the two frames ``hands``. ``cycles``: how often it goes there and back, ``swings``: to both sides.
     """
     t = np.arange(n_frames) / fps
     start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, 0.3)

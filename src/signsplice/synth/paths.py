@@ -5,7 +5,7 @@ Signers make later passes of a repeated movement smaller, and each in a time of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,7 +35,18 @@ def translated(hand_state: FloatArray, displacement: FloatArray, signer: Signer)
     fore, other = pose.solve_arm(np.stack([wrist, moved]), signer).fore
     quat = rotation.multiply(fore, rotation.exp(hand_state[pose.ROTVEC]))
     rotvec = rotation.log(rotation.multiply(rotation.inverse(other), quat))
-    return np.concatenate([moved, rotvec, hand_state[pose.FINGERS]])
+    return np.concatenate([moved, pose.nearest_turn(rotvec, hand_state[pose.ROTVEC]), hand_state[pose.FINGERS]])
+
+
+def without_spins(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
+    """Both hand states (27,) of postures, each hand turned the short way from one to the next."""
+    made = list(pairs[:1])
+    for pair in pairs[1:]:
+        states = [state.copy() for state in pair]
+        for state, before in zip(states, made[-1], strict=True):
+            state[pose.ROTVEC] = pose.nearest_turn(state[pose.ROTVEC], before[pose.ROTVEC])
+        made.append((states[0], states[1]))
+    return made
 
 
 def drifted(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:

@@ -27,7 +27,7 @@ from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
 _ROUNDS = 3
-_RADIUS_S = 0.3
+RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
 _LEFT_CM = 0.2
 """How far from its place a hand that touches nothing may stay."""
@@ -73,13 +73,13 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
             least, best = left, moves
         if n == _ROUNDS or left == 0.0:
             break
-        step = spread(wanted, missing, still, len(states), fps)
+        step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
         if sign.hands == "base":  # a hand at the other one goes where that one goes
             missing = [
                 miss + MIRROR * step[one.first, 1] if not one.which and on_base(one.posture.location) else miss
                 for one, miss in zip(wanted, missing, strict=True)
             ]
-            step = spread(wanted, missing, still, len(states), fps)
+            step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
         moves = _limited(moves + step, _MOST_CM)
     return _moved(states, pose.hand_rotations(states, signer), best, signer)
 
@@ -187,14 +187,14 @@ def stays(
 
 
 def spread(
-    wanted: Sequence[Stay], missing: Sequence[FloatArray], still: Sequence[Stay], n_frames: int, fps: float
+    wanted: Sequence[Stay], missing: Sequence[FloatArray], still: Sequence[Stay], n_frames: int, radius: float
 ) -> FloatArray:
     """Displacements (T, 2, C) that are what is ``missing`` (C,) where hands are ``wanted``, 0 where they are ``still``,
-    go from one to the next between them, and fade before the first and after the last.
+    go from one to the next between them, and fade within ``radius`` frames before the first and after the last.
     """
     size = len(missing[0])
     moves = np.zeros((n_frames, 2, size))
-    radius, times = max(3.0, _RADIUS_S * fps), np.arange(n_frames)
+    radius, times = max(3.0, radius), np.arange(n_frames)
     values = [*zip(wanted, missing, strict=True), *((one, np.zeros(size)) for one in still)]
     for which in (0, 1):
         found = {frame: miss for one, miss in values if one.which == which for frame in (one.first, one.last)}

@@ -139,6 +139,15 @@ def hand_rotvecs(wrists: ArrayLike, hand_quats: ArrayLike, signer: Signer) -> Fl
     return rotation.log(rotation.multiply(rotation.inverse(solve_arm(wrists, signer).fore), hand_quats))
 
 
+def nearest_turn(rotvec: FloatArray, near: FloatArray) -> FloatArray:
+    """A rotation vector (3,) with as many whole turns more that it is nearest to another (3,): a hand that is turned by
+    half a turn does not spin round on its way to a little more.
+    """
+    angle = float(np.linalg.norm(rotvec))
+    turns = np.round((float(near @ rotvec) / angle - angle) / (2.0 * np.pi)) if angle > 1e-6 else 0.0
+    return np.asarray(rotvec * (1.0 + 2.0 * np.pi * turns / angle)) if turns else rotvec
+
+
 def hand_rotations(states: FloatArray, signer: Signer) -> FloatArray:
     """Rotations (..., 2, 4) of both hands in the chest's axes, as right hands, before joint limits."""
     both = hands(states)

@@ -18,7 +18,7 @@ from signsplice.synth import locations, pose
 from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, touching
 from signsplice.synth.body_motion import add_gesture, add_local_movement
 from signsplice.synth.locations import ON_HEAD, WeakArm, resting
-from signsplice.synth.paths import PathMotion, drifted, strokes, translated, varied_rounds
+from signsplice.synth.paths import PathMotion, drifted, strokes, translated, varied_rounds, without_spins
 from signsplice.synth.phonology import REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.synth.signer import Signer
 from signsplice.synth.timing import Events, hold_pause, tempo_of
@@ -139,7 +139,7 @@ class SegmentPlan:
             pairs.append((strong, strong if meets else weak.hand))
         tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
         touching = [touches(segment, self.sign) for segment in self.sign.segments]
-        return undershot(pairs, self.sign, touching, rest, tempo, self.signer)
+        return undershot(without_spins(pairs), self.sign, touching, rest, tempo, self.signer)
 
     def _weak_hand(self, posture: Posture | None) -> FloatArray:
         if posture is None or posture.location == REST:

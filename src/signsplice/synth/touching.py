@@ -21,7 +21,7 @@ from signsplice.synth.contact import PosedSigner, posed_figure, surface
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.phonology import Posture, Sign, in_space
-from signsplice.synth.placing import Stay, cleared, goal, reachable, spread, stays
+from signsplice.synth.placing import RADIUS_S, Stay, cleared, goal, reachable, spread, stays
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import JOINTS, Signer
 
@@ -137,7 +137,7 @@ def brought_to_touch(
         found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
         held = [(replace(one.stay, which=which), x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
-        steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), fps / (1 + n))
+        steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), RADIUS_S * fps / (1 + n))
         moved = cleared(_moved(moved, steps, signer), figure)
     return states
 

@@ -123,14 +123,14 @@ def merge(sources: tuple[str, ...], **options: Any) -> None:
 
 def _judge(call: PaperCall) -> None:
     from signsplice.synth.corpus import Pairs
-    from signsplice_paper import judging, results
+    from signsplice_paper import evaluation, judging, results
 
     folder, corpus = call.made_folder(), Pairs(call.pairs)
     file, choice = folder / results.FILE, call.choice
     judged = judging.Judge(
         corpus, results.load(file), progress, limit=call.limit, again=call.again, splits=choice.splits
     )
-    n_rows, known = judging.evaluate(judged, folder, call.bundles, call.scale, choice, lambda line: warn([line]))
+    n_rows, known = evaluation.evaluate(judged, folder, call.bundles, call.scale, choice, lambda line: warn([line]))
     print(f"{file}: {n_rows} rows judged, {len(known.rows)} in all")
 
 

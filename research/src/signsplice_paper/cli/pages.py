@@ -1,4 +1,4 @@
-"""The commands `tables`, `table1` to `table3`, `claims` and `figures`: pages from results.json, in seconds."""
+"""The commands `tables`, `figures` and `report`: pages from results.json, in seconds."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from signsplice.errors import InputError, MissingExtraError
 from signsplice_paper.cli.options import OUT, SCALE, PaperCall, option, takes
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from signsplice_paper.results import Results
 
 _LATEX = option("--latex", is_flag=True, help="Write the tables as LaTeX too.")
@@ -24,14 +22,6 @@ _LATEX = option("--latex", is_flag=True, help="Write the tables as LaTeX too.")
 def tables(latex: bool, **options: Any) -> None:
     """Write all tables, claims and figures from results.json, without corpus or networks."""
     write_all(PaperCall(**options), latex)
-
-
-@click.command()
-@takes(SCALE, OUT)
-def claims(**options: Any) -> None:
-    """Write the pages made of templates alone: the claims."""
-    call = PaperCall(**options)
-    _write_pages(_results(call), call, (), claimed=True)
 
 
 @click.command()
@@ -54,24 +44,16 @@ def report(output: Path, **options: Any) -> None:
     print(output)
 
 
-def one_table(name: str) -> click.Command:
-    """The command that writes one table."""
-
-    @click.command(name, help=f"Write {name[:-1]} {name[-1]} alone.")
-    @takes(SCALE, OUT, _LATEX)
-    def command(latex: bool, **options: Any) -> None:
-        call = PaperCall(**options)
-        _write_pages(_results(call), call, (name,), claimed=False, latex=latex)
-
-    return command
-
-
 def write_all(call: PaperCall, latex: bool = False) -> None:
     """Write all tables, claims and figures; without matplotlib a warning takes the figures' place."""
-    from signsplice_paper.pages import PAGES
+    from signsplice_paper import page_template, pages
 
     known = _results(call)
-    _write_pages(known, call, PAGES, claimed=True, latex=latex)
+    written = pages.write(known, call.out, call.scale, latex) + page_template.write(known, call.out, call.scale)
+    if not written:
+        raise InputError(f"{call.out}: no row of scale {call.scale} for tables")
+    for path in written:
+        print(path)
     _write_figures(known, call, required=False)
 
 
@@ -82,21 +64,6 @@ def _results(call: PaperCall) -> Results:
     if not file.is_file():
         raise InputError(f"{file}: not there; `signsplice-paper evaluate` or `all` makes it")
     return results.load(file)
-
-
-def _write_pages(results: Results, call: PaperCall, names: Sequence[str], claimed: bool, latex: bool = False) -> None:
-    from signsplice_paper import page_template, pages
-
-    folder = call.out
-    written = pages.write(results, folder, call.scale, names, latex)
-    if claimed:
-        written += page_template.write(results, folder, call.scale)
-    if not written:
-        raise InputError(
-            f"{folder}: no row of scale {call.scale} for {' or '.join(names) or 'claims: ../templates/*.md'}"
-        )
-    for path in written:
-        print(path)
 
 
 def _write_figures(results: Results, call: PaperCall, required: bool) -> None:
@@ -117,4 +84,4 @@ def _write_figures(results: Results, call: PaperCall, required: bool) -> None:
         warn([f"left out, for want of measurements at scale {call.scale}: {', '.join(left_out)}"])
 
 
-COMMANDS = (tables, *(one_table(f"table{number}") for number in (1, 2, 3)), claims, figures, report)
+COMMANDS = (tables, figures, report)

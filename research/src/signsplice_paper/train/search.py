@@ -231,10 +231,9 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
         tuple(lines),
         (
             "Score: PAA for parts that find positions, Accuracy for those that make frames, the mean of both for those "
-            "that do both, on 256 validation pairs of the random split. Rates and widths are multiples of those that "
-            "the scale had when they were tried; the last column is the best score less that with the rate and width "
-            "that it has now. One seed: differences of a few hundredths mean nothing. -: not trained; no best is named "
-            "before all are.",
+            "that do both, on 256 validation pairs of the random split. Rates and widths: multiples of those that the "
+            "scale then had; the last column: the best score less that with those of now. One seed: a few hundredths "
+            "mean nothing.",
             f"Corpus {signature['corpus']}. `signsplice-paper search`",
         ),
     )

@@ -208,7 +208,8 @@ class _Gestural(Values):
         self.check(e)
         makers = {"tgt_motion": self.targeted, "rpt_motion": self.repeated}
         made = makers[e.tag](e) if e.tag in makers else self.simple(e)
-        given = {key: True for key in MANNER if self.flag(e, key) or self.choice(e, "manner") == key}
+        named = self.choice(e, "manner")
+        given = {key: True for key in MANNER if self.flag(e, key) or named == key}
         manner = replace(made.manner, speed=made.manner.speed * factor(e, "speed", self.reading), **given)
         alternating = made.alternating or self.flag(e, "alternating")
         return replace(made, manner=manner, alternating=alternating, where=self.reading.where(f"<{e.tag}>", e.line))

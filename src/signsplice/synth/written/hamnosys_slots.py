@@ -243,7 +243,7 @@ class Slots(Row):
             else:
                 side = symbols.HAND_PARTS[t.name]
         if word := self.sided(before):
-            side = "radial" if word.startswith("left") != (weak and not self.mirrored) else "ulnar"
+            side = "radial" if word.startswith("left") != weak else "ulnar"
         made = Site(part or "midjoint", tuple(digits[:2]), side)
         return replace(made, between=self.site(weak)) if self.between(SITES) else made
 
