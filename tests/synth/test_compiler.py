@@ -325,6 +325,14 @@ def test_a_written_contact_is_a_touch_in_the_motion(
     assert hand_clearances(word.states[frame : frame + 1], STANDARD)[0, 0] < 0.5
 
 
+@pytest.mark.parametrize(("side", "sign_of"), [("left_at", 1.0), ("right_at", -1.0)])
+def test_a_pair_of_hands_is_on_the_side_that_is_written(side: str, sign_of: float) -> None:
+    posture = replace(FLAT, place=None, pair=Pair(contact="close", place=Place("shoulders", side, "close")))
+    word = planner.isolated(made(posture, straight("d", size="small"), hands="parallel"))
+    strong, weak = pose.hands(word.states[word.segments[0].end : word.segments[0].end + 1])[0, :, 0]
+    assert sign_of * (strong - weak) / 2.0 > 3.0, "a weak hand's state is mirrored"
+
+
 @pytest.mark.parametrize(
     "pair",
     [

@@ -166,7 +166,7 @@ class Stay:
 def stays(
     segments: Sequence[TimedSegment], sign: Sign, fps: float, changes: Callable[[Posture], bool]
 ) -> tuple[list[Stay], list[Stay]]:
-    """Where hands are at the end of each segment, and of each time that a movement is made, and stay in holds: the
+    """Where hands are at the end of each segment, at both ends of each time that a movement is made, and in holds: the
     postures that ``changes`` holds for, and the others.
     """
     mirrored = sign.hands == "symmetric"
@@ -181,8 +181,12 @@ def stays(
                 first = min(found[-1].first + landed, one.end)
                 found[-1] = replace(found[-1], first=first, last=one.end)
                 continue
-            ends = [stop for _, stop in one.passes] if one.segment.times > 1 else [one.end]
-            found += [Stay(frame, frame, which, posture) for frame in ends]
+            start = found[-1].posture if found and found[-1].which == which else None
+            passes = one.passes if one.segment.times > 1 else ((one.begin, one.end),)
+            for n, (begin, stop) in enumerate(passes):
+                if n and start is not None:  # it goes back to where it began
+                    found.append(Stay(begin, begin, which, start))
+                found.append(Stay(stop, stop, which, posture))
     return [one for one in found if changes(one.posture)], [one for one in found if not changes(one.posture)]
 
 
