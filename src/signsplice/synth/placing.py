@@ -21,7 +21,7 @@ from signsplice.synth.avoidance import TOLERANCE_CM, between_hands, clear_collis
 from signsplice.synth.contact import PosedSigner, posed_figure
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
-from signsplice.synth.locations import MIRROR, WeakArm, axes, locate, on_joint, on_weak_arm
+from signsplice.synth.locations import MIRROR, WeakArm, axes, facing, locate, on_joint, on_weak_arm
 from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_base
 from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
@@ -99,6 +99,27 @@ def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, sign
     both[..., pose.WRIST] = wrists
     both[..., pose.ROTVEC] = pose.hand_rotvecs(wrists, quats, signer)
     return moved
+
+
+def facing_as_written(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """Rotations (T, 2, 4) of the hands of states (T, 65), in the chest's axes, turned so that they are as written in
+    each posture: near its shoulder a hand that is moved a little turns far with its forearm.
+    """
+    quats = pose.hand_rotations(states, signer)
+    wanted, still = stays(segments, sign, fps, lambda posture: posture.location != REST)
+    if not wanted:
+        return quats
+    turns = [
+        rotation.log(
+            rotation.multiply(
+                facing(one.posture.palm, one.posture.fingers), rotation.inverse(quats[one.first, one.which])
+            )
+        )
+        for one in wanted
+    ]
+    return rotation.multiply(rotation.exp(spread(wanted, turns, still, len(states), RADIUS_S * fps)), quats)
 
 
 def within_reach(states: FloatArray, signer: Signer) -> FloatArray:

@@ -22,7 +22,7 @@ from signsplice.synth.figure import Figure
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import cleared, parted, placed, within_reach
+from signsplice.synth.placing import cleared, facing_as_written, parted, placed, within_reach
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
@@ -116,10 +116,10 @@ def _written(
     states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
     """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
-    directions = pose.hand_rotations(states, signer)
+    directions = facing_as_written(states, segments, sign, signer, fps)
     states, figure = within_reach(states, signer), Figure(states, signer)
     for n in range(2):
-        states = directed(states, directions, signer) if n else states
+        states = directed(states, directions, signer)
         states = elbows.steadied(states, signer, fps, led=True, figure=figure)
         steady = elbows.directions_of(states, signer)
         states = eased(states, directions, signer) if n else states
