@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signsplice.motion import kinematics
+from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import planner, twists
+from signsplice.synth import locations, planner, pose, twists
 from signsplice.synth.avoidance import between_hands
 from signsplice.synth.notation import parse
 from signsplice.synth.planner import IsolatedWord
@@ -23,6 +23,17 @@ CROSSED = """CROSSED  hands=base kind=written
   X shape=finger23.across at=base-2.mid.radial by=3.mid.ulnar touch=yes palm=-0.707,0,-0.707 fingers=-0.707,0,0.707 \
 w.shape=finger23.across w.at=space:0,9.5,25 w.by=2.mid.radial w.palm=-0.707,0,-0.707 w.fingers=-0.707,0,0.707
   M w.shift=0,-6,0
+  H
+"""
+PATS = """PATS  hands=base kind=written
+  X shape=flat at=base-palm off=3 palm=down fingers=fwd w.shape=flat w.at=space:0,2,26 w.palm=up w.fingers=fwd
+  M off=0 touch=yes times=3
+  H
+"""
+BY_THE_SHOULDER = """BY-THE-SHOULDER  hands=one kind=written
+  X shape=flat at=ear off=4 palm=in fingers=up
+  M off=0 shift=4,0,0.4 fingers=0,0.707,-0.707
+  M fingers=up
   H
 """
 AT_EARS = """AT-EARS  hands=symmetric kind=written
@@ -50,6 +61,22 @@ def test_a_stroke_is_as_long_as_written_and_the_hand_then_stays() -> None:
     height = heights(one)[one.events.start : one.events.end + 1]
     assert height[0] - height.min() == pytest.approx(12.0, abs=1.2)
     assert np.ptp(height[-8:]) < 0.5
+
+
+def test_a_hand_that_pats_is_lifted_between_touches() -> None:
+    one = made(PATS)
+    height = heights(one)
+    (patted,) = [timed for timed in one.segments if timed.segment.times == 3]
+    assert len(patted.passes) == 3
+    assert all(height[begin] - height[stop] > 1.5 for begin, stop in patted.passes)
+
+
+def test_a_hand_near_its_shoulder_comes_back_to_the_written_direction() -> None:
+    one = made(BY_THE_SHOULDER)
+    for timed in (one.segments[0], one.segments[2]):
+        posture = timed.segment.strong
+        turned = pose.hand_rotations(one.states[timed.end], STANDARD)[0]
+        assert rotation.angle_between(turned, locations.facing(posture.palm, posture.fingers)) < np.deg2rad(25.0)
 
 
 def test_hands_that_touch_move_together() -> None:
