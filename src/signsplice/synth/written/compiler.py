@@ -261,7 +261,8 @@ class _Compiler:
         if pair.place is not None or place is not None or first:
             if not where.touches:
                 out, up, forward = point_of(where)
-                where = Spot(f"space:{0.0 - out:.4g},{up:.4g},{max(forward, _PAIR_FORWARD):.4g}")  # as the weak hand sees it
+                forward = max(forward, _PAIR_FORWARD)
+                where = Spot(f"space:{0.0 - out:.4g},{up:.4g},{forward:.4g}")  # as the weak hand sees it
             self.weak = self.weak.at(replace(where, part=weak_part), False)
         weak = self.weak.made
         if pair.weak is None and pair.strong is None:
