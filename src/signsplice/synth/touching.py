@@ -27,7 +27,7 @@ from signsplice.synth.signer import JOINTS, Signer
 
 _ROUNDS, _STEPS = 5, 8
 """How often all touches are brought about, and in how many steps each time."""
-_GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.2, np.deg2rad(4.0)
+_GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.2, np.deg2rad(3.8)
 """What costs 1: distance of the part from the skin, depth of the rest of the hand beyond what is free, distance from
 the written place along the skin, and angle from the written directions."""
 _FREE_CM = 0.12
