@@ -86,7 +86,9 @@ def made(folder: Path, name: str) -> Path:
         avatar = replace(avatar, offsets=offsets)
         if name in ("too short", "big head"):
             avatar = replace(avatar, body=shaped_capsules(avatar, avatars.BODIES["big head"].shape))
-        named = {role: joint for role, joint in (avatar.roles or {}).items() if (name, role) != ("no chest", "upperChest")}
+        named = {
+            role: joint for role, joint in (avatar.roles or {}).items() if (name, role) != ("no chest", "upperChest")
+        }
         avatars.write(path, avatar, avatars.tubes(avatar), "0.x" if name == "broad" else "1.0", roles=named)
     return path
 
