@@ -28,7 +28,7 @@ import numpy as np
 import fuzz_written
 from signsplice.body import collision
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
+from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.synth import notation, planner
 from signsplice.synth.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
@@ -98,12 +98,6 @@ def unsound(clip: Clip) -> str:
     return ""
 
 
-def depth_cm(clip: Clip) -> float:
-    """How deep a hand lies in body, other arm or hand at worst, cm."""
-    posed = collision.posed_capsules(clip.skeleton, *kinematics.forward(clip))
-    return float(posed.penetration()[0].max())
-
-
 def attack(folder: Path, cases: range, seed: int) -> int:
     """The number of findings among these cases; prints each, and the counts."""
     texts, count, begin = sources(folder), Counter[str](), time.process_time()
@@ -132,7 +126,7 @@ def attack(folder: Path, cases: range, seed: int) -> int:
             warned = bool(wrong) and next(signing.jumps(clip), "") != ""
             count[f"{kind}: {wrong.partition(' by ')[0]}, warned of"] += warned
             finding = finding or ("" if warned else wrong)
-            deep = 0.0 if wrong else depth_cm(clip)
+            deep = 0.0 if wrong else float(collision.hand_depths(clip).max())
             count[f"{kind}: deeper than 5 mm"] += deep > DEEP_CM
             count[f"{kind}: deeper than 20 mm"] += deep > 4 * DEEP_CM
             if deep > DEEP_CM and kind != "notation" and not any("deep in the body" in note for note in clip.notes):

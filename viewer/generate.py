@@ -19,6 +19,7 @@ from signsplice.body import (
     arm_ik,
     capsules,
     fit,
+    hand_capsules,
     relief,
     retarget,
     skin,
@@ -26,6 +27,7 @@ from signsplice.body import (
     skin_head,
     skin_points,
     skin_surface,
+    skin_trunk,
     swivel,
     thumb_contacts,
 )
@@ -35,7 +37,7 @@ from signsplice.service import stream_messages, wire
 
 SOURCES = Path(__file__).resolve().parent / "src"
 _BODIES = (
-    *(proportions, t_pose, arms, capsules, gltf_mesh, skin_points, skin, skin_head, relief),
+    *(proportions, t_pose, arms, capsules, hand_capsules, gltf_mesh, skin_points, skin, skin_trunk, skin_head, relief),
     *(skin_surface, fit, skin_contacts, swivel, arm_ik, thumb_contacts, retarget),
 )
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}

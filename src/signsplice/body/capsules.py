@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.avatar_file import AvatarFile
+from signsplice.body.hand_capsules import Capsule, hand_capsules
 from signsplice.body.mesh_part import MeshPart
 from signsplice.body.relief import Relief
 from signsplice.body.skin_surface import AvatarSkin
@@ -20,14 +20,9 @@ from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS
 
 ARM = ("sleeve", "cuff")
 """Parts that an arm is made of: upper arm and forearm."""
-_SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
-_THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
-"""Half a finger's breadth as a fraction of stature, about 10 mm on 1.70 m."""
-
 # Limbs: role of the bone, role at its end, radii at both ends as fractions of stature, part.
 _LIMBS = (
     ("UpperArm", "LowerArm", 0.031, 0.024, "sleeve"),
@@ -49,15 +44,6 @@ _NECK, _BACK = (0.02, 0.030, 0.029), (0.02, 0.044, 0.050)
 _COLLAR, _SHOULDER = (0.55, 0.45, 0.004, 0.034, 0.033), ((0.2, 0.93), (0.035, 0.0325))
 """A collar's end: parts of the way to its shoulder and to the middle of both, how far below, and radii; between which
 parts of the collar bone the shoulder lies, and its radii.
-"""
-
-_PALM, _MITTEN = (0.12, 0.0095, 1.22, 1.35), (0.08, 0.02, 0.018)
-"""Where on the way to a knuckle its part of the palm begins, and the radius there; the radius at the knuckle, in those
-of the finger, and of the thumb. Length and radii of a hand without fingers.
-"""
-_TAPER, _TIP = (1.12, 0.09), (0.2, 2.0, 0.8)
-"""Radius of a first phalanx at its beginning, in those of the finger, and how much it falls with each. Least and
-largest length of a last phalanx, in those of the one before, and the length where no end is known.
 """
 
 # The head about its joint in the T-pose: left, up, forward of both ends, radii; all fractions of stature.
@@ -207,9 +193,9 @@ def shaped_capsules(skeleton: Skeleton, shape: BodyShape) -> BodyCapsules:
                 a, b = joints[side + start], joints[side + end]
                 thick = height * shape.limbs
                 rows.append(
-                    _Capsule(side + start, a, np.zeros(3), rest[b] - rest[a], r0 * thick, r1 * thick, part, side)
+                    Capsule(side + start, a, np.zeros(3), rest[b] - rest[a], r0 * thick, r1 * thick, part, side)
                 )
-        rows += _hand(skeleton, joints, rest, side, height, shape.hands)
+        rows += hand_capsules(skeleton, joints, rest, side, height, shape.hands)
     return _body(rows)
 
 
@@ -219,21 +205,7 @@ def _build(skeleton: Skeleton) -> BodyCapsules:
     return shaped_capsules(skeleton, BodyShape())
 
 
-@dataclass(frozen=True, eq=False)
-class _Capsule:
-    """One capsule: its key, joint, both ends (3,) in the joint's frame, the radii there, part and side."""
-
-    key: str
-    joint: int
-    start: FloatArray
-    end: FloatArray
-    start_radius: float
-    end_radius: float
-    part: str
-    side: str = ""
-
-
-def _body(rows: list[_Capsule]) -> BodyCapsules:
+def _body(rows: list[Capsule]) -> BodyCapsules:
     return BodyCapsules(
         joints=np.array([row.joint for row in rows], np.intp),
         starts=np.array([row.start for row in rows]),
@@ -247,28 +219,28 @@ def _body(rows: list[_Capsule]) -> BodyCapsules:
 
 def _sticks(skeleton: Skeleton) -> BodyCapsules:
     """A capsule for every bone, as thick as a tenth of its length; a ball for a skeleton of one joint."""
-    rows: list[_Capsule] = []
+    rows: list[Capsule] = []
     for joint in range(1, len(skeleton)):
         length = float(np.linalg.norm(skeleton.offsets[joint]))
         if length > 0.0:
             parent = int(skeleton.parents[joint])
             name, bone = skeleton.names[joint], skeleton.offsets[joint]
-            rows.append(_Capsule(name, parent, np.zeros(3), bone, 0.1 * length, 0.07 * length, "sleeve"))
-    return _body(rows or [_Capsule(skeleton.names[0], 0, np.zeros(3), np.zeros(3), 1.0, 1.0, "sleeve")])
+            rows.append(Capsule(name, parent, np.zeros(3), bone, 0.1 * length, 0.07 * length, "sleeve"))
+    return _body(rows or [Capsule(skeleton.names[0], 0, np.zeros(3), np.zeros(3), 1.0, 1.0, "sleeve")])
 
 
-def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule]:
+def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]:
     """Chest, belly, pelvis, shoulders, neck and head, measured in the T-pose (left +X, up +Y, forward +Z)."""
     info = rig_info(skeleton)
     joints, positions = info.roles.joints, info.t_pose.positions
     left, up, _ = np.eye(3) * height
-    rows: list[_Capsule] = []
+    rows: list[Capsule] = []
     big, wide, deep = shape.head, shape.trunk_width, shape.trunk_depth
 
     def add(key: str, joint: int, start: FloatArray, end: FloatArray, r0: float, r1: float, part: str) -> None:
         """Both ends relative to the joint, in the axes of the T-pose."""
         start, end = rotation.rotate(rotation.inverse(info.t_pose.rotations[joint]), np.stack([start, end]))
-        rows.append(_Capsule(key, joint, start, end, r0 * height, r1 * height, part))
+        rows.append(Capsule(key, joint, start, end, r0 * height, r1 * height, part))
 
     chest = next((joints[r] for r in ("upperChest", "chest", "spine", "hips") if r in joints), 0)
     low = next((joints[r] for r in ("spine", "chest", "hips") if r in joints), 0)
@@ -306,10 +278,10 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule
     return rows
 
 
-def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Capsule]:
+def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]:
     """What joins chest and arms: along the collar bones, which move, or straight across where a rig has none."""
     joints, rest = rig_info(skeleton).roles.joints, rest_positions(skeleton)
-    rows: list[_Capsule] = []
+    rows: list[Capsule] = []
     for side in SIDES:
         if f"{side}UpperArm" not in joints:
             continue
@@ -317,51 +289,5 @@ def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[_Cap
         collar = joints.get(f"{side}Shoulder", int(skeleton.parents[arm]))
         bone, thick = rest[arm] - rest[collar], height * shape.limbs
         (low, high), (r0, r1) = _SHOULDER
-        rows.append(_Capsule(f"{side}Shoulder", collar, low * bone, high * bone, r0 * thick, r1 * thick, "shirt"))
+        rows.append(Capsule(f"{side}Shoulder", collar, low * bone, high * bone, r0 * thick, r1 * thick, "shirt"))
     return rows
-
-
-def _hand(
-    skeleton: Skeleton, joints: Mapping[str, int], rest: FloatArray, side: str, height: float, thickness: float
-) -> list[_Capsule]:
-    """The palm as capsules from the wrist to each knuckle, and every phalanx."""
-    wrist = joints.get(f"{side}Hand")
-    if wrist is None:
-        return []
-    rows: list[_Capsule] = []
-    for finger in FINGERS:
-        chain = [(r, joints[r]) for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
-        if not chain:
-            continue
-        thick, palm = _THICKNESS[finger] * height * thickness, _PALM[1] * height * thickness
-        knuckle, wider = rest[chain[0][1]] - rest[wrist], _PALM[3 if finger == "Thumb" else 2]
-        ends, radii = (_PALM[0] * knuckle, knuckle), (palm, thick * wider)
-        rows.append(_Capsule(f"{side}{finger}Palm", wrist, *ends, *radii, "palm", side))
-        for n, (role, joint) in enumerate(chain):
-            is_last, taper = n + 1 == len(chain), _TAPER[0] - _TAPER[1] * n
-            after = chain[min(n + 1, len(chain) - 1)][1]
-            bone = _tip(skeleton, joint, [j for _, j in chain], rest) if is_last else rest[after] - rest[joint]
-            part = finger + "Tip" if is_last else finger
-            radii = thick * taper, thick * (taper - _TAPER[1])
-            rows.append(_Capsule(role, joint, np.zeros(3), bone, *radii, part, side))
-    if not rows:  # no fingers: a mitten as long as a hand
-        elbow = joints.get(f"{side}LowerArm")
-        bone = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
-        (length, r0, r1), thick = _MITTEN, height * thickness
-        bone = bone / np.linalg.norm(bone) * length * height
-        rows.append(_Capsule(f"{side}Mitten", wrist, np.zeros(3), bone, r0 * thick, r1 * thick, "palm", side))
-    return rows
-
-
-def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: FloatArray) -> FloatArray:
-    """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight
-    on.
-    """
-    sites = [site.offset for site in skeleton.end_sites if site.joint == joint]
-    sites += [skeleton.offsets[child] for child in skeleton.children[joint]]
-    before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]
-    usual = float(np.linalg.norm(before))
-    for bone in sites:
-        if _TIP[0] * usual < np.linalg.norm(bone) < _TIP[1] * usual:
-            return bone
-    return np.asarray(_TIP[2] * before)

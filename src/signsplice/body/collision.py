@@ -301,6 +301,13 @@ def posed_capsules(skeleton: Skeleton, global_rotations: FloatArray, global_posi
     return PosedCapsules(body, *capsule_ends(body, global_rotations, global_positions))
 
 
+def hand_depths(clip: Clip) -> FloatArray:
+    """How deep (T,) a hand lies in head, trunk, the other arm or its hand, in the clip's unit; not above 0 where none
+    does.
+    """
+    return np.asarray(posed_capsules(clip.skeleton, *forward(clip)).penetration()[0].max(axis=1))
+
+
 def overlap(
     starts: FloatArray, ends: FloatArray, radii: FloatArray, a: Sequence[int], b: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:

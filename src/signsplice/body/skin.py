@@ -21,8 +21,9 @@ import numpy as np
 from signsplice.body.capsules import HEM, BodyCapsules, BodyShape, shaped_capsules
 from signsplice.body.relief import Relief
 from signsplice.body.skin_head import fit_head
-from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile, window
+from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile
 from signsplice.body.skin_surface import AvatarSkin, surface
+from signsplice.body.skin_trunk import TrunkSkin, line
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
@@ -40,16 +41,10 @@ _ARM = ("sleeve", "cuff")
 _LIMBS = {"arms": ("sleeve", "cuff"), "legs": ("leg",), "neck": ("neck",)}
 _BINS = 6
 """Slices of a bone in which limbs are measured."""
-_HEIGHTS = 7
-"""Heights at which a column of the trunk is measured."""
-_ACROSS = 0.55
-"""Where the depth of an outer column is measured, as a fraction of the trunk's half width."""
 _STEP = 0.004
 """Distance of the points of the surface, as a fraction of stature."""
-_BELOW_HEM, _LEVEL, _NEAR = 0.01, 0.015, 0.010
-"""Fractions of stature: how far below the hem skin of the legs counts as the trunk's, and the distances within which
-vertices are at a height, and at a place seen from in front.
-"""
+_BELOW_HEM = 0.01
+"""How far below the hem skin of the legs counts as the trunk's, as a fraction of stature."""
 _SPAN = 0.4
 """Part of a limb that has to be measured for its taper."""
 _TAPERS = (0.7, 1.2)
@@ -66,11 +61,6 @@ many radii of a palm from its middle.
 """
 _BETWEEN = (0.05, 0.95)
 """Shares of vertices that lie below the one and the other surface of a palm or finger."""
-_WIDEST, _OUT = 0.98, (0.3, 0.75)
-"""Share of vertices that lie within the trunk's width; how far out the middle of its outer columns lies, in that."""
-_LEAST_HEIGHTS = 3
-_LOWER_CHEST = (0.55, 0.25)
-"""Heights of the chest from which on, downward, they count less, and how much."""
 
 
 def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tuple[str, ...]]:
@@ -201,7 +191,7 @@ class _Fitting:
             return True
         low, high = _TAPERS[0] * table[:, 3].min(), _TAPERS[1] * table[:, 3].max()
         for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
-            x, y, radius = (_line(table[:, 0], table[:, column], t) for column in (1, 2, 3))
+            x, y, radius = (line(table[:, 0], table[:, column], t) for column in (1, 2, 3))
             ends[row] += np.array([x, y]) @ frame
             self.radii[row, k] = np.clip(radius, low, high)
         return True
@@ -282,9 +272,11 @@ class _Fitting:
         if len(points) < MIN_POINTS:
             self.missed.append("trunk")
             return
+        skin = TrunkSkin(points, self.height, self.starts, self.ends, self.radii)
+        middle = 0.5 * (self.rest[self.roles["leftUpperArm"]][0] + self.rest[self.roles["rightUpperArm"]][0])
         for name in ("chest", "belly"):
             rows = [self.row[f"{name}{n}"] for n in range(3) if f"{name}{n}" in self.row]
-            if rows and not all(self._column(name, row, n, points) for n, row in enumerate(rows)):
+            if rows and not all(skin.column(name, row, n, middle) for n, row in enumerate(rows)):
                 self.missed.append(name)
         factor = 1.0
         if "chest1" in self.row:
@@ -292,57 +284,13 @@ class _Fitting:
             factor = float(self.radii[chest].mean() / self.usual.radii[chest].mean())
         for key in ("back", "collar0", "collar1"):
             if key in self.row:
-                self._behind(self.row[key], factor, points)
+                skin.behind(self.row[key], factor)
         if "hips" in self.row:
-            row = self.row["hips"]
-            for ends, k in ((self.starts, 0), (self.ends, 1)):
-                depth = self._depth(points, ends[row][0], ends[row][1])
-                if depth is not None:
-                    ends[row][2], self.radii[row, k] = 0.5 * (depth[0] + depth[1]), 0.5 * (depth[1] - depth[0])
+            skin.between(self.row["hips"])
 
     def _surface(self, joints: Sequence[int]) -> FloatArray:
         """Points (N, 3) on the surface that these joints carry."""
         return self.points.surface(joints, _STEP * self.height)[0]
-
-    def _depth(self, points: FloatArray, x: float, y: float) -> tuple[float, float] | None:
-        """Back and front (z) of the skin at a place seen from in front; None where there is none."""
-        near = window(points, (x, y), _NEAR * self.height)
-        return None if near is None else (float(near[:, 2].min()), float(near[:, 2].max()))
-
-    def _column(self, name: str, row: int, n: int, points: FloatArray) -> bool:
-        """Fit one of three columns (0 on the left, 1 in the middle) with lines through front, back and side."""
-        start, end, seen = self.starts[row], self.ends[row], []
-        middle = 0.5 * (self.rest[self.roles["leftUpperArm"]][0] + self.rest[self.roles["rightUpperArm"]][0])
-        side = (1.0, 0.0, -1.0)[n]
-        for t in np.linspace(0.0, 1.0, _HEIGHTS):
-            y = start[1] + t * (end[1] - start[1])
-            level = points[np.abs(points[:, 1] - y) < _LEVEL * self.height]
-            if len(level) < MIN_POINTS:
-                continue
-            wide = quantile(np.abs(level[:, 0] - middle), _WIDEST)
-            depth = self._depth(points, middle + side * _ACROSS * wide, y)
-            if depth is None:
-                continue
-            back, front = depth
-            out = float(np.clip(wide - 0.5 * (front - back), _OUT[0] * wide, _OUT[1] * wide))
-            seen.append((t, middle + side * out, back, front))
-        if len(seen) < _LEAST_HEIGHTS:
-            return False
-        table = np.array(seen)
-        for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
-            weight = np.where(table[:, 0] < _LOWER_CHEST[0], 1.0, _LOWER_CHEST[1]) if name == "chest" else None
-            x, back, front = (_line(table[:, 0], table[:, column], t, weight) for column in (1, 2, 3))
-            ends[row][0], ends[row][2] = x, 0.5 * (back + front)
-            self.radii[row, k] = 0.5 * (front - back)
-        return True
-
-    def _behind(self, row: int, factor: float, points: FloatArray) -> None:
-        """A capsule under the skin of the back: as thick as the chest is, relative to the usual, and as far back."""
-        self.radii[row] *= factor
-        for ends, k in ((self.starts, 0), (self.ends, 1)):
-            depth = self._depth(points, ends[row][0], ends[row][1])
-            if depth is not None:
-                ends[row][2] = max(depth[0] + self.radii[row, k], min(ends[row][2], depth[1] - self.radii[row, k]))
 
     def head(self) -> None:
         """The head's capsules, about its joint."""
@@ -368,12 +316,3 @@ def _ring(across: FloatArray, is_centred: bool = False) -> tuple[FloatArray, flo
         return np.zeros(2), quantile(np.linalg.norm(across, axis=1), 0.5)
     middle = np.array([0.5 * sum(quantile(across[:, k], share) for share in _BETWEEN) for k in (0, 1)])
     return middle, quantile(np.linalg.norm(across - middle, axis=1), 0.5)
-
-
-def _line(t: FloatArray, values: FloatArray, at: float, weight: FloatArray | None = None) -> float:
-    """The least-squares line through ``values`` (N,) at ``t`` (N,), with a weight for each, at one place."""
-    w = np.full(len(t), 1.0 / len(t)) if weight is None else weight / weight.sum()
-    middle, mean = float(w @ t), float(w @ values)
-    spread = float(w @ (t - middle) ** 2)
-    slope = float(w @ ((t - middle) * (values - mean))) / spread if spread > 0.0 else 0.0
-    return mean + slope * (at - middle)

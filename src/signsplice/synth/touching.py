@@ -20,7 +20,7 @@ from signsplice.synth.avoidance import MIRRORED_HANDS
 from signsplice.synth.contact import PosedSigner, posed_figure, surface
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
-from signsplice.synth.phonology import Posture, Sign, in_space
+from signsplice.synth.phonology import Sign, in_space
 from signsplice.synth.placing import RADIUS_S, Stay, cleared, goal, reachable, spread, stays
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import JOINTS, Signer
@@ -45,37 +45,15 @@ _MIRROR = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
-class _Touch:
+class _Touch(Stay):
     """A touch that is written.
 
-    stay: when, of which hand, and what is written
     meets: whether it is of both hands, which mirror one another
     centre: (3,) of the part that touches, in its hand's axes, cm
     """
 
-    stay: Stay
     meets: bool
     centre: FloatArray
-
-    @property
-    def frame(self) -> int:
-        """When it begins."""
-        return self.stay.first
-
-    @property
-    def which(self) -> int:
-        """The hand: 0 strong, 1 weak."""
-        return self.stay.which
-
-    @property
-    def posture(self) -> Posture:
-        """What is written."""
-        return self.stay.posture
-
-    @property
-    def key(self) -> tuple[int, Posture]:
-        """What a touch has in common with others like it."""
-        return self.which, self.posture
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +89,14 @@ def brought_to_touch(
     signer, mirrored = figure.signer, sign.hands in MIRRORED_HANDS
     wanted, still = stays(segments, sign, fps, lambda posture: posture.touch)
     touches = [
-        _Touch(one, mirrored and in_space(one.posture.location), _centre(states, one, signer))
+        _Touch(**vars(one), meets=mirrored and in_space(one.posture.location), centre=_centre(states, one, signer))
         for one in wanted
         if not (one.which and mirrored and in_space(one.posture.location))
     ]
     if not touches:
         return states
     best, moved = np.inf, states
-    frames = np.array([one.frame for one in touches])
+    frames = np.array([one.first for one in touches])
     for n in range(_ROUNDS + 1):
         at = _poses(moved[frames], signer)
         posed = posed_figure(figure, at.states, frames)
@@ -131,11 +109,13 @@ def brought_to_touch(
         some = np.flatnonzero(cost > _SETTLED).tolist()
         if not some:
             break
-        like = {row: touches[row].key if n == 0 else row for row in some}  # repeated touches begin alike
+        like = {
+            row: (touches[row].which, touches[row].posture) if n == 0 else row for row in some
+        }  # repeated touches begin alike
         firsts = {key: row for row, key in reversed(like.items())}
         solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], figure), strict=True))
         found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
-        held = [(replace(one.stay, which=which), x) for one, x in zip(touches, found, strict=True)
+        held = [(replace(one, which=which), x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
         steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), RADIUS_S * fps / (1 + n))
         moved = cleared(_moved(moved, steps, signer), figure)
@@ -202,7 +182,7 @@ def _residuals(at: _Poses, touches: Sequence[_Touch], goals: FloatArray, x: Floa
     hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in touches])
     at = at[rows]
     _, (arm, quats, swivels) = _arms(at, hands[rows, :, None] * x.reshape(-1, 1, 7), figure.signer)
-    frames = np.array([one.frame for one in touches])[rows]
+    frames = np.array([one.first for one in touches])[rows]
     posed = posed_figure(figure, at.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
     return np.array(
         [

@@ -24,10 +24,7 @@ export const arms = {
 
 export const capsules = {
   SIDES: ["left", "right"],
-  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   ARM: ["sleeve", "cuff"],
-  SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
-  THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
   LIMBS: [["UpperArm", "LowerArm", 0.031, 0.024, "sleeve"], ["LowerArm", "Hand", 0.024, 0.0165, "cuff"], ["UpperLeg", "LowerLeg", 0.052, 0.036, "leg"], ["LowerLeg", "Foot", 0.036, 0.024, "leg"], ["Foot", "Toes", 0.024, 0.02, "shoe"]],
   COLUMNS: [[0.058, 0.053], [0.0, 0.06], [-0.058, 0.053]],
   BELOW_SHOULDERS: 0.045,
@@ -39,11 +36,17 @@ export const capsules = {
   BACK: [0.02, 0.044, 0.05],
   COLLAR: [0.55, 0.45, 0.004, 0.034, 0.033],
   SHOULDER: [[0.2, 0.93], [0.035, 0.0325]],
+  HEAD: [["face", [0.0, 0.03, 0.018], [0.0, 0.07, 0.016], 0.04, 0.051], ["face", [0.0, 0.006, 0.032], [0.0, 0.03, 0.026], 0.024, 0.04], ["nose", [0.0, 0.052, 0.068], [0.0, 0.038, 0.073], 0.0055, 0.0085], ["hair", [0.0, 0.08, -0.004], [0.0, 0.048, -0.016], 0.054, 0.051], ["eye", [0.0195, 0.061, 0.0585], [0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["eye", [-0.0195, 0.061, 0.0585], [-0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["mouth", [0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046], ["mouth", [-0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046]],
+} as const;
+
+export const hand_capsules = {
+  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
+  THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
   PALM: [0.12, 0.0095, 1.22, 1.35],
   MITTEN: [0.08, 0.02, 0.018],
   TAPER: [1.12, 0.09],
   TIP: [0.2, 2.0, 0.8],
-  HEAD: [["face", [0.0, 0.03, 0.018], [0.0, 0.07, 0.016], 0.04, 0.051], ["face", [0.0, 0.006, 0.032], [0.0, 0.03, 0.026], 0.024, 0.04], ["nose", [0.0, 0.052, 0.068], [0.0, 0.038, 0.073], 0.0055, 0.0085], ["hair", [0.0, 0.08, -0.004], [0.0, 0.048, -0.016], 0.054, 0.051], ["eye", [0.0195, 0.061, 0.0585], [0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["eye", [-0.0195, 0.061, 0.0585], [-0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["mouth", [0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046], ["mouth", [-0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046]],
 } as const;
 
 export const gltf_mesh = {
@@ -80,12 +83,8 @@ export const skin = {
   ARM: ["sleeve", "cuff"],
   LIMBS: {"arms": ["sleeve", "cuff"], "legs": ["leg"], "neck": ["neck"]},
   BINS: 6,
-  HEIGHTS: 7,
-  ACROSS: 0.55,
   STEP: 0.004,
   BELOW_HEM: 0.01,
-  LEVEL: 0.015,
-  NEAR: 0.01,
   SPAN: 0.4,
   TAPERS: [0.7, 1.2],
   ALONG: [-0.1, 1.1],
@@ -94,6 +93,14 @@ export const skin = {
   WIDE: 1.7,
   THICK: 3.0,
   BETWEEN: [0.05, 0.95],
+} as const;
+
+export const skin_trunk = {
+  MIN_POINTS: 6,
+  LEVEL: 0.015,
+  NEAR: 0.01,
+  HEIGHTS: 7,
+  ACROSS: 0.55,
   WIDEST: 0.98,
   OUT: [0.3, 0.75],
   LEAST_HEIGHTS: 3,

@@ -4,7 +4,7 @@
 import { Quaternion, Vector3 } from 'three';
 import { Band } from './band.js';
 import { type Body, lengthOf, median, type Posed, type Rotations, SIDES } from './body.js';
-import { capsules as USUAL, thumb_contacts as THUMBS } from './constants.js';
+import { hand_capsules as HANDS, thumb_contacts as THUMBS } from './constants.js';
 import { clip, gap, gapBetween } from './gaps.js';
 
 const { ALIKE, MOST_RADIANS, NEAR_M, FADE_M, DAMPING, TOGETHER, APART_RADIANS, STEPS, WIDTH_S, THUMB, SEGMENTS, FLEXION } = THUMBS;
@@ -29,7 +29,7 @@ export function* keepThumbContacts(source: Posed, carried: Posed, fps: number): 
   const rotations: Rotations = new Map(carried.rotations);
   for (const side of SIDES) {
     const thumb = THUMB.map((name) => side + name).find((key) => rowOf(carried.body, key) >= 0);
-    const firsts = [thumb ?? '', ...USUAL.FINGERS.slice(1).map((finger) => `${side}${finger}Proximal`)];
+    const firsts = [thumb ?? '', ...HANDS.FINGERS.slice(1).map((finger) => `${side}${finger}Proximal`)];
     if (firsts.some((key) => rowOf(carried.body, key) < 0) || areAlike(source.body, carried.body, side)) continue;
     const turns = yield* turnsOf(side, firsts, source, carried, fps);
     firsts.forEach((first, n) => turn(rotations, carried.body, first, turns, n));
@@ -44,7 +44,7 @@ function rowOf(body: Body, key: string): number {
 /** Whether the bones of two hands have the same proportions. */
 function areAlike(one: Body, other: Body, side: string): boolean {
   const ratios = one.capsules.flatMap((capsule, row) => {
-    const isOwn = capsule.key.startsWith(side) && USUAL.FINGERS.some((finger) => capsule.key.includes(finger));
+    const isOwn = capsule.key.startsWith(side) && HANDS.FINGERS.some((finger) => capsule.key.includes(finger));
     return isOwn && lengthOf(capsule) > 0 ? [lengthOf(other.capsules[row]!) / lengthOf(capsule)] : [];
   });
   const middle = median(ratios);
@@ -56,7 +56,7 @@ function* turnsOf(side: string, firsts: string[], source: Posed, carried: Posed,
   const { body } = carried;
   const rows = firsts.map((key) => rowOf(body, key));
   const own = THUMB.slice(1).map((name) => rowOf(body, side + name)).filter((row) => row >= 0);
-  const other = USUAL.FINGERS.slice(1).flatMap((finger, n) =>
+  const other = HANDS.FINGERS.slice(1).flatMap((finger, n) =>
     SEGMENTS.map((segment) => ({ row: rowOf(body, side + finger + segment), finger: segment === 'Palm' ? 0 : n + 1 })).filter(({ row }) => row >= 0),
   );
   const turns = new Float64Array(15 * carried.frames);

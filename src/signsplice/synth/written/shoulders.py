@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.body import collision
-from signsplice.motion import kinematics, rotation
+from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import gestures
@@ -32,7 +32,7 @@ def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Cli
     tracks = list(faces.shoulder_tracks(sign))
     if not tracks:
         return clip
-    least = max(_DEEP_CM, depth_cm(clip))
+    least = max(_DEEP_CM, float(collision.hand_depths(clip).max()))
     for part in _PARTS:
         quats = clip.local_rotations.copy()
         for side, degrees, cycles, begin, end in tracks:
@@ -40,14 +40,9 @@ def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Cli
             for name in ("Left", "Right") if side == "both" else (side,):
                 _turn(quats, name, np.deg2rad(degrees) * level[:, None], clip)
         moved = replace(clip, local_rotations=quats)
-        if depth_cm(moved) <= least:
+        if collision.hand_depths(moved).max() <= least:
             return moved
     return replace(clip, notes=(*clip.notes, "the shoulders stay: the hands are in their way"))
-
-
-def depth_cm(clip: Clip) -> float:
-    """How deep a hand lies in head, trunk, the other arm or its hand at worst, cm."""
-    return float(collision.posed_capsules(clip.skeleton, *kinematics.forward(clip)).penetration()[0].max())
 
 
 def _turn(quats: FloatArray, side: str, angles: FloatArray, clip: Clip) -> None:

@@ -41,7 +41,7 @@ def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
 
 def deep_hands(clip: Clip) -> Iterator[str]:
     """A line for the hand that lies too deep in the body."""
-    depth = collision.posed_capsules(clip.skeleton, *kinematics.forward(clip)).penetration()[0].max(axis=1)
+    depth = collision.hand_depths(clip)
     if depth.max() > _DEEPEST_CM:
         yield f"a hand lies {10.0 * depth.max():.0f} mm deep in the body at frame {depth.argmax()}; look at the sign"
 
