@@ -52,6 +52,8 @@ ON_HEAD = {
     "chin": "chin",
     "underchin": "under-chin",
 }
+MOUTH_CM = 2.6
+"""Half of a mouth's width (Farkas 1994: 5.0 to 5.4 cm): a side of the lips is their corner."""
 PAIRED = ("eyes", "eyebrows", "ear", "earlobe", "cheek", "shouldertop")
 HEAD_GAP = {"touch": 0.0, "": 0.0, "close": 4.0, "armextended": 25.0}
 LIMITS = {"fingers": 10.0, "palm": 10.0, "place": 3.0, "deep": 0.5, "touch": 0.5}
@@ -136,7 +138,7 @@ def place_points(element: ET.Element, two: bool, points: dict[str, FloatArray]) 
 def _one_place(name: str, side: str, contact: str, two: bool, points: dict[str, FloatArray]) -> list[FloatArray]:
     if name in ON_HEAD:
         point, normal = points[ON_HEAD[name]], points[ON_HEAD[name] + "/n"]
-        aside = 6.0 + 10.0 * side.endswith("beside")
+        aside = (MOUTH_CM if ON_HEAD[name] == "mouth" else 6.0) + 10.0 * side.endswith("beside")
         if name in PAIRED:
             xs = [abs(point[0]) + 10.0 * side.endswith("beside")]
         else:

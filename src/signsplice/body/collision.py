@@ -86,7 +86,7 @@ class PosedCapsules:
     starts: FloatArray
     ends: FloatArray
 
-    def __getitem__(self, frames: slice) -> PosedCapsules:
+    def __getitem__(self, frames: slice | NDArray[np.bool_]) -> PosedCapsules:
         """The capsules of some frames."""
         return PosedCapsules(self.body, self.starts[frames], self.ends[frames])
 

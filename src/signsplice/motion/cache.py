@@ -37,13 +37,14 @@ class Cache:
     def recent(self, compute: Callable[..., Value], *arguments: Hashable, most: int) -> Value:
         """``compute(*arguments)``; the results of the last ``most`` different calls are kept."""
         kept = self._recent.setdefault(compute, OrderedDict())
-        if arguments not in kept:
-            kept[arguments] = compute(*arguments)
-        kept.move_to_end(arguments)
-        value: Value = kept[arguments]
+        value = kept.pop(arguments, None)
+        if value is None:
+            value = compute(*arguments)
+        kept[arguments] = value  # the last one
         while len(kept) > most:
             kept.popitem(last=False)
-        return value
+        found: Value = value
+        return found
 
     def forget(self, *owners: object) -> None:
         """Forget everything that was computed from these objects."""

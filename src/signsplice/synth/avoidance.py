@@ -109,10 +109,10 @@ def hand_clearances(states: FloatArray, signer: Signer, most: float = np.inf) ->
     return np.column_stack([strong[:, 0], weak[:, 0], strong[:, 1:].min(axis=1), strong[:, 2]])
 
 
-def between_hands(states: FloatArray, signer: Signer) -> FloatArray:
-    """Distance (T,) between the skins of the two hands, cm, negative inside."""
+def between_hands(states: FloatArray, signer: Signer, most: float = np.inf) -> FloatArray:
+    """Distance (T,) between the skins of the two hands, cm, negative inside, or ``most`` where it is greater."""
     capsules = Figure(states, signer).posed(states).capsules
-    return capsules.nearest(capsules.body.groups.right, (capsules.body.groups.left,))[0][:, 0]
+    return capsules.nearest(capsules.body.groups.right, (capsules.body.groups.left,), most)[0][:, 0]
 
 
 def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from signsplice.body.collision import PosedCapsules
@@ -24,7 +25,7 @@ from signsplice.synth.signer import JOINTS, Signer, skeleton
 _CARRIERS = ("Head", "Neck", "Spine2", "Hips")
 """Joints that carry parts of the body, and so hands. What hangs on others is carried with the chest."""
 _HEAD, _CHEST, _HIPS = 0, 2, 3
-_FREE_CM, _HELD_CM = 14.0, 0.5
+FREE_CM, _HELD_CM = 14.0, 0.5
 """Distances from the skin at which a hand is free, and from which on it is carried wholly."""
 _WEIGHT_CM = 1.0
 """How much farther a part of the body is that carries less by the factor e."""
@@ -59,30 +60,37 @@ class Nearness:
         return self.clearances[..., _HEAD]
 
 
-def nearness(states: FloatArray, signer: Signer) -> Nearness:
-    """Where the hands of states (T, 65) are, were head and trunk upright."""
+def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearness:
+    """Where the hands of states (T, 65) are, were head and trunk upright. With ``most``, cm, at least ``FREE_CM`` by
+    the signer's scale, a hand that hangs, or that is farther than that from the skin, counts as so far.
+    """
     upright = states.copy()
     upright[:, 54:] = 0.0
     capsules = Figure(upright, signer).posed(upright).capsules
-    clearances, out = _clearances(capsules)
-    apart = _apart(capsules, _TOGETHER_CM * signer.scale)
-    weights = _weights(clearances / signer.scale, apart / signer.scale)
     begins, hangs = _HANGING_CM
     height = pose.hands(states)[..., 1] / signer.scale
     hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
+    clearances, out = _clearances(capsules, most, hanging[..., 0] < 1.0 if np.isfinite(most) else None)
+    apart = _apart(capsules, _TOGETHER_CM * signer.scale)
+    weights = _weights(clearances / signer.scale, apart / signer.scale)
     return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights, clearances, out[..., _HEAD, 0])
 
 
-def _clearances(capsules: PosedCapsules) -> tuple[FloatArray, FloatArray]:
+def _clearances(
+    capsules: PosedCapsules, most: float = np.inf, where: NDArray[np.bool_] | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Distances (T, 2, 4) of both hands' skin from that of the carriers, cm, and the directions (T, 2, 4, 3) away from
-    it in the chest's axes.
+    it in the chest's axes; ``most`` and 0 where all are farther, and but ``where`` (T, 2).
     """
     body, names = capsules.body, list(JOINTS)
     solid = (*body.groups.head, *body.groups.trunk)
     carriers = [n if (n := names[body.joints[k]]) in _CARRIERS else "Spine2" for k in solid]
     parts = [[k for k, n in zip(solid, carriers, strict=True) if n == name] for name in _CARRIERS]
-    found = [capsules.nearest(hand, parts) for hand in (body.groups.right, body.groups.left)]
-    clearances, out = (np.stack([one[k] for one in found], axis=1) for k in range(2))
+    size = (len(capsules.starts), 2, len(_CARRIERS))
+    clearances, out = np.full(size, most), np.zeros((*size, 3))
+    for n, hand in enumerate((body.groups.right, body.groups.left)):
+        at = slice(None) if where is None else where[:, n]
+        clearances[at, n], out[at, n] = capsules[at].nearest(hand, parts, most)
     return clearances, out
 
 
@@ -103,7 +111,7 @@ def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
     nearest = clearances.min(axis=-1, keepdims=True)
     weights = np.exp((nearest - clearances) / _WEIGHT_CM)
     weights /= weights.sum(axis=-1, keepdims=True)
-    weights = weights * pose.smooth_step((_FREE_CM - nearest) / (_FREE_CM - _HELD_CM))
+    weights = weights * pose.smooth_step((FREE_CM - nearest) / (FREE_CM - _HELD_CM))
     alike = 0.5 * pose.smooth_step((_TOGETHER_CM - apart) / (_TOGETHER_CM - _HELD_CM))[:, None, None]
     return np.asarray((1.0 - alike) * weights + alike * weights[:, ::-1])
 
@@ -123,7 +131,7 @@ def carried(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
         quat = rotation.multiply(turn, quats[:, n] * mirror_quat) * mirror_quat
         hand = pose.hands(moved)[:, n]
         hand[:, pose.WRIST], hand[:, pose.ROTVEC] = wrist, pose.hand_rotvecs(wrist, quat, signer)
-    return _touching(moved, near, signer)
+    return moved
 
 
 def _carriers(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
@@ -136,7 +144,7 @@ def _carriers(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
     return turns, np.einsum("tba,tkb->tka", chest, positions - positions[:, _CHEST, None])
 
 
-def _touching(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
+def kept_away(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
     """States (T, 65) with hands as far from the skin as they were, where that was near to nothing: a wrist at its
     limits does not follow wholly.
     """

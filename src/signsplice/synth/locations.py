@@ -311,7 +311,12 @@ _HELD_LOWER_CM = 2.0
 
 
 def resting(signer: Signer, *names: str | int) -> FloatArray:
-    """The state (65,) of a signer at rest; ``names`` seed its small variations."""
+    """The state (65,) of a signer at rest, not to be changed; ``names`` seed its small variations."""
+    return CACHE.recent(_resting, signer, *names, most=64)
+
+
+def _resting(signer: Signer, *names: str | int) -> FloatArray:
+    """``resting``."""
     rng = stream("rest", signer.name, *names)
     state = np.zeros(pose.SIZE)
     if signer.rest != HANGING:
@@ -321,6 +326,7 @@ def resting(signer: Signer, *names: str | int) -> FloatArray:
             hand_state[:3] += 0.6 * rng.standard_normal(3) + offset
             hand_state[6:] *= 1.0 + 0.06 * rng.standard_normal()
             state[first : first + 27] = hand_state
+        state.flags.writeable = False
         return state
     for first in (0, 27):
         jitter = 0.6 * rng.standard_normal(3)
@@ -331,4 +337,5 @@ def resting(signer: Signer, *names: str | int) -> FloatArray:
         quat = facing((-1.0, 0.0, -0.25), (0.05, -1.0, 0.12))
         state[first + 3 : first + 6] = pose.hand_rotvecs(wrist, quat, signer)
         state[first + 6 : first + 27] = HANDSHAPES["rest"].angles * (1.0 + 0.06 * rng.standard_normal())
+    state.flags.writeable = False
     return state

@@ -16,7 +16,7 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
-from signsplice.synth import hand, pose
+from signsplice.synth import elbows, hand, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, between_hands, clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_figure
 from signsplice.synth.figure import Figure
@@ -26,7 +26,6 @@ from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_b
 from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
-_ROUNDS = 3
 RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
 _LEFT_CM = 0.2
@@ -48,9 +47,11 @@ _BEFORE = np.array([-0.35, 0.0, 0.9367])
 _SIDES = ("Right", "Left")
 
 
-def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float) -> FloatArray:
-    """States (T, 65) of a whole word with hands at their places at the end of each of its segments; ``figure``: of
-    these states.
+def placed(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float, rounds: int = 3
+) -> FloatArray:
+    """States (T, 65) of a whole word with hands at their places at the end of each of its segments, in some ``rounds``;
+    ``figure``: of these states but for their arms.
     """
     signer = figure.signer
     wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in _LEFT_ALONE)
@@ -60,10 +61,12 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
     frames = sorted({one.first for one in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
     centres = [_part(pose.hands(states)[one.first, one.which], one.posture, signer) for one in wanted]
-    quats = pose.hand_rotations(states[frames], signer)
+    quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
     least, best = np.inf, moves
-    for n in range(_ROUNDS + 1):
-        posed = posed_figure(figure, _moved(states[frames], quats, moves[frames], signer), np.array(frames))
+    for n in range(rounds + 1):
+        posed = posed_figure(
+            figure, _moved(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
+        )
         missing = [
             _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
             for one, centre in zip(wanted, centres, strict=True)
@@ -71,7 +74,7 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
         left = sum(float(np.linalg.norm(miss)) for miss in missing)
         if left < least:
             least, best = left, moves
-        if n == _ROUNDS or left == 0.0:
+        if n == rounds or left == 0.0:
             break
         step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
         if sign.hands == "base":  # a hand at the other one goes where that one goes
@@ -81,15 +84,21 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
             ]
             step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
         moves = _limited(moves + step, _MOST_CM)
-    return _moved(states, pose.hand_rotations(states, signer), best, signer)
+    return _moved(states, quats, steady, best, signer)
 
 
-def _moved(states: FloatArray, quats: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3)."""
+def _moved(states: FloatArray, quats: FloatArray, steady: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3), and elbows in the directions
+    ``steady`` (T, 2, 3).
+    """
     if not moves.any():
         return states
+    moved = states.copy()
     wrists = reachable(pose.hands(states)[..., pose.WRIST] + moves, signer)
-    return _with_wrists(states, wrists, quats, signer)
+    pose.hands(moved)[..., pose.WRIST] = wrists
+    arm = pose.solve_arm(wrists, signer)
+    turned = rotation.multiply(rotation.inverse(arm.fore), quats)
+    return elbows.turned(moved, arm, turned, elbows.swivels_to(arm, steady), signer)
 
 
 def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
@@ -136,7 +145,7 @@ def parted(states: FloatArray, signer: Signer) -> FloatArray:
     states = states.copy()
     frames = np.arange(len(states))
     for _ in range(_PARTED_ROUNDS):
-        depth = -between_hands(states[frames], signer)
+        depth = -between_hands(states[frames], signer, most=0.0)
         deep = depth > TOLERANCE_CM
         frames, depth = frames[deep], depth[deep]
         if not len(frames):

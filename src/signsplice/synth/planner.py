@@ -94,7 +94,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     plan.add_overlays(states, offset)
     gestures.add(states, sign.gestures, events, fps)
-    states = add_body_motion(states, events, signer, fps)
+    states = add_body_motion(states, events, signer, fps, exact=sign.kind != "written")
     segments = tuple(one.later(offset) for one in plan.timed)
     states = _settled(states, segments, sign, signer, fps)
     clip = pose.clip(states, signer, fps, sign.gloss)
@@ -118,15 +118,11 @@ def _written(
     """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
     directions = facing_as_written(states, segments, sign, signer, fps)
     states, figure = within_reach(states, signer), Figure(states, signer)
-    for n in range(2):
-        states = directed(states, directions, signer)
-        states = elbows.steadied(states, signer, fps, led=True, figure=figure)
-        steady = elbows.directions_of(states, signer)
-        states = eased(states, directions, signer) if n else states
-        states = elbows.directed(placed(states, segments, sign, figure, fps), steady, signer)
-        states = twists.steadied(states, signer, fps)
-        states = cleared(parted(states, signer) if sign.hands == "symmetric" else states, figure)
-    states = cleared(eased(elbows.directed(states, steady, signer), directions, signer), figure)
+    states = placed(directed(states, directions, signer), segments, sign, figure, fps)
+    states = cleared(parted(states, signer) if sign.hands == "symmetric" else states, figure)
+    states = elbows.steadied(directed(states, directions, signer), signer, fps, led=True, figure=figure)
+    states = placed(eased(states, directions, signer), segments, sign, figure, fps, rounds=1)
+    states = cleared(states, figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
     if states is not touching:

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.synth import arm_costs, hand
 from signsplice.synth.arm_costs import MARGIN, angles_of, soft_clip, swivel_costs
@@ -41,6 +42,8 @@ ELBOW_LIMIT = np.deg2rad(148.0)
 _X = np.array([1.0, 0.0, 0.0])
 _HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
 _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
+_KEPT = 6
+"""How many solved arms are kept."""
 _SHARPNESS = 2.5
 _BLUNTER = 4.0  # with low elbows, whose cost can have two minima: an elbow would jump from one to the other
 _LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
@@ -61,9 +64,9 @@ def of_hands(strong: FloatArray, weak: FloatArray) -> FloatArray:
     return np.concatenate([strong, weak, np.zeros((*strong.shape[:-1], SIZE - 54))], axis=-1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Arm:
-    """Right arms with a hanging elbow, in the chest's axes.
+    """Right arms with a hanging elbow, in the chest's axes; arrays that are not to be changed.
 
     collar: rotation of the collar bone, (..., 4)
     upper: rotation of the upper arm, (..., 4)
@@ -86,11 +89,19 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     1944; here by at most about 15 degrees about each axis). A wrist position out of reach is moved softly along the
     line to the shoulder.
     """
-    scale = signer.scale
-    wrists = np.asarray(wrists, np.float64) / scale
-    broad = np.array([-signer.shoulders, 1.0, 1.0])
+    wrists = np.asarray(wrists, np.float64)
+    # The same states are posed several times in a row.
+    return CACHE.recent(
+        _solve_arm, wrists.tobytes(), wrists.shape, signer.scale, signer.shoulders, signer.arms, most=_KEPT
+    )
+
+
+def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: float, arms: float) -> Arm:
+    """``solve_arm`` of the bytes of wrists."""
+    wrists = np.frombuffer(data).reshape(shape) / scale
+    broad = np.array([-shoulders, 1.0, 1.0])
     collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
-    upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
+    upper_arm, forearm = UPPER_ARM * arms, FOREARM * arms
     out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
     x, y, z = out[..., 0], out[..., 1], out[..., 2]
     half = np.empty((2, *x.shape))
@@ -187,7 +198,12 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
     The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
     each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump.
     """
-    cost = swivel_costs(arm, rotvecs, signer, _SWIVELS)
+    return CACHE.recent(_easy_swivels, arm, rotvecs.tobytes(), rotvecs.shape, signer, most=_KEPT)
+
+
+def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer) -> FloatArray:
+    """``easy_swivels`` of the bytes of rotation vectors."""
+    cost = swivel_costs(arm, np.frombuffer(data).reshape(shape), signer, _SWIVELS)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
     return np.asarray((weight @ _SWIVELS) / weight.sum(axis=-1))

@@ -90,10 +90,10 @@ class SegmentPlan:
         frames = [frame + offset for frame in self.stops()]
         told = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
         passes = [(begin + offset, stop + offset) for t in self.timed for begin, stop in t.passes]
-        touched = touching(states[frames], self.signer)
-        return low_passed(
-            states, deviation, passes, [f for f, one in zip(frames, touched, strict=True) if one or f in told]
-        )
+        if self.sign.kind != "written":
+            touched = touching(states[frames], self.signer)
+            told |= {frame for frame, one in zip(frames, touched, strict=True) if one}
+        return low_passed(states, deviation, passes, sorted(told))
 
     def events(self, up: int, offset: int, down: int) -> Events:
         """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
@@ -231,10 +231,16 @@ class SegmentPlan:
         end, rest = self.knots[-1], self.sign.segments[n + 1 :]
         held = bool(rest) and rest[0].kind == "H"
         stops = held if rest else not self.pace.landing
-        if held and self.pace.landing and not touching(end.state[None], self.signer)[0]:
+        if held and self.pace.landing and not self._touched(self.sign.segments[n], end.state):
             self.landed, stops = end.state, False
             end = replace(end, state=short)
         self.knots[-1] = replace(end, stop=stops)
+
+    def _touched(self, segment: Segment, state: FloatArray) -> bool:
+        """Whether hands touch at a segment's end: by the notation where a linguist wrote it, else as is seen."""
+        if self.sign.kind == "written":
+            return touches(segment, self.sign)
+        return bool(touching(state[None], self.signer)[0])
 
 
 def touches(segment: Segment, sign: Sign) -> bool:
@@ -327,10 +333,10 @@ def undershot(
     stays the same.
     """
     amount = short_cm(tempo, signer)
-    if amount == 0.0:
+    if amount == 0.0 or sign.kind == "written":  # hands of written signs are brought to their places afterwards
         return pairs
     states = np.array([pose.of_hands(*pair) for pair in pairs])
-    near = hand_clearances(states, signer)[:, [0, 2]].min(axis=1) < TOUCH_CM
+    near = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
     moved: list[tuple[FloatArray, FloatArray]] = []
     for n, (strong, weak) in enumerate(pairs):
         if n and np.array_equal(strong, pairs[n - 1][0]):

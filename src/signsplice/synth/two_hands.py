@@ -44,7 +44,7 @@ def with_separate_timing(
     formed = manner.finger_stagger > 0.0 and float(np.ptp(inner, axis=0).max()) > 0.05
     if not (formed or (mirrored and manner.hand_difference) or (base and manner.base_lag)):
         return states
-    clearances = hand_clearances(states, signer)
+    clearances = hand_clearances(states, signer, TOUCH_CM + _FREE_CM)
     free = _freedom(clearances, fps)  # (T, 2)
     frames = np.arange(len(states), dtype=np.float64)
     times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 65)
@@ -131,7 +131,7 @@ def base_motion(
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
     place while it is touched; and the displacements (T, 65), cm, of both hands for that.
 
-    clearances: ``hand_clearances`` of the states
+    clearances: ``hand_clearances`` of the states, those up to ``TOUCH_CM`` at least
     span: as of ``with_separate_timing``
     """
     up, start, end, down = span
@@ -172,7 +172,7 @@ def _coming(
             states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * (pose.SIZE - 54)])
         )
         tried[:, :3] += displacement
-        if (between_hands(tried, signer) >= np.minimum(clearance, 0.0) - _DEEPER_CM).all():
+        if (between_hands(tried, signer, most=0.0) >= np.minimum(clearance, 0.0) - _DEEPER_CM).all():
             return times, displacement
     return frames, np.zeros((len(states), 3))
 
