@@ -27,13 +27,15 @@ class Slots(Row):
                     break
                 self.next()
                 found = with_weak(found, self.slot(found))
+            elif t.name in symbols.KINDS["size"] and self.slot_follows():
+                self.reading.note(f"{t.shown} within a posture is left out", self.next().position)
             elif t.name == "plus":
                 if not self.slot_follows():
                     break
                 self.reading.note("hamplus outside brackets joins the slots beside it", self.next().position)
                 found = with_weak(found, self.slot(WrittenPosture()))
             elif is_posture(t.name) or self.is_posture_bracket() or self.is_location():
-                found = _added(found, self.slot(found))
+                found = _added(found, self.slot(found), self.two)
             else:
                 break
         return found
@@ -77,7 +79,7 @@ class Slots(Row):
             if t.name == "nondominant":
                 self.next()
             elif is_posture(t.name) or self.is_location() or self.is_posture_bracket():
-                found = _added(found, self.slot(found))
+                found = _added(found, self.slot(found), self.two)
             else:
                 break
         return found
@@ -154,6 +156,9 @@ class Slots(Row):
 
     def location(self, weak: bool = True) -> WrittenPosture:
         """A place on the body, a site of a hand (``weak`` says which), two hands together, or a contact alone."""
+        after = self.peek(1)
+        if self.at("seqbegin") and after is not None and after.name == "brushing":
+            return self.brushed()
         found = self.hands_together() if self.at("parbegin") else self.place(weak)
         contact, own = self.contact()
         if found.pair is not None or found.place is None:
@@ -165,6 +170,19 @@ class Slots(Row):
         if other is not None and other.place is not None and contact:
             other = replace(other, place=replace(other.place, contact=other.place.contact or contact))
         return replace(found, place=place, weak=other)
+
+    def brushed(self) -> WrittenPosture:
+        """A place or a site in brackets that a hand brushes along."""
+        self.next()
+        self.next()
+        found = self.place()
+        self.take(*symbols.CONTACTS)
+        while (t := self.peek()) is not None and t.name != "seqend":
+            self.reading.refuse("stands within what is brushed", t.shown, self.next().position)
+        self.take("seqend")
+        if found.place is not None:
+            return WrittenPosture(place=replace(found.place, contact="brushing"))
+        return WrittenPosture(pair=replace(found.pair or Pair(), contact="brushing"))
 
     def hands_together(self) -> WrittenPosture:
         """Brackets with two sites (the first on the weak hand), a site and a place, or a place for each hand."""
@@ -204,13 +222,16 @@ class Slots(Row):
             if self.between(symbols.PLACES):
                 other = self.place().place
                 place = replace(place, between=other)
-            behind = bool(self.take("behind"))
-            return WrittenPosture(place=replace(place, behind=behind))
+            self.last = replace(place, behind=bool(self.take("behind")))
+            return WrittenPosture(place=self.last)
         if t is not None and t.name in SITES:
             return WrittenPosture(pair=Pair(weak=self.site(weak, before)))
         if before:
             self.reading.note(f"{before[0].shown} without a place is read as right_at the body", before[0].position)
             return WrittenPosture(place=Place("", "right_at"))
+        if self.at("behind") and self.last is not None:
+            self.next()
+            return WrittenPosture(place=replace(self.last, contact="", behind=True))
         for lost in self.take("behind"):
             self.reading.refuse("says behind what no place says", lost.shown, lost.position)
         return WrittenPosture()
@@ -254,7 +275,10 @@ class Slots(Row):
         if self.at("seqbegin") and self.is_location():
             self.next()
             names += [t.name for t in self.take(*symbols.CONTACTS)]
-            own = self.site(weak=False) if self.at(*SITES) else None
+            before = self.take(*symbols.SIDES)
+            own = self.site(False, before) if self.at(*SITES) else None
+            for arm in self.take("elbow", "elbowinside", "lowerarm", "upperarm"):
+                own = Site(arm.name)
             names += [t.name for t in self.take(*symbols.CONTACTS)]
             while (t := self.peek()) is not None and t.name != "seqend":
                 self.reading.refuse("stands within a part of the hand", t.shown, self.next().position)
@@ -274,11 +298,14 @@ def _modified(made: WrittenShape, name: str) -> WrittenShape:
     return replace(made, thumb=symbols.THUMBS[name])
 
 
-def _added(before: WrittenPosture, after: WrittenPosture) -> WrittenPosture:
-    """A posture with a slot more; a place beside a pair of hands says where the pair is."""
+def _added(before: WrittenPosture, after: WrittenPosture, two: bool) -> WrittenPosture:
+    """A posture with a slot more; a place beside a pair of hands says where the pair is. ``two``: a contact before a
+    place is between the hands.
+    """
     found = merged(before, after) or before
     if found.pair is not None and found.place is not None:
-        if found.pair == Pair(contact=found.pair.contact):
+        between = before.pair is not None and (two or found.weak is not None)
+        if found.pair == Pair(contact=found.pair.contact) and not between:
             contact = found.place.contact or found.pair.contact
             return replace(found, pair=None, place=replace(found.place, contact=contact))
         return replace(found, place=None, pair=replace(found.pair, place=found.place))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import accumulate
+from itertools import accumulate, takewhile
 
 from signsplice.synth.written import symbols
 from signsplice.synth.written.hamnosys_row import CLOSERS, LOCATION, Token, is_action
@@ -113,6 +113,6 @@ def compound(balanced: Sequence[Token]) -> list[list[Token]]:
     pieces = [list(balanced[a:b]) for a, b in zip([0, *(n + 1 for n in cuts)], [*cuts, len(balanced)], strict=True)]
     names = [[t.name for t in piece] for piece in pieces]
     directed = all(any(name.startswith("extfinger") for name in piece) for piece in names)
-    shaped = all(any(name in symbols.SHAPES for name in piece[:3]) for piece in names)
+    shaped = all(any(n in symbols.SHAPES for n in takewhile(lambda n: not is_action(n), piece)) for piece in names)
     placed = all(any(name in LOCATION or is_action(name) for name in piece) for piece in names[:-1])
     return pieces if directed and shaped and placed else [list(balanced)]
