@@ -212,7 +212,13 @@ class _Parser(Slots):
         return made[0] if len(made) == 1 else Motion("split", parts=tuple(made))
 
     def joined(self, kind: str, parts: list[Motion], t: Token) -> Motion:
-        """Some motions as one."""
+        """Some motions as one; of those at the same time straight ones come in turn: one of them would say their sum."""
+        straight = [m for m in parts if kind == "parallel" and m.kind == "straight" and not m.repeat]
+        if len(straight) > 1:
+            self.reading.note(f"straight movements in {t.shown} come in turn", t.position)
+            turns = Motion("sequence", parts=tuple(straight), where=straight[0].where)
+            others = [m for m in parts if all(m is not one for one in straight)]
+            parts = [turns, *others]
         if len(parts) == 1:
             return parts[0]
         if not parts:
@@ -288,6 +294,8 @@ class _Parser(Slots):
     def aimed(self, m: Motion) -> Motion:
         """A motion with the place, the site or the contact that it ends at, or that it brushes along."""
         found = self.location()
+        if found == WrittenPosture():
+            return m
         if found.place is not None and found.place.contact == "brushing":
             return replace(m, brushing=found.place)
         if found.pair is not None and found.pair.contact == "brushing":

@@ -52,12 +52,14 @@ class Row:
     two: a symbol says that both hands take part
     tiers: what head and shoulders do, so far
     last: the place that was read last
+    second: what comes next is of the weak hand, after a plus in brackets
     """
 
     def __init__(self, tokens: Sequence[Token], reading: Reading, mirrored: bool, two: bool) -> None:
         self.tokens, self.reading, self.mirrored, self.two = tokens, reading, mirrored, two
         self.tiers = list[Tier]()
         self.last: Place | None = None
+        self.second = False
         self._at = 0
 
     def peek(self, ahead: int = 0) -> Token | None:
