@@ -46,8 +46,9 @@ def below(element: Element) -> Iterator[Element]:
 
 
 def parse(content: bytes, file: str) -> Element:
-    """The root of an XML document, with bare ampersands, several roots and Windows' letters mended. Raises ``FormatError`` with the line for what is not well formed or declares an
-    entity, and ``LimitError`` beyond 500,000 elements or 40 levels.
+    """The root of an XML document, with bare ampersands, several roots and Windows' letters mended. Raises
+    ``FormatError`` with the line for what is not well formed or declares an entity, and ``LimitError`` beyond 500,000
+    elements or 40 levels.
     """
     try:
         return _parsed(content, file)

@@ -212,7 +212,7 @@ class _Parser(Slots):
         return made[0] if len(made) == 1 else Motion("split", parts=tuple(made))
 
     def joined(self, kind: str, parts: list[Motion], t: Token) -> Motion:
-        """Some motions as one; of those at the same time straight ones come in turn: one of them would say their sum."""
+        """Some motions as one; of those at one time straight ones come in turn: one alone would say their sum."""
         straight = [m for m in parts if kind == "parallel" and m.kind == "straight" and not m.repeat]
         if len(straight) > 1:
             self.reading.note(f"straight movements in {t.shown} come in turn", t.position)

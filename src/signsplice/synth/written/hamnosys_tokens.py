@@ -125,8 +125,8 @@ def _in_turn(balanced: Sequence[Token], reading: Reading) -> list[Token]:
 
 def compound(balanced: Sequence[Token]) -> list[list[Token]]:
     """The parts of a compound, or all symbols as one: a plus outside brackets begins a part where whole postures (a
-    handshape and a finger direction, before it a place or an action too) stand on both sides, or there are more than two
-    of them, or a later one has its own symmetry; else it joins two hands.
+    handshape and a finger direction, before it a place or an action too) stand on both sides, or there are more than
+    two of them, or a later one has its own symmetry; else it joins two hands.
     """
     depths = accumulate((t.name in symbols.BRACKETS) - (t.name in CLOSERS) for t in balanced)
     cuts = [n for n, (t, depth) in enumerate(zip(balanced, depths, strict=True)) if t.name == "plus" and not depth]

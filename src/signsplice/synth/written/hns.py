@@ -32,4 +32,3 @@ def sign(element: Element, reading: Reading) -> WrittenSign:
         raise reading.error("has no symbol of HamNoSys", f"<{element.tag}>", element.line)
     made = hamnosys.sign(found, reading)
     return replace(made, tiers=(*made.tiers, *tiers))
-

@@ -6,7 +6,8 @@ import csv
 import io
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Literal
 
 from signsplice.errors import FormatError
 from signsplice.synth.written import symbols
@@ -41,7 +42,7 @@ def json_rows(text: str, name: str) -> Iterator[Row]:
         raise FormatError(f"is no JSON ({str(error)[:100]})", file=name) from error
     while isinstance(content, dict) and len(content) == 1 and isinstance(next(iter(content.values())), list):
         (content,) = content.values()
-    pairs = content.items() if isinstance(content, dict) else ()
+    pairs: Iterable[tuple[str, object]] = content.items() if isinstance(content, dict) else ()
     if isinstance(content, list) and all(isinstance(item, dict) for item in content):
         pairs = ((f"{n}", item) for n, item in enumerate(content, 1))
     elif not isinstance(content, dict):
@@ -72,7 +73,7 @@ def table_rows(text: str, name: str, suffix: str) -> Iterator[Row]:
     if suffix != ".csv" and delimiter != "\t":
         yield from _lines(text, name)
         return
-    quoting = csv.QUOTE_MINIMAL if suffix == ".csv" else csv.QUOTE_NONE
+    quoting: Literal[0, 3] = csv.QUOTE_MINIMAL if suffix == ".csv" else csv.QUOTE_NONE
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, quoting=quoting, strict=True)
     try:
         rows = [(cells, reader.line_num) for cells in reader if any(cell.strip() for cell in cells)]
@@ -98,10 +99,9 @@ def table_rows(text: str, name: str, suffix: str) -> Iterator[Row]:
         yield gloss, notation, line
 
 
-def _columns(sample: Sequence[Sequence[str]], holds: object) -> list[int]:
+def _columns(sample: Sequence[Sequence[str]], holds: Callable[[str], object]) -> list[int]:
     """The columns in most of whose cells something holds, the surest first."""
     width = max(map(len, sample), default=0)
-    assert callable(holds)
     counts = [sum(bool(k < len(cells) and holds(cells[k].strip())) for cells in sample) for k in range(width)]
     most = max(counts, default=0)
     return [k for k in range(width) if counts[k] and 2 * counts[k] >= most]

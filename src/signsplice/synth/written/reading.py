@@ -80,7 +80,7 @@ def weak_has_own(postures: Sequence[WrittenPosture | None]) -> bool:
 
 
 def flipped(sides: bool, heights: bool, depths: bool) -> str:
-    """How two hands work together of which one mirrors the other in some directions, a word of ``WrittenSign.hands``."""
+    """How hands work together that mirror one another in some directions, a word of ``WrittenSign.hands``."""
     if sides and heights and depths:
         return "point"
     words = [w for w, on in (("mirrored", sides), ("up_down", heights), ("out_in", depths)) if on]
