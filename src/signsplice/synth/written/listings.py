@@ -49,13 +49,9 @@ def json_rows(text: str, name: str) -> Iterator[Row]:
         raise FormatError("expected an object of glosses, or a list of objects with gloss and hamnosys", file=name)
     for key, item in pairs:
         values = {k.casefold(): v for k, v in item.items()} if isinstance(item, dict) else {"hamnosys": item}
-        values = {k: " ".join(v) if _is_words(v) else v for k, v in values.items()}
+        values = {k: " ".join(map(str, v)) if isinstance(v, list) else v for k, v in values.items()}
         gloss, notation = (next(_texts(values, names), "") for names in (_GLOSSES, _NOTATIONS))
         yield gloss or key, notation, 1
-
-
-def _is_words(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(word, str) for word in value)
 
 
 def _texts(values: dict[str, object], names: Sequence[str]) -> Iterator[str]:
