@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+import signsplice as ss
 from signsplice.synth.written import files
 from signsplice.synth.written.tree import Motion, Pair, Place, Site, Tier, WrittenPosture, WrittenSign
 from written_words import code
@@ -82,6 +83,12 @@ def test_of_alternatives_the_first_is_read() -> None:
         sign = files.one(text)
         assert (sign.posture.fingers, len(sign.motions)) == (("u",), 1)
         assert "of alternatives the first is read" in sign.notes[0]
+
+
+@pytest.mark.parametrize("text", ["|", "|" + TEXT, "{", code("seqend"), code("seqend") + "|" + TEXT])
+def test_what_holds_no_symbol_is_refused(text: str) -> None:
+    with pytest.raises(ss.InputError, match="has no symbol of HamNoSys"):
+        files.one(text)
 
 
 def read(names: str) -> WrittenSign:

@@ -42,8 +42,6 @@ def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
     reading is lenient.
     """
     check_length(len(found), reading)
-    if not found:
-        raise reading.error("has no symbol of HamNoSys", "", 0)
     balanced = mended(found, reading)
     parts = [_part(part, reading) for part in compound(balanced)]
     if len(parts) == 1:

@@ -63,7 +63,10 @@ def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]
 
 def mended(found: Sequence[Token], reading: Reading) -> list[Token]:
     """Symbols whose brackets are balanced, and whose movements all belong to something."""
-    return _in_turn(_balanced(_chosen(found, reading), reading), reading)
+    balanced = _balanced(_chosen(found, reading), reading)
+    if not balanced:
+        raise reading.error("has no symbol of HamNoSys", "", 0)
+    return _in_turn(balanced, reading)
 
 
 def _chosen(found: Sequence[Token], reading: Reading) -> list[Token]:
