@@ -10,6 +10,7 @@ ELSEWHERE = ("coreftag", "corefref", "wristtopulse", "wristtoback", "wristtothum
 _POINT = "finger2 thumbacrossmod extfingeru palml"
 _HAND_PARTS = ("palm", "handback", "thumbside", "pinkyside", "thumbball", "wristback", "wristpulse")
 _FLAT = "flathand extfingero palmd"
+_TWO = "parbegin flathand extfingerol palmd plus flathand extfingeror palmu parend"
 _FORWARD = "shoulders lrat close moveo"
 
 
@@ -110,4 +111,19 @@ def constructed() -> dict[str, str]:
         "parbegin finger2 extfingero palmd plus flathand extfingeror palmu parend chest close nondominant moveu",
     )
     add("OTHER", f"version40 {_POINT} orirelative {_FORWARD} repeatfromstart alternatingmotion")
+    for symmetry in ("symmlr largemod", "symmlr fingerstraightmod", "symmpar fingerstraightmod largemod"):
+        add("FLIPPED", f"{symmetry} fist thumbacrossmod extfingerol palml chest close moveuo smallmod repeatfromstart")
+    add("FLIPPED", f"symmlr fingerstraightmod largemod {_POINT} shoulders close circlel smallmod repeatfromstart")
+    add("BRUSH", f"{_FLAT} chest lrat close parbegin movel seqbegin brushing chest touch seqend replace palmu parend")
+    add("BRUSH", f"{_TWO} palm close movel seqbegin brushing palm touch seqend")
+    add("SHIFT", f"{_FLAT} chest close moved smallmod seqbegin repeatfromstartseveral mover seqend")
+    add("ZIGZAG", f"{_POINT} shoulders close mover zigzag ellipsev")
+    add(
+        "MEET",
+        "symmlr flathand extfingeru palml parbegin neck plus fingertip middlefinger seqbegin touch fingertip "
+        "middlefinger seqend parend moved smallmod",
+    )
+    add("MEET", "symmlr flathand extfingeruo palml touch shoulders mover")
+    add("BEHIND", f"{_FLAT} ear lrat close parbegin movei arcu replace extfingeri parend behind")
+    add("BODY", f"{_POINT} chin touch moveo smallmod seqbegin head twisting seqend")
     return out

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.synth.written import elements, gestural, hamnosys, hamnosys_tokens, hns
+from signsplice.synth.written import elements, gestural, hamnosys, hamnosys_tokens, hns, listings
 from signsplice.synth.written.reading import Reading
 from signsplice.synth.written.tree import WrittenSign
 
@@ -111,19 +108,16 @@ def _fold(gloss: str) -> str:
 def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | InputError]:
     """Each sign of a file, or the error that refuses it."""
     suffix = Path(name).suffix.lower()
-    rows: Iterator[tuple[str, str, int]]
     if suffix in (".sigml", ".xml") or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         yield from _of_xml(content, name, lenient)
         return
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FormatError(f"is no UTF-8 text ({error.reason} at byte {error.start})", file=name) from error
-    rows = _json_rows(text, name) if suffix == ".json" else _table_rows(text, name, suffix)
+    text = listings.decoded(content, name)
+    rows = listings.json_rows(text, name) if suffix == ".json" else listings.table_rows(text, name, suffix)
     for n, (gloss, notation, line) in enumerate(rows):
         if n >= _MOST_SIGNS:
             raise FormatError(f"holds more than {_MOST_SIGNS:,} signs", file=name)
         try:
+            gloss = gloss if gloss.strip() else f"{Path(name).stem}-{line}"
             reading = Reading(name, _gloss(gloss, name, line), lenient, by_line=False)
             yield _of_text(notation, reading)
         except InputError as error:
@@ -131,6 +125,10 @@ def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | I
 
 
 def _of_text(text: str, reading: Reading) -> WrittenSign:
+    if text.lstrip().startswith("<"):
+        root = elements.parse(f"<hns_sign>{text}</hns_sign>".encode(), reading.file)
+        found = [e for e in root.named(*_SIGNS) if e is not root] or [*root.children[0].named(*_SIGNS), root][:1]
+        return _reader(found[0])(found[0], reading)
     return hamnosys.sign(hamnosys_tokens.tokens(text, reading), reading)
 
 
@@ -144,58 +142,23 @@ def _of_xml(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | 
     for n, element in enumerate(root.named(*_SIGNS)):
         if n >= _MOST_SIGNS:
             raise FormatError(f"holds more than {_MOST_SIGNS:,} signs", file=name)
-        reader = hns if element.tag == "hns_sign" else gestural
         try:
             gloss = element.attributes.get("gloss", "") or f"{Path(name).stem}"
-            yield reader.sign(element, Reading(name, _gloss(gloss, name, element.line), lenient))
+            yield _reader(element)(element, Reading(name, _gloss(gloss, name, element.line), lenient))
         except InputError as error:
             yield error
 
 
+def _reader(element: elements.Element) -> Callable[[elements.Element, Reading], WrittenSign]:
+    """What reads a sign: by what it holds, whatever it is called."""
+    held = {e.tag for e in elements.below(element)}
+    symbols = any(tag.startswith("ham") for tag in held)
+    return hns.sign if symbols or (element.tag == "hns_sign" and "sign_manual" not in held) else gestural.sign
+
+
 def _gloss(text: str, name: str, line: int) -> str:
     """A gloss with hyphens for blanks. Raises ``FormatError`` where none is left or a character is not printable."""
-    gloss = "-".join(text.split())
-    if not gloss or not gloss.isprintable() or len(gloss) > 200:
+    gloss = "".join(c for c in "-".join(text.split()) if c.isprintable())
+    if not gloss or len(gloss) > 200:
         raise FormatError(f"gloss {text[:40]!r}, expected up to 200 printable characters", file=name, line=line)
     return gloss
-
-
-def _table_rows(text: str, name: str, suffix: str) -> Iterator[tuple[str, str, int]]:
-    """Gloss, notation and line of a CSV with the columns gloss and hamnosys, or of lines with a tab between them."""
-    if suffix != ".csv":
-        for line, content in enumerate(text.splitlines(), 1):
-            if content.strip():
-                gloss, tab, notation = content.partition("\t")
-                if not tab:
-                    raise FormatError("has no tab, expected GLOSS, a tab and HamNoSys", file=name, line=line)
-                yield gloss, notation, line
-        return
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    try:
-        head = [cell.strip().lower() for cell in next(reader, [])]
-        if "gloss" not in head or "hamnosys" not in head:
-            raise FormatError("expected a header with the columns gloss and hamnosys", file=name, line=1)
-        columns = head.index("gloss"), head.index("hamnosys")
-        for cells in reader:
-            if any(cell.strip() for cell in cells):
-                gloss, notation = (cells[k] if k < len(cells) else "" for k in columns)
-                yield gloss, notation, reader.line_num
-    except csv.Error as error:
-        raise FormatError(f"is no table ({error})", file=name, line=reader.line_num) from error
-
-
-def _json_rows(text: str, name: str) -> Iterator[tuple[str, str, int]]:
-    """Gloss and notation of a JSON object of glosses, or of a list of objects with gloss and hamnosys."""
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"is no JSON ({str(error)[:100]})", file=name) from error
-    pairs: Iterable[tuple[object, object]] | None = content.items() if isinstance(content, dict) else None
-    if isinstance(content, list) and all(isinstance(item, dict) for item in content):
-        pairs = ((item.get("gloss"), item.get("hamnosys")) for item in content)
-    if pairs is None:
-        raise FormatError("expected an object of glosses, or a list of objects with gloss and hamnosys", file=name)
-    for n, (gloss, notation) in enumerate(pairs, 1):
-        if not isinstance(gloss, str) or not isinstance(notation, str):
-            raise FormatError(f"item {n}: expected gloss and hamnosys as texts", file=name)
-        yield gloss, notation, 1

@@ -11,7 +11,7 @@ from typing import Any
 
 from signsplice.synth.written.elements import Element
 from signsplice.synth.written.gestural_values import KNOWN, MANNER, POSTURES, Values, factor
-from signsplice.synth.written.reading import Reading, merged, site, weak_has_own, with_weak
+from signsplice.synth.written.reading import Reading, flipped, merged, site, weak_has_own, with_weak
 from signsplice.synth.written.tiers import gestural_tiers
 from signsplice.synth.written.tree import (
     Motion,
@@ -84,11 +84,7 @@ class _Gestural(Values):
             return "weak"
         if not both and not any(flips):
             return "two" if weak_has_own([posture, *_targets(motions)]) or _splits(motions) else "one"
-        kinds = {(1, 0, 0): "mirrored", (0, 1, 0): "up_down", (0, 0, 1): "out_in", (1, 1, 1): "point"}
-        kind = kinds.get((int(flips[0]), int(flips[1]), int(flips[2])))
-        if kind is None and any(flips):
-            self.refuse(e, "mirrors in two of three directions, expected one or all")
-        return kind or "parallel"
+        return flipped(*flips)
 
     # --- postures
 

@@ -14,17 +14,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from typing import Any
 
 from signsplice.synth.written import symbols
-from signsplice.synth.written.hamnosys_row import CLOSERS, Token, is_posture
+from signsplice.synth.written.hamnosys_row import CLOSERS, Token, is_action, is_posture
 from signsplice.synth.written.hamnosys_slots import Slots
 from signsplice.synth.written.hamnosys_tokens import check_length, compound, mended
-from signsplice.synth.written.reading import Reading, merged, weak_has_own
-from signsplice.synth.written.tree import Motion, Pair, WrittenManner, WrittenPosture, WrittenSign
+from signsplice.synth.written.reading import Reading, flipped, merged, weak_has_own
+from signsplice.synth.written.tree import Motion, Pair, Tier, WrittenManner, WrittenPosture, WrittenSign
 
 _SYMMETRY = symbols.KINDS["symmetry"]
 _KINDS = {"parbegin": "parallel", "seqbegin": "sequence", "fusionbegin": "fusion"}
+_GESTURES = {
+    "head nodding": "NO", "head twisting": "SH", "head moved": "ND", "head moveu": "NU", "head moveo": "PF",
+    "head movei": "PB", "head movel": "TL", "head mover": "TR", "shoulders moveu": "UB",
+}  # fmt: skip
+"""Movements of the head and the shoulders, and their codes."""
+_FLIPS = {"fingerstraightmod": "depths", "largemod": "heights"}
+"""Symbols after one of symmetry, and in what else the hands mirror one another."""
 _SHAPED = {"arc": ("curve", "straight"), "ellipse": ("ellipse", "circle"), "zigzag": ("zigzag", "straight", "circle")}
 """Kind of symbol -> what of a motion it says, and of which kinds of motion."""
 
@@ -34,13 +42,12 @@ def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
     reading is lenient.
     """
     check_length(len(found), reading)
-    if not found:
-        raise reading.error("has no symbol of HamNoSys", "", 0)
     balanced = mended(found, reading)
     parts = [_part(part, reading) for part in compound(balanced)]
     if len(parts) == 1:
         return replace(parts[0], notes=tuple(reading.notes))
-    return WrittenSign(reading.gloss, parts=tuple(parts), notes=tuple(reading.notes), where=parts[0].where)
+    tiers = tuple(tier for part in parts for tier in part.tiers)
+    return WrittenSign(reading.gloss, parts=tuple(parts), tiers=tiers, notes=tuple(reading.notes), where=parts[0].where)
 
 
 def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
@@ -49,6 +56,9 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
     kinds = [_SYMMETRY[t.name] for t in balanced if t.name in _SYMMETRY]
     if len(set(kinds)) > 1:
         reading.refuse("has two kinds of symmetry, expected one", "hamsymmlr", where.position)
+    flips = [t.name for t in takewhile(lambda t: t.name in _FLIPS, balanced[1:])] if kinds else []
+    if flips and balanced[0].name in _SYMMETRY:
+        balanced = [balanced[0], *balanced[1 + len(flips) :]]
     front = next((n for n, t in enumerate(balanced) if t.name not in (*_SYMMETRY, "alternatingmotion", "nonipsi")), 0)
     alternating = any(t.name == "alternatingmotion" for t in balanced[:front])
     crossed = any(t.name == "nonipsi" for t in balanced)
@@ -61,7 +71,7 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
         else:
             rest.append(t)
     weak = bool(rest) and rest[0].name == "nondominant" and not kinds and all(t.name != "plus" for t in rest)
-    parser = _Parser(rest[1:] if weak else rest, reading, kinds[:1] == ["mirrored"])
+    parser = _Parser(rest[1:] if weak else rest, reading, kinds[:1] == ["mirrored"], bool(kinds))
     posture = parser.posture()
     motions = parser.actions(top=True)
     if posture == WrittenPosture():
@@ -69,8 +79,11 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
     if crossed and posture.place is not None and not posture.place.side:
         posture = replace(posture, place=replace(posture.place, side="left_at"))
     two = weak_has_own([posture, *(m.target for m in _all(motions))]) or any(m.kind == "split" for m in _all(motions))
-    hands = "weak" if weak else kinds[0] if kinds else "two" if two else "one"
-    return WrittenSign(reading.gloss, hands, alternating, posture=posture, motions=tuple(motions), where=where)
+    hands = "weak" if weak else "two" if two else "one"
+    if kinds:
+        hands = flipped(kinds[0] == "mirrored", "largemod" in flips, "fingerstraightmod" in flips)
+    tiers = tuple(parser.tiers)
+    return WrittenSign(reading.gloss, hands, alternating, False, posture, tuple(motions), tiers=tiers, where=where)
 
 
 def _all(motions: Iterable[Motion]) -> list[Motion]:
@@ -127,6 +140,8 @@ class _Parser(Slots):
         if self.is_location():
             return Motion("posture")  # to where ``modified`` finds
         self.next()
+        if name in symbols.BRACKETS and (found := self.of_the_body(t)) is not None:
+            return found
         if name == "replace":
             return self.posture_change(t)
         if name in symbols.BRACKETS:
@@ -145,6 +160,26 @@ class _Parser(Slots):
             self.reading.refuse("modifies no action", t.shown, t.position)
         return Motion("hold")
 
+    def of_the_body(self, t: Token) -> Motion | None:
+        """What brackets hold that begin with a part of the body and a movement of it; the bracket is passed."""
+        part, after = self.peek(), self.peek(1)
+        if part is None or after is None or not is_action(after.name):
+            return None
+        if part.name in ("elbow", "elbowinside", "lowerarm", "upperarm"):
+            self.reading.note(f"{part.shown} that moves is read as a movement of the hand", self.next().position)
+            return self.bracket(t)
+        if part.name not in ("head", "shoulders"):
+            return None
+        self.next()
+        code = _GESTURES.get(f"{part.name} {after.name}")
+        if code is None:
+            self.reading.note(f"{after.shown} of {part.shown} is left out", after.position)
+        else:
+            tier = part.name.removesuffix("s")
+            self.tiers.append(Tier(tier, code, lane=tier))
+        self.bracket(t)
+        return Motion("hold")
+
     def two_directions(self, t: Token, kind: str) -> tuple[str, ...]:
         """The direction of a movement that was passed, or two whose mean is meant."""
         after = self.peek(1)
@@ -155,6 +190,8 @@ class _Parser(Slots):
 
     def posture_change(self, t: Token) -> Motion:
         """A change of posture with no path."""
+        for early in self.take(*symbols.KINDS["size"], *symbols.KINDS["growth"]):
+            self.reading.note(f"{early.shown} before what changes is left out", early.position)
         posture = self.posture()
         if posture == WrittenPosture():
             self.reading.refuse("changes nothing", t.shown, t.position)
@@ -173,7 +210,13 @@ class _Parser(Slots):
         return made[0] if len(made) == 1 else Motion("split", parts=tuple(made))
 
     def joined(self, kind: str, parts: list[Motion], t: Token) -> Motion:
-        """Some motions as one."""
+        """Some motions as one; of those at one time straight ones come in turn: one alone would say their sum."""
+        straight = [m for m in parts if kind == "parallel" and m.kind == "straight" and not m.repeat]
+        if len(straight) > 1:
+            self.reading.note(f"straight movements in {t.shown} come in turn", t.position)
+            turns = Motion("sequence", parts=tuple(straight), where=straight[0].where)
+            others = [m for m in parts if all(m is not one for one in straight)]
+            parts = [turns, *others]
         if len(parts) == 1:
             return parts[0]
         if not parts:
@@ -187,8 +230,8 @@ class _Parser(Slots):
         while (t := self.peek()) is not None:
             name, kinds = t.name, symbols.KINDS
             if shaping := next((kind for kind in _SHAPED if name in kinds[kind]), ""):
-                sized = f"{_SHAPED[shaping][0]}_size"
                 m = self.shaped(m, shaping, t)
+                sized = f"{_SHAPED[shaping][0]}_size" if shaping != "ellipse" or not m.zigzag else sized
             elif name in kinds["size"]:
                 m = _sized(m, sized, kinds["size"][name])
             elif name in kinds["growth"]:
@@ -202,6 +245,8 @@ class _Parser(Slots):
                 m = replace(again, repeat=symbols.REPEATS[name])
             elif name == "alternatingmotion":
                 m = replace(m, alternating=True)
+            elif name == "seqbegin" and getattr(self.peek(1), "name", "") in symbols.REPEATS:
+                m = self.shifted(m)
             elif self.is_location():
                 m = self.aimed(m)
                 continue
@@ -210,10 +255,22 @@ class _Parser(Slots):
             self.next()
         return m
 
+    def shifted(self, m: Motion) -> Motion:
+        """A motion that brackets repeat, each time further in a direction; the closing bracket comes next."""
+        self.next()
+        again = symbols.REPEATS[self.next().name]
+        t = self.peek()
+        moves = t is not None and t.name.startswith("move")
+        shift = self.next().name.removeprefix("move") if moves else ""
+        self.take(*symbols.KINDS["size"])
+        while (t := self.peek()) is not None and t.name != "seqend":
+            self.reading.refuse("stands within a repetition", t.shown, self.next().position)
+        return replace(m, repeat=again, shift=shift)
+
     def shaped(self, m: Motion, shaping: str, t: Token) -> Motion:
         """A motion, or the last within its brackets, with a curve, a zigzag or a long axis."""
         key, *kinds = _SHAPED[shaping]
-        if m.kind in kinds:
+        if m.kind in kinds or (shaping == "ellipse" and m.zigzag):  # the way of its swings
             return _sized(m, key, symbols.KINDS[shaping][t.name])
         if m.parts:
             return replace(m, parts=(*m.parts[:-1], self.shaped(m.parts[-1], shaping, t)))
@@ -235,6 +292,8 @@ class _Parser(Slots):
     def aimed(self, m: Motion) -> Motion:
         """A motion with the place, the site or the contact that it ends at, or that it brushes along."""
         found = self.location()
+        if found == WrittenPosture():
+            return m
         if found.place is not None and found.place.contact == "brushing":
             return replace(m, brushing=found.place)
         if found.pair is not None and found.pair.contact == "brushing":

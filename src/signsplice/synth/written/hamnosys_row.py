@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 from signsplice.synth.written import symbols
 from signsplice.synth.written.reading import Reading
-from signsplice.synth.written.tree import Where
+from signsplice.synth.written.tree import Place, Tier, Where
 
 SITES = (*symbols.DIGITS, *symbols.FINGER_PARTS, *symbols.HAND_PARTS)
 LOCATION = frozenset((*symbols.SIDES, *SITES, *symbols.PLACES, *symbols.CONTACTS, "behind"))
 CLOSERS = frozenset(symbols.BRACKETS.values())
+_WITHIN = ("plus", "between", *symbols.BRACKETS, *CLOSERS)
 PALMS = tuple(f"palm{d}" for d in ("u", "ur", "r", "dr", "d", "dl", "l", "ul"))
 
 
@@ -48,10 +49,17 @@ class Row:
     tokens: the symbols
     reading: of the sign
     mirrored: the weak hand mirrors the strong one
+    two: a symbol says that both hands take part
+    tiers: what head and shoulders do, so far
+    last: the place that was read last
+    second: what comes next is of the weak hand, after a plus in brackets
     """
 
-    def __init__(self, tokens: Sequence[Token], reading: Reading, mirrored: bool) -> None:
-        self.tokens, self.reading, self.mirrored = tokens, reading, mirrored
+    def __init__(self, tokens: Sequence[Token], reading: Reading, mirrored: bool, two: bool) -> None:
+        self.tokens, self.reading, self.mirrored, self.two = tokens, reading, mirrored, two
+        self.tiers = list[Tier]()
+        self.last: Place | None = None
+        self.second = False
         self._at = 0
 
     def peek(self, ahead: int = 0) -> Token | None:
@@ -96,7 +104,7 @@ class Row:
         t = self.peek()
         if t is None or t.name not in ("parbegin", "seqbegin"):
             return t is not None and t.name in LOCATION
-        return all(name in LOCATION or name in ("plus", "between", *symbols.BRACKETS) for name in self._bracket())
+        return all(name in LOCATION or name in _WITHIN for name in self._bracket())
 
     def _bracket(self) -> list[str]:
         """The names of the symbols within the brackets that come next, openers among them; none where none comes."""

@@ -10,6 +10,7 @@ from signsplice.synth.written.hamnosys_row import PALMS, SITES, Row, Token, is_p
 from signsplice.synth.written.reading import merged, with_weak
 from signsplice.synth.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape
 
+_ARM = ("elbow", "elbowinside", "lowerarm", "upperarm")
 _ON_HEAD = tuple(symbols.PLACES)[: tuple(symbols.PLACES).index("neck")]
 
 
@@ -27,13 +28,18 @@ class Slots(Row):
                     break
                 self.next()
                 found = with_weak(found, self.slot(found))
+            elif found.shape is not None and (t.name in symbols.BENDS or t.name in symbols.THUMBS):
+                self.reading.note(f"{t.shown} is read as if it followed the handshape", self.next().position)
+                found = replace(found, shape=_modified(found.shape, t.name))
+            elif t.name in symbols.KINDS["size"] and self.slot_follows():
+                self.reading.note(f"{t.shown} within a posture is left out", self.next().position)
             elif t.name == "plus":
                 if not self.slot_follows():
                     break
                 self.reading.note("hamplus outside brackets joins the slots beside it", self.next().position)
                 found = with_weak(found, self.slot(WrittenPosture()))
             elif is_posture(t.name) or self.is_posture_bracket() or self.is_location():
-                found = _added(found, self.slot(found))
+                found = _added(found, self.slot(found), self.two)
             else:
                 break
         return found
@@ -61,7 +67,9 @@ class Slots(Row):
         opener = self.next()
         halves = [self.inner()]
         while self.take("plus"):
+            self.second = True
             halves.append(self.inner())
+        self.second = False
         closer = symbols.BRACKETS[opener.name]
         while (t := self.peek()) is not None and t.name != closer:
             self.reading.refuse("stands within a posture", t.shown, self.next().position)
@@ -77,7 +85,7 @@ class Slots(Row):
             if t.name == "nondominant":
                 self.next()
             elif is_posture(t.name) or self.is_location() or self.is_posture_bracket():
-                found = _added(found, self.slot(found))
+                found = _added(found, self.slot(found), self.two)
             else:
                 break
         return found
@@ -129,11 +137,11 @@ class Slots(Row):
     def fingers(self, made: WrittenShape) -> WrittenShape:
         """A handshape with a finger that bends on its own, crosses another, or is selected."""
         digit = symbols.DIGITS[self.next().name]
-        self.left_out_parts()
+        meets = self.left_out_parts() and self.at(*symbols.DIGITS)
         t, after = self.peek(), self.peek(1)
         following = after.name if after is not None else ""
-        if t is not None and t.name in ("cross", "touch") and following in symbols.DIGITS:
-            crossed = self.next().name == "cross"
+        if t is not None and (meets or (t.name in ("cross", "touch") and following in symbols.DIGITS)):
+            crossed = meets or self.next().name == "cross"  # a part of one finger at another says that they cross
             other = symbols.DIGITS[self.next().name]
             self.left_out_parts()
             if 1 in (digit, other):  # the thumb meets a finger
@@ -145,17 +153,27 @@ class Slots(Row):
             return made
         return replace(made, special=(*made.special, digit))
 
-    def left_out_parts(self) -> None:
-        """Pass over parts of fingers within a handshape: where fingers meet is not made as finely."""
-        for part in self.take(*symbols.FINGER_PARTS):
+    def left_out_parts(self) -> bool:
+        """Pass over parts of fingers within a handshape, if any: where fingers meet is not made as finely."""
+        parts = self.take(*symbols.FINGER_PARTS)
+        for part in parts:
             self.reading.note(f"{part.shown} within a handshape is left out", part.position)
+        return bool(parts)
 
     # --- places
 
     def location(self, weak: bool = True) -> WrittenPosture:
         """A place on the body, a site of a hand (``weak`` says which), two hands together, or a contact alone."""
+        after = self.peek(1)
+        if self.at("seqbegin") and after is not None and after.name == "brushing":
+            return self.brushed()
         found = self.hands_together() if self.at("parbegin") else self.place(weak)
         contact, own = self.contact()
+        if own is not None and own.part in _ARM:
+            self.reading.note(f"ham{own.part} of the arm that touches is left out", self.tokens[self._at - 1].position)
+            own = None
+            if found.place is None:
+                return WrittenPosture()
         if found.pair is not None or found.place is None:
             pair = found.pair or Pair()
             pair = replace(pair, contact=contact or pair.contact, strong=own or pair.strong)
@@ -166,12 +184,27 @@ class Slots(Row):
             other = replace(other, place=replace(other.place, contact=other.place.contact or contact))
         return replace(found, place=place, weak=other)
 
+    def brushed(self) -> WrittenPosture:
+        """A place or a site in brackets that a hand brushes along."""
+        self.next()
+        self.next()
+        found = self.place()
+        self.take(*symbols.CONTACTS)
+        while (t := self.peek()) is not None and t.name != "seqend":
+            self.reading.refuse("stands within what is brushed", t.shown, self.next().position)
+        self.take("seqend")
+        if found.place is not None:
+            return WrittenPosture(place=replace(found.place, contact="brushing"))
+        return WrittenPosture(pair=replace(found.pair or Pair(), contact="brushing"))
+
     def hands_together(self) -> WrittenPosture:
         """Brackets with two sites (the first on the weak hand), a site and a place, or a place for each hand."""
         opener = self.next()
         halves = [self.location() if self.is_location() else WrittenPosture()]
         while self.take("plus"):
+            self.second = True
             halves.append(self.location(weak=False) if self.is_location() else WrittenPosture())
+        self.second = False
         while (t := self.peek()) is not None and t.name != "parend":
             self.reading.refuse("stands within a location", t.shown, self.next().position)
         self.take("parend")
@@ -195,22 +228,26 @@ class Slots(Row):
         if t is not None and t.name in symbols.PLACES:
             t = self.next()
             side = self.sided(before)
-            if self.mirrored and before and t.name in _ON_HEAD:  # crossed arms hide the face
-                self.reading.note(
-                    f"{before[0].shown} before {t.shown} is read as after it: hands would cross", t.position
-                )
-                side = side.replace("left", "right")
+            crossed, own = ("right", "left") if self.second else ("left", "right")
+            if self.mirrored and side.startswith(crossed) and t.name in _ON_HEAD:  # crossed arms hide the face
+                this, that = ("before", "after") if before else ("after", "before")
+                shown = f"ham{'lrat' if side.endswith('at') else 'lrbeside'} {this} {t.shown}"
+                self.reading.note(f"{shown} is read as {that} it: hands would cross", t.position)
+                side = side.replace(crossed, own)
             place = Place(symbols.PLACES[t.name], side)
             if self.between(symbols.PLACES):
                 other = self.place().place
                 place = replace(place, between=other)
-            behind = bool(self.take("behind"))
-            return WrittenPosture(place=replace(place, behind=behind))
+            self.last = replace(place, behind=bool(self.take("behind")))
+            return WrittenPosture(place=self.last)
         if t is not None and t.name in SITES:
             return WrittenPosture(pair=Pair(weak=self.site(weak, before)))
         if before:
             self.reading.note(f"{before[0].shown} without a place is read as right_at the body", before[0].position)
             return WrittenPosture(place=Place("", "right_at"))
+        if self.at("behind") and self.last is not None:
+            self.next()
+            return WrittenPosture(place=replace(self.last, contact="", behind=True))
         for lost in self.take("behind"):
             self.reading.refuse("says behind what no place says", lost.shown, lost.position)
         return WrittenPosture()
@@ -254,7 +291,10 @@ class Slots(Row):
         if self.at("seqbegin") and self.is_location():
             self.next()
             names += [t.name for t in self.take(*symbols.CONTACTS)]
-            own = self.site(weak=False) if self.at(*SITES) else None
+            before = self.take(*symbols.SIDES)
+            own = self.site(False, before) if self.at(*SITES) else None
+            for arm in self.take(*_ARM):
+                own = Site(arm.name)
             names += [t.name for t in self.take(*symbols.CONTACTS)]
             while (t := self.peek()) is not None and t.name != "seqend":
                 self.reading.refuse("stands within a part of the hand", t.shown, self.next().position)
@@ -274,12 +314,15 @@ def _modified(made: WrittenShape, name: str) -> WrittenShape:
     return replace(made, thumb=symbols.THUMBS[name])
 
 
-def _added(before: WrittenPosture, after: WrittenPosture) -> WrittenPosture:
-    """A posture with a slot more; a place beside a pair of hands says where the pair is."""
+def _added(before: WrittenPosture, after: WrittenPosture, two: bool) -> WrittenPosture:
+    """A posture with a slot more; a place beside a pair of hands says where the pair is. ``two``: a contact before a
+    place is between the hands.
+    """
     found = merged(before, after) or before
     if found.pair is not None and found.place is not None:
-        if found.pair == Pair(contact=found.pair.contact):
-            contact = found.place.contact or found.pair.contact
-            return replace(found, pair=None, place=replace(found.place, contact=contact))
+        between = before.pair is not None and (two or found.weak is not None)
+        if found.pair.weak is None and found.pair.place is None and not between:
+            contact, hand = found.place.contact or found.pair.contact, found.place.hand or found.pair.strong
+            return replace(found, pair=None, place=replace(found.place, contact=contact, hand=hand))
         return replace(found, place=None, pair=replace(found.pair, place=found.place))
     return found

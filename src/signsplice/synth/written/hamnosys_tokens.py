@@ -5,9 +5,10 @@ Each mend is noted.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import accumulate
+from itertools import accumulate, takewhile
 
 from signsplice.synth.written import symbols
 from signsplice.synth.written.hamnosys_row import CLOSERS, LOCATION, Token, is_action
@@ -18,8 +19,9 @@ _MOST_SYMBOLS, _MOST_DEPTH = 1000, 12
 
 def tokens(text: str, reading: Reading) -> list[Token]:
     """The symbols of a text, numbered from 1: characters of the font, or names such as hamflathand between blanks."""
-    if "ham" in text.lower():
-        words = text.replace(",", " ").split()
+    spread = re.sub(r"([{|}])", r" \1 ", re.sub(r"[,;/<>\\]", " ", text)).split()
+    if "ham" in text.lower() or (spread and all(word in symbols.NAMES for word in spread)):
+        words = spread
     else:
         words = [c for c in text if not c.isspace()]
         if len(words) < len(text.strip()):
@@ -27,9 +29,9 @@ def tokens(text: str, reading: Reading) -> list[Token]:
     check_length(len(words), reading)
     found = list[Token]()
     for position, word in enumerate(words, 1):
-        name = symbols.SYMBOLS.get(word) or symbols.PUNCTUATION.get(word)
-        if name is None and word[:3].lower() == "ham":
-            name = word[3:]
+        name = symbols.SYMBOLS.get(word) or symbols.MARKS.get(word)
+        if name is None and len(word) > 1:
+            name = word.lower().removeprefix("ham")
         found += named(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
     return found
 
@@ -48,6 +50,8 @@ def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]
     if name in symbols.PUNCTUATION.values():
         reading.note(f"{shown} is left out", position)
         return []
+    if name in symbols.ALTERNATIVES.values():
+        return [Token(name, position)]
     if name not in symbols.NAMES:
         reading.refuse("is no symbol of HamNoSys 4", shown, position)
         return []
@@ -59,7 +63,25 @@ def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]
 
 def mended(found: Sequence[Token], reading: Reading) -> list[Token]:
     """Symbols whose brackets are balanced, and whose movements all belong to something."""
-    return _in_turn(_balanced(found, reading), reading)
+    balanced = _balanced(_chosen(found, reading), reading)
+    if not balanced:
+        raise reading.error("has no symbol of HamNoSys", "", 0)
+    return _in_turn(balanced, reading)
+
+
+def _chosen(found: Sequence[Token], reading: Reading) -> list[Token]:
+    """Symbols with the first of each of some alternatives, {first|other}."""
+    kept, depth, passed = list[Token](), 0, -1
+    for t in found:
+        if t.name == "metaalt" and passed < 0:
+            passed = depth
+            reading.note("of alternatives the first is read", t.position)
+        depth += (t.name == "altbegin") - (t.name == "altend")
+        if passed > depth:
+            passed = -1
+        if passed < 0 and t.name not in symbols.ALTERNATIVES.values():
+            kept.append(t)
+    return kept
 
 
 def _balanced(found: Sequence[Token], reading: Reading) -> list[Token]:
@@ -106,13 +128,15 @@ def _in_turn(balanced: Sequence[Token], reading: Reading) -> list[Token]:
 
 def compound(balanced: Sequence[Token]) -> list[list[Token]]:
     """The parts of a compound, or all symbols as one: a plus outside brackets begins a part where whole postures (a
-    handshape and a finger direction, before it a place or an action too) stand on both sides; else it joins two hands.
+    handshape and a finger direction, before it a place or an action too) stand on both sides, or there are more than
+    two of them, or a later one has its own symmetry; else it joins two hands.
     """
     depths = accumulate((t.name in symbols.BRACKETS) - (t.name in CLOSERS) for t in balanced)
     cuts = [n for n, (t, depth) in enumerate(zip(balanced, depths, strict=True)) if t.name == "plus" and not depth]
     pieces = [list(balanced[a:b]) for a, b in zip([0, *(n + 1 for n in cuts)], [*cuts, len(balanced)], strict=True)]
     names = [[t.name for t in piece] for piece in pieces]
     directed = all(any(name.startswith("extfinger") for name in piece) for piece in names)
-    shaped = all(any(name in symbols.SHAPES for name in piece[:3]) for piece in names)
+    shaped = all(any(n in symbols.SHAPES for n in takewhile(lambda n: not is_action(n), piece)) for piece in names)
     placed = all(any(name in LOCATION or is_action(name) for name in piece) for piece in names[:-1])
-    return pieces if directed and shaped and placed else [list(balanced)]
+    many = len(pieces) > 2 or any(name in symbols.KINDS["symmetry"] for piece in names[1:] for name in piece)
+    return pieces if directed and shaped and (placed or many) else [list(balanced)]

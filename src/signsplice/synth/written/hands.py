@@ -33,6 +33,9 @@ KINDS: dict[str, tuple[str, str, Vector]] = {
     "up_down": ("ud", "ud", (-1.0, -1.0, 1.0)),
     "out_in": ("oi", "", (-1.0, 1.0, -1.0)),
     "point": ("lrudoi", "lrud", (1.0, -1.0, -1.0)),
+    "mirrored_up_down": ("lrud", "lrud", (1.0, -1.0, 1.0)),
+    "mirrored_out_in": ("lroi", "lr", (1.0, 1.0, -1.0)),
+    "up_down_out_in": ("udoi", "ud", (-1.0, -1.0, -1.0)),
 }
 """Kinds of hands: letters of finger directions, and of palms, that are exchanged for the weak hand; and the signs of
 motions in its own directions."""

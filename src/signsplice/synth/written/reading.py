@@ -79,6 +79,14 @@ def weak_has_own(postures: Sequence[WrittenPosture | None]) -> bool:
     return own or any(pair.weak is not None or pair.strong is not None for pair in pairs)
 
 
+def flipped(sides: bool, heights: bool, depths: bool) -> str:
+    """How hands work together that mirror one another in some directions, a word of ``WrittenSign.hands``."""
+    if sides and heights and depths:
+        return "point"
+    words = [w for w, on in (("mirrored", sides), ("up_down", heights), ("out_in", depths)) if on]
+    return "_".join(words) or "parallel"
+
+
 def site(part: str, digits: Sequence[int], side: str = "") -> Site:
     """A part of a hand; the midjoint where a finger is named without its part."""
     return Site(part or "midjoint", tuple(digits), side)

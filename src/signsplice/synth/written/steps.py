@@ -155,7 +155,7 @@ def _straight(motion: Motion, view: View) -> Step:
         return Step(travel, Path("arc", view.polar(facing(along, (motion.curve,))), size=bulge))
     if motion.zigzag:
         swings = max(2, round(size / _SWING_CM))
-        across = view.polar(facing(along, ("l",)))
+        across = view.polar(facing(along, (motion.ellipse or "l",)))
         return Step(travel, Path("zigzag", across, size=_ZIGZAG[motion.zigzag_size], revolutions=swings))
     return Step(travel)
 

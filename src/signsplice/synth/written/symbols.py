@@ -9,6 +9,8 @@ SYMBOLS = {chr(int(first, 16) + n): name for first, *row in _WORDS["symbols"] fo
 """Code point -> name, that of the element of HamNoSys SiGML without its ``ham``."""
 PUNCTUATION = {" ": "space", "!": "exclaim", ",": "comma", ".": "fullstop", "?": "query"}
 """Marks that say nothing of a sign's form -> their names."""
+ALTERNATIVES = {"{": "altbegin", "|": "metaalt", "}": "altend"}
+MARKS = {**PUNCTUATION, **ALTERNATIVES}
 NAMES = frozenset(SYMBOLS.values())
 KINDS = {kind: {pair.partition("=")[0]: pair.rpartition("=")[2] for pair in row} for kind, *row in _WORDS["kinds"]}
 """Kind -> symbol -> what it is in the tree; for a bracket what closes it, for an alias the symbol that is meant."""

@@ -70,6 +70,6 @@ def hns_tiers(items: Iterable[Element], reading: Reading) -> list[Tier]:
             lane = LANES[name]
             found.append(Tier(name, code, starts.get(lane, 0), lane=lane))
             starts[lane] = starts.get(lane, 0) + 1
-        else:
-            reading.refuse(f"is no {'tier' if not name else 'tag'} that is known", f"<{item.tag}>", item.line)
+        elif not name or any(item.attributes.values()):
+            reading.note(f"<{item.tag[:60]}> without what is known of it is left out", item.line)
     return found

@@ -161,7 +161,7 @@ class Motion:
     zigzag, zigzag_size: wavy, zigzag, or "", and how wide
     turns: whole turns of a circle; with ``end``: those beside the way from ``start`` to ``end``, 0 or more
     start, end: letters of the places on the circle
-    ellipse, ellipse_size: letters of the long axis, and small, big, or ""
+    ellipse, ellipse_size: letters of the long axis, or of the swings of a zigzag, and small, big, or ""
     digits: fingers of a finger play, or () for its own
     parts: motions of parallel, sequence, fusion; of split: (strong, weak)
     target: posture at the end (a targeted motion)
@@ -223,7 +223,8 @@ class WrittenSign:
 
     gloss: the word
     hands: one, weak (the weak hand alone), mirrored, parallel, up_down (mirrored in height), out_in (in depth),
-        point (in all three), two (each hand by what is written for it)
+        point (in all three), mirrored_up_down, mirrored_out_in, up_down_out_in (in two), two (each hand by what is
+        written for it)
     alternating: the weak hand is half a cycle late
     holdover: the weak hand stays from the part before
     posture: the first posture
