@@ -29,7 +29,7 @@ MARGIN = 0.15  # from here on angles approach their limits softly, radians
 _X = np.array([1.0, 0.0, 0.0])
 COMFORT = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
 """Twist of the forearm, deviation and flexion of the wrist up to which they are comfortable."""
-_STRAINED = np.deg2rad(15.0)  # how far beyond them costs 1 where hands go as they are written
+_STRAINED = np.deg2rad(20.0)  # how far beyond them costs 1 where hands go as they are written
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
 _BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows

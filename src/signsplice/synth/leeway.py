@@ -18,12 +18,12 @@ from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import REST, Posture, Sign, in_space, on_base
 from signsplice.synth.signer import Signer
 
-_MOVES = np.array([(0.0, up, fwd) for up in (0.0, -1.5, -2.5, 2.0) for fwd in (0.0, 2.0, 4.0, 6.0)])
+_MOVES = np.array([(0.0, up, fwd) for up in (0.0, -2.0, -4.0, 2.0) for fwd in (0.0, 2.0, 4.0, 6.0)])
 """Displacements that are tried, chest axes, cm."""
-_OFF_CM, _ALONG_CM = 10.0, 20.0
+_OFF_CM, _ALONG_CM = 16.0, 32.0
 """How far a hand goes off its place, and along itself, where another part of it is there then, for a cost of 1."""
-_MOST_CM = 2.6
-"""How far it goes off at most."""
+_FIRST_CM, _MOST_CM = 2.6, 4.5
+"""How far it goes off at most in its first posture, whose place is written, and later on."""
 
 
 def taken(sign: Sign, signer: Signer) -> Sign:
@@ -48,7 +48,7 @@ def taken(sign: Sign, signer: Signer) -> Sign:
     along = _MOVES @ rotation.to_matrix(quats)[..., 0].T  # (M, N)
     off = np.sqrt(np.maximum(np.square(_MOVES).sum(axis=-1)[:, None] - np.square(along), 0.0))
     costs = np.take_along_axis(hard, easiest, axis=-1)[..., 0] + np.square(off / _OFF_CM) + np.square(along / _ALONG_CM)
-    costs[off > _MOST_CM] = np.inf
+    costs[(off[:, :1] > _FIRST_CM) | (off > _MOST_CM)] = np.inf
     move = _MOVES[costs.sum(axis=-1).argmin()]
     if not move.any():
         return sign
