@@ -11,7 +11,7 @@ from signsplice.synth.phonology import Posture, Segment, Sign
 from signsplice.synth.signer import STANDARD
 
 AHEAD = Posture("B", "space:12,14,22", "palm", (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
-EASY = replace(AHEAD, palm=(-1.0, 0.0, 0.0), fingers=(0.0, 0.7, 0.7))
+EASY = replace(AHEAD, location="space:12,0,30", palm=(-1.0, 0.0, 0.0), fingers=(-0.2, 0.6, 0.77))
 
 
 def _sign(*postures: Posture) -> Sign:
