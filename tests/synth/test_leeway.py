@@ -46,4 +46,5 @@ def test_weak_hand_moves_with_the_strong_one_that_is_at_it() -> None:
     sign = Sign("TEST", "base", (Segment("H", at_it, AHEAD),), kind="written")
     segment = leeway.taken(sign, STANDARD).segments[0]
     assert segment.strong == at_it
-    assert segment.weak is not None and segment.weak.shift != AHEAD.shift
+    assert segment.weak is not None
+    assert segment.weak.shift != AHEAD.shift
