@@ -27,6 +27,9 @@ _ANGLE_LIMITS = ((-FOREARM_LIMIT, FOREARM_LIMIT), *WRIST_LIMITS)
 MARGIN = 0.15  # from here on angles approach their limits softly, radians
 
 _X = np.array([1.0, 0.0, 0.0])
+COMFORT = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
+"""Twist of the forearm, deviation and flexion of the wrist up to which they are comfortable."""
+_STRAINED = np.deg2rad(20.0)  # how far beyond them costs 1 where hands go as they are written
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
 _HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
 _BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
@@ -42,9 +45,11 @@ def swivel_costs(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatAr
     return _costs(arm, angles_of(_turned(arm, rotvecs, swivels)), signer, swivels)
 
 
-def led_costs(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> tuple[FloatArray, FloatArray]:
+def led_costs(
+    arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """By how much (..., S), radians, forearm and wrist miss the rotations ``rotvecs`` (..., 3) with elbows at
-    ``swivels`` (S,), since they keep to their limits; and ``swivel_costs``.
+    ``swivels`` (S,), since they keep to their limits; ``swivel_costs``; and what costs that they are not comfortable.
     """
     turned = _turned(arm, rotvecs, swivels)
     angles = angles_of(turned)
@@ -53,7 +58,8 @@ def led_costs(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray
     made = rotation.multiply(rotation.exp(kept[0][..., None] * _X), swing)
     # Of the rotation from one to the other: its angle from the cosine of its half.
     half = np.minimum(np.abs(np.einsum("...c,...c->...", made, turned)), 1.0)
-    return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels)
+    strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(kept, COMFORT, strict=True)) / _STRAINED**2
+    return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels), np.asarray(strain)
 
 
 def _turned(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ def steadied(
     return states
 
 
-_GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
+GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 """Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
 _MISSED = np.deg2rad(7.5)
 """Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
@@ -72,19 +72,16 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
-    missed, effort = led_costs(arm, both[..., pose.ROTVEC], signer, _GRID)  # (T, 2, K)
-    missed = np.square(missed / _MISSED)
-    costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses cost little
-    costs = costs + _EFFORT * effort
+    hard, effort = hardship(arm, both[..., pose.ROTVEC], signer, GRID)
     out, across = (x[..., None, :] for x in pose.elbow_axes(arm))
-    directions = np.cos(_GRID)[:, None] * out + np.sin(_GRID)[:, None] * across  # (T, 2, K, 3)
+    directions = np.cos(GRID)[:, None] * out + np.sin(GRID)[:, None] * across  # (T, 2, K, 3)
     bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
     along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
     elbow = along + np.linalg.norm(bone - along, axis=-1, keepdims=True) * directions
     across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
     wrist = (both[..., 1] / signer.scale - (COLLAR + SHOULDER)[1]) / (UPPER_ARM * signer.arms)
     raised = np.maximum(0.0, elbow[..., 1] - np.maximum(0.0, wrist)[..., None])
-    costs = costs + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
+    costs = hard + effort + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
     rows = np.arange(len(states))
     led = np.empty((len(states), 2, 3))
     for which in (0, 1):
@@ -93,6 +90,16 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
         changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * at[:-1] @ at[1:].transpose(0, 2, 1)
         led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]
     return led
+
+
+def hardship(arm: pose.Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What it costs (..., S) that hands with rotation vectors ``rotvecs`` (..., 3) miss their directions, or reach them
+    with wrists bent farther than is comfortable, with elbows at ``swivels`` (S,); and what these elbows cost besides.
+    """
+    missed, effort, strain = led_costs(arm, rotvecs, signer, swivels)
+    missed = np.square(missed / _MISSED)
+    costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses cost little
+    return costs + _EFFORT * strain, _EFFORT * effort
 
 
 def kept(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:

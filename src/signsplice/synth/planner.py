@@ -14,7 +14,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import elbows, gestures, pose, thumbs, trajectory, twists, two_hands
+from signsplice.synth import elbows, gestures, leeway, pose, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.comfort import directed, eased
@@ -70,6 +70,8 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     motion; another ``take`` varies it a little.
     """
     rng = stream("take", signer.name, sign.gloss, take)
+    if sign.kind == "written":
+        sign = leeway.taken(sign, signer)
     plan = SegmentPlan(sign, signer, fps, rng, take)
     knots = between_frames(plan.knots, plan.stops(), signer, sign.gloss, take)
     rest = resting(signer, sign.gloss, take)
