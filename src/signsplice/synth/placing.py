@@ -26,6 +26,7 @@ from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_b
 from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
+_ROUNDS = 3
 RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
 _LEFT_CM = 0.2
@@ -47,11 +48,9 @@ _BEFORE = np.array([-0.35, 0.0, 0.9367])
 _SIDES = ("Right", "Left")
 
 
-def placed(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float, rounds: int = 3
-) -> FloatArray:
-    """States (T, 65) of a whole word with hands at their places at the end of each of its segments, in some ``rounds``;
-    ``figure``: of these states but for their arms.
+def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float) -> FloatArray:
+    """States (T, 65) of a whole word with hands at their places at the end of each of its segments; ``figure``: of
+    these states but for their arms.
     """
     signer = figure.signer
     wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in _LEFT_ALONE)
@@ -63,7 +62,7 @@ def placed(
     centres = [_part(pose.hands(states)[one.first, one.which], one.posture, signer) for one in wanted]
     quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
     least, best = np.inf, moves
-    for n in range(rounds + 1):
+    for n in range(_ROUNDS + 1):
         posed = posed_figure(
             figure, _moved(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
         )
@@ -74,7 +73,7 @@ def placed(
         left = sum(float(np.linalg.norm(miss)) for miss in missing)
         if left < least:
             least, best = left, moves
-        if n == rounds or left == 0.0:
+        if n == _ROUNDS or left == 0.0:
             break
         step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
         if sign.hands == "base":  # a hand at the other one goes where that one goes

@@ -123,8 +123,7 @@ def _written(
     states = placed(directed(states, directions, signer), segments, sign, figure, fps)
     states = cleared(parted(states, signer) if sign.hands == "symmetric" else states, figure)
     states = elbows.steadied(directed(states, directions, signer), signer, fps, led=True, figure=figure)
-    states = placed(eased(states, directions, signer), segments, sign, figure, fps, rounds=1)
-    states = cleared(states, figure)
+    states = cleared(placed(eased(states, directions, signer), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
     if states is not touching:
