@@ -17,6 +17,7 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import elbows, hand, locations, pose
+from signsplice.synth.avoidance import TOLERANCE_CM, penetration
 from signsplice.synth.contact import posed_figure
 from signsplice.synth.figure import ARMS, Figure
 from signsplice.synth.hand_parts import hand_part
@@ -28,10 +29,12 @@ from signsplice.synth.signer import Signer
 
 _MOST_CM = 8.0
 """How far a posture is moved at most."""
-_MOST_FIRST_CM = 2.5
-"""The same of one that no stroke has led to."""
-_LEFT_CM = 0.3
+_MOST_FIRST_CM = 1.5
+"""How far off its place a posture that no stroke has led to may be for the sake of those that follow."""
+_LEFT_CM = 0.5
 """How far off all may be and are left."""
+_BLOCKED_CM = 1.5
+"""How far from where it was to go a posture is that something is in the way of."""
 
 
 def as_written(
@@ -44,11 +47,17 @@ def as_written(
     every, _ = stays(segments, sign, fps, lambda posture: True)
     rows = _rows(every, sign)
     still = [one for one in every if not _is_open(one.posture)]
-    for first in (True, False):  # what is pushed out of the body at an end stays still there, too
+    before: list[FloatArray] = []
+    for first in (True, False):
         palms = _palms(states, figure)
         places = [_steadiest(palms[:, one.which], one) for one in every]
         if first:
-            places = _in_rows(places, rows, every, sign, signer)
+            before, places = places, _in_rows(places, rows, every, sign, signer)
+        else:  # a row with a posture that was pushed out of the body goes back
+            for row in rows:
+                if any(float(np.linalg.norm(places[n] - goals[n])) > _BLOCKED_CM * signer.scale for n in row):
+                    places = [before[n] if n in row else place for n, place in enumerate(places)]
+        goals = places
         wanted = [
             (replace(one, first=frame, last=frame), place - palms[frame, one.which])
             for one, place in zip(every, places, strict=True)
@@ -59,7 +68,11 @@ def as_written(
             break
         moves = spread([one for one, _ in wanted], [miss for _, miss in wanted], still, len(states), RADIUS_S * fps)
         whole = moved(states, pose.hand_rotations(states, signer), moves, signer)
-        states = cleared(elbows.kept(whole, states, signer), figure)
+        whole = cleared(elbows.kept(whole, states, signer), figure)
+        depth, states_depth = (float(penetration(x, signer, figure=figure)[0].max()) for x in (whole, states))
+        if depth > max(TOLERANCE_CM, states_depth):
+            break
+        states = whole
     return states
 
 
@@ -73,8 +86,9 @@ def _in_rows(
             continue
         off = np.array([places[n] - _written_palm(every, n, sign.hands == "symmetric", signer) for n in row])
         lead = 0 if every[row[0]].posture.touch else int(np.linalg.norm(off, axis=1).argmax())
-        changes = limited(off[lead] - off, _MOST_CM * signer.scale)
-        changes[0] = limited(changes[0], _MOST_FIRST_CM * signer.scale)
+        goal = off[lead]
+        changes = limited(goal - off, _MOST_CM * signer.scale)
+        changes[0] = limited(goal, max(_MOST_FIRST_CM * signer.scale, float(np.linalg.norm(off[0])))) - off[0]
         for n, change in zip(row, changes, strict=True):
             made[n] = places[n] + change
     return made
@@ -86,7 +100,7 @@ def _is_open(posture: Posture) -> bool:
 
 def _rows(every: Sequence[Stay], sign: Sign) -> list[list[int]]:
     """Stays that strokes lead through, by their numbers: a row begins anew at each touch, at a place that is written
-    again, and with the other hand. A base hand stays where the other one is at it.
+    again, and with the other hand. A base hand stays where the other one is at it, and a hand goes along with it.
     """
     rows: list[list[int]] = []
     led = sign.hands == "base" and any(on_arm(segment.strong.location) for segment in sign.segments)
@@ -99,12 +113,19 @@ def _rows(every: Sequence[Stay], sign: Sign) -> list[list[int]]:
             and _is_open(one.posture)
             and before.posture.location not in LEFT_ALONE
             and (before.posture.location == one.posture.location or in_space(one.posture.location))
+            and not (on_arm(one.posture.location) and _beside(every, one) != _beside(every, before))
         )
         if goes_on:
             rows[-1].append(n)
         else:
             rows.append([n])
     return rows
+
+
+def _beside(every: Sequence[Stay], stay: Stay) -> Posture | None:
+    """The weak hand's posture at the time of a stay."""
+    weak = [one.posture for one in every if one.which and one.first <= stay.first]
+    return weak[-1] if weak else None
 
 
 def _palms(states: FloatArray, figure: Figure) -> FloatArray:
@@ -130,9 +151,8 @@ def _written_palm(every: Sequence[Stay], n: int, mirrored: bool, signer: Signer)
     """Where the palm of a hand is by its posture alone, (3,), with the body at rest."""
     one, beside = every[n], np.zeros(27)
     if not one.which and on_arm(one.posture.location):
-        weak = [stay for stay in every if stay.which and stay.first <= one.first]
-        if weak:
-            beside = locations.weak_hand(weak[-1].posture, signer)
+        weak = _beside(every, one)
+        beside = beside if weak is None else locations.weak_hand(weak, signer)
     weak_arm = WeakArm(signer, beside)
     wrist, quat, angles = locations.strong_wrist(one.posture, weak_arm, mirrored)
     if one.posture.touch:
