@@ -70,9 +70,7 @@ def as_written(
         whole = moved(states, pose.hand_rotations(states, signer), moves, signer)
         whole = cleared(elbows.kept(whole, states, signer), figure)
         depth, states_depth = (float(penetration(x, signer, figure=figure)[0].max()) for x in (whole, states))
-        if depth > max(TOLERANCE_CM, states_depth):
-            break
-        states = whole
+        states = whole if depth <= max(TOLERANCE_CM, states_depth) else states
     return states
 
 
