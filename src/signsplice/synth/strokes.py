@@ -48,6 +48,7 @@ def as_written(
     rows = _rows(every, sign)
     still = [one for one in every if not _is_open(one.posture)]
     before: list[FloatArray] = []
+    goals: list[FloatArray] = []
     for first in (True, False):
         palms = _palms(states, figure)
         places = [_steadiest(palms[:, one.which], one) for one in every]
