@@ -134,7 +134,8 @@ def _palms(states: FloatArray, figure: Figure) -> FloatArray:
     centres = _PALM.centre(hand.points(fingers)) * figure.signer.hands * figure.signer.scale
     mirrors = np.array([[1.0, 1.0, 1.0], MIRROR])
     turns = posed.rotations[:, ARMS[:, 3]]
-    return mirrors * (posed.positions[:, ARMS[:, 3]] + np.einsum("tkab,tkb->tka", turns, centres * mirrors))
+    places = posed.positions[:, ARMS[:, 3]] + np.einsum("tkab,tkb->tka", turns, centres * mirrors)
+    return np.asarray(mirrors * places)
 
 
 _PALM = hand_part("palm")
