@@ -31,7 +31,7 @@ RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
 _LEFT_CM = 0.2
 """How far from its place a hand that touches nothing may stay."""
-_LEFT_ALONE = ON_ARM | {REST}
+LEFT_ALONE = ON_ARM | {REST}
 """Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""
 _MOST_CM = 8.0
 """How far a hand is moved at most."""
@@ -53,7 +53,7 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
     these states but for their arms.
     """
     signer = figure.signer
-    wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in _LEFT_ALONE)
+    wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in LEFT_ALONE)
     moves = np.zeros((len(states), 2, 3))
     if not wanted:
         return states
@@ -64,7 +64,7 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
     least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
         posed = posed_figure(
-            figure, _moved(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
+            figure, moved(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
         )
         missing = [
             _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
@@ -82,22 +82,22 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
                 for one, miss in zip(wanted, missing, strict=True)
             ]
             step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
-        moves = _limited(moves + step, _MOST_CM)
-    return _moved(states, quats, steady, best, signer)
+        moves = limited(moves + step, _MOST_CM)
+    return moved(states, quats, steady, best, signer)
 
 
-def _moved(states: FloatArray, quats: FloatArray, steady: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
+def moved(states: FloatArray, quats: FloatArray, steady: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3), and elbows in the directions
     ``steady`` (T, 2, 3).
     """
     if not moves.any():
         return states
-    moved = states.copy()
+    made = states.copy()
     wrists = reachable(pose.hands(states)[..., pose.WRIST] + moves, signer)
-    pose.hands(moved)[..., pose.WRIST] = wrists
+    pose.hands(made)[..., pose.WRIST] = wrists
     arm = pose.solve_arm(wrists, signer)
     turned = rotation.multiply(rotation.inverse(arm.fore), quats)
-    return elbows.turned(moved, arm, turned, elbows.swivels_to(arm, steady), signer)
+    return elbows.turned(made, arm, turned, elbows.swivels_to(arm, steady), signer)
 
 
 def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
@@ -159,7 +159,7 @@ def cleared(states: FloatArray, figure: Figure) -> FloatArray:
     """
     free = clear_collisions(states, figure.signer, figure=figure).copy()
     wrists = pose.hands(states)[..., pose.WRIST]
-    moves = _limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
+    moves = limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
     pose.hands(free)[..., pose.WRIST] = reachable(wrists + moves, figure.signer)
     return free
 
@@ -176,7 +176,7 @@ def reachable(wrists: FloatArray, signer: Signer) -> FloatArray:
     return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
 
 
-def _limited(vectors: FloatArray, most: float) -> FloatArray:
+def limited(vectors: FloatArray, most: float) -> FloatArray:
     """Vectors (..., 3) of a length of at most ``most``."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors * np.minimum(1.0, most / np.maximum(length, 1e-9)))
@@ -201,12 +201,13 @@ def stays(
     mirrored = sign.hands == "symmetric"
     found: list[Stay] = []
     for which in (0, 1):
-        for one in segments:
+        for before, one in zip((None, *segments), segments, strict=False):
             posture = one.segment.strong if mirrored or not which else one.segment.weak
             if posture is None:
                 continue
             if one.segment.kind == "H" and found and found[-1].which == which and found[-1].posture == posture:
-                landed = 0 if posture.touch or one.begin != found[-1].last else round(LANDING_S * fps)
+                lands = before is not None and before.segment.kind == "M" and not posture.touch
+                landed = round(LANDING_S * fps) if lands else 0
                 first = min(found[-1].first + landed, one.end)
                 found[-1] = replace(found[-1], first=first, last=one.end)
                 continue

@@ -14,7 +14,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import elbows, gestures, leeway, pose, thumbs, trajectory, twists, two_hands
+from signsplice.synth import elbows, gestures, leeway, pose, strokes, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.comfort import directed, eased
@@ -125,6 +125,7 @@ def _written(
     states = elbows.steadied(directed(states, directions, signer), signer, fps, led=True, figure=figure)
     states = cleared(placed(eased(states, directions, signer), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
+    touching = strokes.as_written(touching, segments, sign, figure, fps)
     states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
     if states is not touching:
         states = cleared(elbows.kept(cleared(states, figure), states, signer), figure)

@@ -1,0 +1,161 @@
+"""Strokes of written signs that are as long, and go the way, that they are written, and hands that stay where their
+strokes end.
+
+What puts a posture off its place (a body in the way, the other hand, a touch that gives way, a head that moves) puts
+only one end of a stroke off. Length and direction tell a reader more than a place in the open, so the other end goes
+along: in a row of postures in the open each is as far off as the one in a touch before them, or else as the one that is
+farthest off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.synth import elbows, hand, locations, pose
+from signsplice.synth.avoidance import TOLERANCE_CM, penetration
+from signsplice.synth.contact import posed_figure
+from signsplice.synth.figure import ARMS, Figure
+from signsplice.synth.hand_parts import hand_part
+from signsplice.synth.locations import MIRROR, WeakArm
+from signsplice.synth.phonology import Posture, Sign, in_space, on_arm
+from signsplice.synth.placing import LEFT_ALONE, RADIUS_S, Stay, cleared, limited, moved, spread, stays
+from signsplice.synth.segment_plan import TimedSegment
+from signsplice.synth.signer import Signer
+
+_MOST_CM = 8.0
+"""How far a posture is moved at most."""
+_MOST_FIRST_CM = 1.5
+"""How far off its place a posture that no stroke has led to may be for the sake of those that follow."""
+_LEFT_CM = 0.5
+"""How far off all may be and are left."""
+_BLOCKED_CM = 1.5
+"""How far from where it was to go a posture is that something is in the way of."""
+
+
+def as_written(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
+) -> FloatArray:
+    """States (T, 65) of a whole word, those of a figure but for their arms, free of collisions, with strokes as they
+    are written.
+    """
+    signer = figure.signer
+    every, _ = stays(segments, sign, fps, lambda posture: True)
+    rows = _rows(every, sign)
+    still = [one for one in every if not _is_open(one.posture)]
+    before: list[FloatArray] = []
+    goals: list[FloatArray] = []
+    for first in (True, False):
+        palms = _palms(states, figure)
+        places = [_steadiest(palms[:, one.which], one) for one in every]
+        if first:
+            before, places = places, _in_rows(places, rows, every, sign, signer)
+        else:  # a row with a posture that was pushed out of the body goes back
+            for row in rows:
+                if any(float(np.linalg.norm(places[n] - goals[n])) > _BLOCKED_CM * signer.scale for n in row):
+                    places = [before[n] if n in row else place for n, place in enumerate(places)]
+        goals = places
+        wanted = [
+            (replace(one, first=frame, last=frame), place - palms[frame, one.which])
+            for one, place in zip(every, places, strict=True)
+            if _is_open(one.posture)
+            for frame in range(one.first, one.last + 1)
+        ]
+        if max((float(np.linalg.norm(miss)) for _, miss in wanted), default=0.0) < _LEFT_CM * signer.scale:
+            break
+        moves = spread([one for one, _ in wanted], [miss for _, miss in wanted], still, len(states), RADIUS_S * fps)
+        quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
+        whole = cleared(moved(states, quats, steady, moves, signer), figure)
+        depth, states_depth = (float(penetration(x, signer, figure=figure)[0].max()) for x in (whole, states))
+        states = whole if depth <= max(TOLERANCE_CM, states_depth) else states
+    return states
+
+
+def _in_rows(
+    places: Sequence[FloatArray], rows: Sequence[Sequence[int]], every: Sequence[Stay], sign: Sign, signer: Signer
+) -> list[FloatArray]:
+    """The places (3,) of palms, those of a row all as far off what is written."""
+    made = [*places]
+    for row in rows:
+        if len(row) == 1:
+            continue
+        off = np.array([places[n] - _written_palm(every, n, sign.hands == "symmetric", signer) for n in row])
+        lead = 0 if every[row[0]].posture.touch else int(np.linalg.norm(off, axis=1).argmax())
+        goal = off[lead]
+        changes = limited(goal - off, _MOST_CM * signer.scale)
+        changes[0] = limited(goal, max(_MOST_FIRST_CM * signer.scale, float(np.linalg.norm(off[0])))) - off[0]
+        for n, change in zip(row, changes, strict=True):
+            made[n] = places[n] + change
+    return made
+
+
+def _is_open(posture: Posture) -> bool:
+    return not posture.touch and posture.location not in LEFT_ALONE
+
+
+def _rows(every: Sequence[Stay], sign: Sign) -> list[list[int]]:
+    """Stays that strokes lead through, by their numbers: a row begins anew at each touch, at a place that is written
+    again, and with the other hand. A base hand stays where the other one is at it, and a hand goes along with it.
+    """
+    rows: list[list[int]] = []
+    led = sign.hands == "base" and any(on_arm(segment.strong.location) for segment in sign.segments)
+    for n, one in enumerate(every):
+        before = every[n - 1] if n else None
+        goes_on = (
+            before is not None
+            and before.which == one.which
+            and not (led and one.which)
+            and _is_open(one.posture)
+            and before.posture.location not in LEFT_ALONE
+            and (before.posture.location == one.posture.location or in_space(one.posture.location))
+            and not (on_arm(one.posture.location) and _beside(every, one) != _beside(every, before))
+        )
+        if goes_on:
+            rows[-1].append(n)
+        else:
+            rows.append([n])
+    return rows
+
+
+def _beside(every: Sequence[Stay], stay: Stay) -> Posture | None:
+    """The weak hand's posture at the time of a stay."""
+    weak = [one.posture for one in every if one.which and one.first <= stay.first]
+    return weak[-1] if weak else None
+
+
+def _palms(states: FloatArray, figure: Figure) -> FloatArray:
+    """Middles of both palms (T, 2, 3) in the chest's axes, each as of a right hand."""
+    posed = posed_figure(figure, states)
+    fingers = pose.hands(states)[..., pose.FINGERS]
+    centres = _PALM.centre(hand.points(fingers)) * figure.signer.hands * figure.signer.scale
+    mirrors = np.array([[1.0, 1.0, 1.0], MIRROR])
+    turns = posed.rotations[:, ARMS[:, 3]]
+    places = posed.positions[:, ARMS[:, 3]] + np.einsum("tkab,tkb->tka", turns, centres * mirrors)
+    return np.asarray(mirrors * places)
+
+
+_PALM = hand_part("palm")
+
+
+def _steadiest(palms: FloatArray, stay: Stay) -> FloatArray:
+    """Where a palm (T, 3) is while it stays: in the frame nearest to all others."""
+    there = palms[stay.first : stay.last + 1]
+    return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])
+
+
+def _written_palm(every: Sequence[Stay], n: int, mirrored: bool, signer: Signer) -> FloatArray:
+    """Where the palm of a hand is by its posture alone, (3,), with the body at rest."""
+    one, beside = every[n], np.zeros(27)
+    if not one.which and on_arm(one.posture.location):
+        weak = _beside(every, one)
+        beside = beside if weak is None else locations.weak_hand(weak, signer)
+    weak_arm = WeakArm(signer, beside)
+    wrist, quat, angles = locations.strong_wrist(one.posture, weak_arm, mirrored)
+    if one.posture.touch:
+        wrist = locations.strong_hand(one.posture, weak_arm, mirrored)[pose.WRIST]
+    palm = _PALM.centre(hand.points(angles)) * signer.hands * signer.scale
+    return np.asarray(wrist + rotation.rotate(quat, palm))
