@@ -39,7 +39,7 @@ def test_the_written_part_touches_in_the_written_directions(
     touches = [(stay.first, stay.posture) for stay in wanted if not stay.which]
     assert touches
     for frame, one in touches:
-        gaps, _ = posed.nearest(posed.part(one, frame, 0), frame, surface(one.location, posed.body, 0))
+        gaps, _ = posed.nearest(posed.part(one, frame, 0), frame, surface(one.location, posed.capsules.body, 0))
         assert abs(gaps[0] - hand_part(one.part).skin) < 0.5
         turned = pose.hand_rotations(word.states[frame], STANDARD)[0]
         assert rotation.angle_between(turned, facing(one.palm, one.fingers)) < np.deg2rad(12.0)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules
+from signsplice.body.collision import PosedCapsules
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, pose
 from signsplice.synth.avoidance import between_hands, hand_clearances
-from signsplice.synth.figure import ARMS, Figure, Frames
+from signsplice.synth.figure import ARMS, Figure, Frames, PosedArms
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.phonology import ON_ARM, Posture, on_arm, on_base
 from signsplice.synth.signer import JOINTS, Signer
@@ -29,22 +30,25 @@ class PosedSigner:
 
     states: (T, 65).
     rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints but fingers, in the chest's axes.
-    body: the capsules, with where their axes ``starts`` and ``ends`` (T, C, 3).
+    arms: both arms.
     """
 
     signer: Signer
     states: FloatArray
     rotations: FloatArray
     positions: FloatArray
-    body: BodyCapsules
-    starts: FloatArray
-    ends: FloatArray
+    arms: PosedArms
+
+    @property
+    def capsules(self) -> PosedCapsules:
+        """The capsules of the body."""
+        return self.arms.capsules
 
     def distance(self, posture: Posture, frame: int) -> tuple[float, FloatArray]:
         """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
         cm, and the unit vector (3,) from there to the part, in the chest's axes.
         """
-        rows = surface(posture.location, self.body, 0)
+        rows = surface(posture.location, self.capsules.body, 0)
         gaps, out = self.nearest(self.part(posture, frame, 0), frame, rows)
         site = hand_part(posture.part).skin * self.signer.hands * self.signer.scale
         return float(gaps[0]) - site, out[0] @ self.rotations[frame, JOINTS["Spine2"]]
@@ -58,12 +62,13 @@ class PosedSigner:
 
     def nearest(self, points: FloatArray, frame: int, rows: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Distances (N,) of points (N, 3) from the skin of some capsules, and unit vectors (N, 3) away from it."""
-        start, span = self.starts[frame, rows], self.ends[frame, rows] - self.starts[frame, rows]
-        apart = points[:, None] - start
+        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[rows]
+        span = self.capsules.ends[frame, rows] - starts
+        apart = points[:, None] - starts
         along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
         out = apart - along[..., None] * span
         lengths = np.linalg.norm(out, axis=-1)
-        gaps = lengths - self.body.radii[rows, 0] - along * (self.body.radii[rows, 1] - self.body.radii[rows, 0])
+        gaps = lengths - radii[:, 0] - along * (radii[:, 1] - radii[:, 0])
         n, each = gaps.argmin(axis=1), np.arange(len(points))
         return gaps[each, n], out[each, n] / np.maximum(lengths[each, n], 1e-9)[:, None]
 
@@ -80,9 +85,9 @@ def posed_figure(
     those of the states or others (``Figure.posed``).
     """
     posed = figure.posed(states, at, arms)
-    rotations, positions, capsules = figure.rotations[at].copy(), figure.positions[at].copy(), posed.capsules
+    rotations, positions = figure.rotations[at].copy(), figure.positions[at].copy()
     rotations[:, ARMS], positions[:, ARMS] = posed.rotations, posed.positions
-    return PosedSigner(figure.signer, states, rotations, positions, capsules.body, capsules.starts, capsules.ends)
+    return PosedSigner(figure.signer, states, rotations, positions, posed)
 
 
 def surface(location: str, body: BodyCapsules, which: int) -> Sequence[int]:

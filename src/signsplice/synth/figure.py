@@ -6,6 +6,7 @@ Everything is in the chest's axes of a right-handed signer and from the chest's 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +29,21 @@ Frames = NDArray[np.intp] | slice
 
 @dataclass(frozen=True, eq=False)
 class PosedArms:
-    """Both arms of a right-handed signer over F frames, and the capsules of the whole body.
+    """Both arms of a right-handed signer over F frames.
 
+    figure, at: the figure that has them, and which of its frames these are.
     rotations, positions: (F, 2, 4, 3, 3) and (F, 2, 4, 3) of ``ARMS``.
     """
 
+    figure: Figure
+    at: Frames
     rotations: FloatArray
     positions: FloatArray
-    capsules: PosedCapsules
+
+    @cached_property
+    def capsules(self) -> PosedCapsules:
+        """The capsules of the whole body."""
+        return self.figure.capsules(self)
 
 
 class Figure:
@@ -81,13 +89,17 @@ class Figure:
             positions[:, :, n + 2] = -length * rotations[:, :, n + 1, :, 0]
         positions = np.cumsum(positions, axis=2) * _MIRRORS[:, None]
         rotations[:, 1] *= np.outer(_MIRRORS[1], _MIRRORS[1])
-        ends = self._ends[at].copy()
+        return PosedArms(self, at, rotations, positions)
+
+    def capsules(self, arms: PosedArms) -> PosedCapsules:
+        """The capsules of the body with these arms."""
+        ends = self._ends[arms.at].copy()
         for n, (own, rest) in enumerate(zip(self._carried, self._at_rest, strict=True)):
             if len(own):
-                side, joint = divmod(n, 4)
-                moved = rest[at] @ rotations[:, side, joint].transpose(0, 2, 1) + positions[:, side, joint, None]
-                ends[:, :, own] = moved.reshape(len(states), 2, -1, 3)
-        return PosedArms(rotations, positions, PosedCapsules(self.body, ends[:, 0], ends[:, 1]))
+                turn, place = (x[:, n // 4, n % 4] for x in (arms.rotations, arms.positions))
+                moved = rest[arms.at] @ turn.transpose(0, 2, 1) + place[:, None]
+                ends[:, :, own] = moved.reshape(len(ends), 2, -1, 3)
+        return PosedCapsules(self.body, ends[:, 0], ends[:, 1])
 
 
 @kept

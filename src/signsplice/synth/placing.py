@@ -26,7 +26,8 @@ from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_b
 from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
-_ROUNDS = 3
+_ROUNDS, _BETTER = 3, 0.85
+"""How often hands are moved at most, and to what part of it what is missing shrinks if they are moved again."""
 RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
 _LEFT_CM = 0.2
@@ -71,8 +72,9 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
             for one, centre in zip(wanted, centres, strict=True)
         ]
         left = sum(float(np.linalg.norm(miss)) for miss in missing)
-        if left < least:
-            least, best = left, moves
+        if left >= _BETTER * least:
+            break
+        least, best = left, moves
         if n == _ROUNDS or left == 0.0:
             break
         step = spread(wanted, missing, still, len(states), RADIUS_S * fps)

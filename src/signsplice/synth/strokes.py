@@ -18,8 +18,7 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import elbows, hand, locations, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, penetration
-from signsplice.synth.contact import posed_figure
-from signsplice.synth.figure import ARMS, Figure
+from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm
 from signsplice.synth.phonology import Posture, Sign, in_space, on_arm
@@ -129,12 +128,11 @@ def _beside(every: Sequence[Stay], stay: Stay) -> Posture | None:
 
 def _palms(states: FloatArray, figure: Figure) -> FloatArray:
     """Middles of both palms (T, 2, 3) in the chest's axes, each as of a right hand."""
-    posed = posed_figure(figure, states)
+    arms = figure.posed(states)
     fingers = pose.hands(states)[..., pose.FINGERS]
     centres = _PALM.centre(hand.points(fingers)) * figure.signer.hands * figure.signer.scale
     mirrors = np.array([[1.0, 1.0, 1.0], MIRROR])
-    turns = posed.rotations[:, ARMS[:, 3]]
-    places = posed.positions[:, ARMS[:, 3]] + np.einsum("tkab,tkb->tka", turns, centres * mirrors)
+    places = arms.positions[:, :, 3] + np.einsum("tkab,tkb->tka", arms.rotations[:, :, 3], centres * mirrors)
     return np.asarray(mirrors * places)
 
 

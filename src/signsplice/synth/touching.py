@@ -196,7 +196,8 @@ def _residuals(at: _Poses, touches: Sequence[_Touch], goals: FloatArray, x: Floa
 
 
 def _missing(posed: PosedSigner, rows: slice, one: _Touch, aim: FloatArray, x: FloatArray) -> FloatArray:
-    groups, radii, mirror = posed.body.groups, posed.body.radii, _MIRROR[one.which]
+    body, starts, ends = posed.capsules.body, posed.capsules.starts[rows], posed.capsules.ends[rows]
+    groups, radii, mirror = body.groups, body.radii, _MIRROR[one.which]
     chest = posed.rotations[rows, JOINTS["Spine2"]]
     own, other, arm = (
         (groups.left, groups.right, groups.right_arm) if one.which else (groups.right, groups.left, groups.left_arm)
@@ -205,15 +206,15 @@ def _missing(posed: PosedSigner, rows: slice, one: _Touch, aim: FloatArray, x: F
     part = hand_part(one.posture.part)
     at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
     here = np.einsum("kb,kba->ka", at - posed.positions[rows, JOINTS["Spine2"]], chest) * mirror
-    touched = np.array(other if one.meets else surface(one.posture.location, posed.body, one.which))
-    start = posed.starts[rows, touched]
-    span = posed.ends[rows, touched] - start
+    touched = np.array(other if one.meets else surface(one.posture.location, body, one.which))
+    start = starts[:, touched]
+    span = ends[:, touched] - start
     apart = at[:, None] - start
     along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
     thick = radii[touched, 0] + along * (radii[touched, 1] - radii[touched, 0])
     gap = (np.linalg.norm(apart - along[..., None] * span, axis=-1) - thick).min(axis=1) - part.skin * unit
     solid = [*groups.head, *groups.trunk, *arm, *other]
-    depth = collision.overlap(posed.starts[rows], posed.ends[rows], radii, own, solid)[0].max(axis=2)
+    depth = collision.overlap(starts, ends, radii, own, solid)[0].max(axis=2)
     turned = mirror[:, None] * np.einsum("kba,kbc->kac", chest, posed.rotations[rows, wrist]) * mirror
     written = locations.facing(one.posture.palm, one.posture.fingers)
     away = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
