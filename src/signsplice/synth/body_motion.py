@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, pose, trajectory
-from signsplice.synth.carrying import FREE_CM, Nearness, carried, kept_away, nearness
+from signsplice.synth.carrying import Nearness, carried, kept_away, nearness
 from signsplice.synth.phonology import Local, Segment
 from signsplice.synth.signer import Signer
 
@@ -31,15 +31,18 @@ _MEET_CM, _MEET_FULL_CM = 10.0, 3.0
 """Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
 
 
-def add_body_motion(states: FloatArray, events: Events, signer: Signer, fps: float, exact: bool = True) -> FloatArray:
+def add_body_motion(
+    states: FloatArray, events: Events, signer: Signer, fps: float, near: Nearness | None = None
+) -> FloatArray:
     """States (T, 65) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
-    hands that keep their places on the body; ``exact``: and their distance from its skin where they touch.
+    hands that keep their places on the body, and their distance from its skin where they touch; with ``near``, which
+    tells about where they are, their places alone.
     """
     manner = signer.manner
     if not manner.body_motion and not manner.head_to_hand:
         return states
     right_handed = replace(signer, left_handed=False)
-    near = nearness(states, right_handed, np.inf if exact else FREE_CM * signer.scale)
+    exact, near = near is None, near or nearness(states, right_handed)
     states = states.copy()
     level = _level(len(states), events, fps)[:, None]
     if manner.body_motion:

@@ -29,7 +29,7 @@ FREE_CM, _HELD_CM = 14.0, 0.5
 """Distances from the skin at which a hand is free, and from which on it is carried wholly."""
 _WEIGHT_CM = 1.0
 """How much farther a part of the body is that carries less by the factor e."""
-_TOGETHER_CM = 8.0
+TOGETHER_CM = 8.0
 """Distance of two hands up to which they are carried alike."""
 _HANGING_CM = (24.0, 38.0)
 """How far below the chest a hand begins to hang, and hangs."""
@@ -47,11 +47,13 @@ class Nearness:
 
     weights: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
     clearances: (T, 2, 4) distance of each hand's skin from that of each of these, cm, negative inside
+    apart: (T,) distance of the hands from one another or a forearm, cm, up to ``TOGETHER_CM`` by the signer's scale
     head_side: (T, 2) where at the head each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
     """
 
     weights: FloatArray
     clearances: FloatArray
+    apart: FloatArray
     head_side: FloatArray
 
     @property
@@ -71,9 +73,10 @@ def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearne
     height = pose.hands(states)[..., 1] / signer.scale
     hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
     clearances, out = _clearances(capsules, most, hanging[..., 0] < 1.0 if np.isfinite(most) else None)
-    apart = _apart(capsules, _TOGETHER_CM * signer.scale)
+    apart = _apart(capsules, TOGETHER_CM * signer.scale)
     weights = _weights(clearances / signer.scale, apart / signer.scale)
-    return Nearness(hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights, clearances, out[..., _HEAD, 0])
+    weights = hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights
+    return Nearness(weights, clearances, apart, out[..., _HEAD, 0])
 
 
 def _clearances(
@@ -112,7 +115,7 @@ def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
     weights = np.exp((nearest - clearances) / _WEIGHT_CM)
     weights /= weights.sum(axis=-1, keepdims=True)
     weights = weights * pose.smooth_step((FREE_CM - nearest) / (FREE_CM - _HELD_CM))
-    alike = 0.5 * pose.smooth_step((_TOGETHER_CM - apart) / (_TOGETHER_CM - _HELD_CM))[:, None, None]
+    alike = 0.5 * pose.smooth_step((TOGETHER_CM - apart) / (TOGETHER_CM - _HELD_CM))[:, None, None]
     return np.asarray((1.0 - alike) * weights + alike * weights[:, ::-1])
 
 

@@ -60,7 +60,11 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
         return states
     frames = sorted({one.first for one in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
-    centres = [_part(pose.hands(states)[one.first, one.which], one.posture, signer) for one in wanted]
+    fingers = pose.hands(states)[[one.first for one in wanted], [one.which for one in wanted], pose.FINGERS]
+    centres = [
+        hand_part(one.posture.part).centre(points) * signer.hands * signer.scale
+        for one, points in zip(wanted, hand.points(fingers), strict=True)
+    ]
     quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
     least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
@@ -242,11 +246,6 @@ def spread(
             between = at[k] + minimum_jerk(u - k)[:, None] * (at[np.minimum(k + 1, len(at) - 1)] - at[k])
             moves[:, which] = between * bump(times, np.clip(times, frames[0], frames[-1])[:, None], radius)
     return moves
-
-
-def _part(hand_state: FloatArray, posture: Posture, signer: Signer) -> FloatArray:
-    """Where the part of a right hand that a posture names is in the hand's axes, (3,), cm."""
-    return hand_part(posture.part).centre(hand.points(hand_state[pose.FINGERS])) * signer.hands * signer.scale
 
 
 def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray) -> FloatArray:

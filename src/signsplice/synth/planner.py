@@ -17,6 +17,7 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import elbows, gestures, leeway, pose, strokes, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
+from signsplice.synth.carrying import FREE_CM, nearness
 from signsplice.synth.comfort import directed, eased
 from signsplice.synth.figure import Figure
 from signsplice.synth.locations import resting
@@ -88,7 +89,10 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     offset = before + up
     events = plan.events(before - 1, offset, down)
     span = events.up, events.start, events.end, events.down
-    states = two_hands.with_separate_timing(states, sign, signer, take, fps, span)
+    near = None
+    if sign.kind == "written":  # hands are brought to their places afterwards
+        near = nearness(states, replace(signer, left_handed=False), FREE_CM * signer.scale)
+    states = two_hands.with_separate_timing(states, sign, signer, take, fps, span, near)
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
@@ -96,7 +100,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     plan.add_overlays(states, offset)
     gestures.add(states, sign.gestures, events, fps)
-    states = add_body_motion(states, events, signer, fps, exact=sign.kind != "written")
+    states = add_body_motion(states, events, signer, fps, near)
     segments = tuple(one.later(offset) for one in plan.timed)
     states = _settled(states, segments, sign, signer, fps)
     clip = pose.clip(states, signer, fps, sign.gloss)

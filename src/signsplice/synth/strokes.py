@@ -18,6 +18,7 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import elbows, hand, locations, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, penetration
+from signsplice.synth.composed import handshape
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm
@@ -152,8 +153,8 @@ def _written_palm(every: Sequence[Stay], n: int, mirrored: bool, signer: Signer)
         weak = _beside(every, one)
         beside = beside if weak is None else locations.weak_hand(weak, signer)
     weak_arm = WeakArm(signer, beside)
-    wrist, quat, angles = locations.strong_wrist(one.posture, weak_arm, mirrored)
+    wrist, quat, _ = locations.strong_wrist(one.posture, weak_arm, mirrored)
     if one.posture.touch:
         wrist = locations.strong_hand(one.posture, weak_arm, mirrored)[pose.WRIST]
-    palm = _PALM.centre(hand.points(angles)) * signer.hands * signer.scale
+    palm = _PALM.centre(handshape(one.posture.shape).points) * signer.hands * signer.scale
     return np.asarray(wrist + rotation.rotate(quat, palm))

@@ -19,6 +19,7 @@ from signsplice.synth.rng import stream
 from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
+    from signsplice.synth.carrying import Nearness
     from signsplice.synth.phonology import Sign
 
 _FREE_CM = 3.5
@@ -30,12 +31,19 @@ _LAG_FRAMES = (0.5, 1.7)
 
 
 def with_separate_timing(
-    states: FloatArray, sign: Sign, signer: Signer, take: int, fps: float, span: tuple[int, int, int, int]
+    states: FloatArray,
+    sign: Sign,
+    signer: Signer,
+    take: int,
+    fps: float,
+    span: tuple[int, int, int, int],
+    near: Nearness | None = None,
 ) -> FloatArray:
     """States (T, 65) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
     the states themselves where it is plain.
 
     span: the last frame of rest, the first posture, the last one, the first frame of rest again
+    near: where hands are, if that is known
     """
     up, start, end, down = span
     manner = signer.manner
@@ -44,7 +52,10 @@ def with_separate_timing(
     formed = manner.finger_stagger > 0.0 and float(np.ptp(inner, axis=0).max()) > 0.05
     if not (formed or (mirrored and manner.hand_difference) or (base and manner.base_lag)):
         return states
-    clearances = hand_clearances(states, signer, TOUCH_CM + _FREE_CM)
+    if near is None or base:
+        clearances = hand_clearances(states, signer, TOUCH_CM + _FREE_CM)
+    else:
+        clearances = np.column_stack([near.clearances.min(axis=-1), near.apart])
     free = _freedom(clearances, fps)  # (T, 2)
     frames = np.arange(len(states), dtype=np.float64)
     times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 65)
