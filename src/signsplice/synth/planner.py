@@ -123,17 +123,18 @@ def _written(
 ) -> FloatArray:
     """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
     directions = facing_as_written(states, segments, sign, signer, fps)
-    states, figure = within_reach(states, signer), Figure(states, signer)
-    states = placed(directed(states, directions, signer), segments, sign, figure, fps)
-    states = cleared(parted(states, signer) if sign.hands == "symmetric" else states, figure)
-    states = elbows.steadied(directed(states, directions, signer), signer, fps, led=True, figure=figure)
-    states = cleared(placed(eased(states, directions, signer), segments, sign, figure, fps), figure)
+    states, led = elbows.led(within_reach(states, signer), signer)
+    figure = Figure(states, led)
+    states = placed(directed(states, directions, led), segments, sign, figure, fps)
+    states = cleared(parted(states, led) if sign.hands == "symmetric" else states, figure)
+    states = elbows.steadied(directed(states, directions, led), led, fps, led=True, figure=figure)
+    states = cleared(placed(eased(states, directions, led), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
-    states = twists.steadied(elbows.slowed(touching, signer, fps), signer, fps)
+    states = twists.steadied(elbows.slowed(touching, led, fps), led, fps)
     if states is not touching:
-        states = cleared(elbows.kept(cleared(states, figure), states, signer), figure)
-    return states
+        states = cleared(elbows.kept(cleared(states, figure), states, led), figure)
+    return elbows.unled(states, signer)
 
 
 def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:

@@ -78,6 +78,13 @@ class Signer:
         return self.stature_cm / STATURE_CM
 
 
+@dataclass(frozen=True)
+class LedSigner(Signer):
+    """A signer in whose states elbows are turned from where they hang, and not from where they are easy
+    (``elbows.led``).
+    """
+
+
 STANDARD = Signer()
 
 

@@ -70,8 +70,9 @@ def as_written(
         moves = spread([one for one, _ in wanted], [miss for _, miss in wanted], still, len(states), RADIUS_S * fps)
         quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
         whole = cleared(moved(states, quats, steady, moves, signer), figure)
-        depth, states_depth = (float(penetration(x, signer, figure=figure)[0].max()) for x in (whole, states))
-        states = whole if depth <= max(TOLERANCE_CM, states_depth) else states
+        depth = float(penetration(whole, signer, figure=figure)[0].max())
+        if depth <= TOLERANCE_CM or depth <= float(penetration(states, signer, figure=figure)[0].max()):
+            states = whole
     return states
 
 
