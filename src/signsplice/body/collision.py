@@ -23,6 +23,8 @@ from signsplice.rig.naming import SIDES
 
 WARN_M, WARN_FOREARM_M = 0.01, 0.03
 """Depths of a hand, and of a forearm in the trunk, whose width is a guess, from which a clip is warned about, m."""
+_ROOM = 12_000
+"""How many distances are computed at once: arrays of over 128 kB cost page faults."""
 _WHOLE_HAND_WEIGHT = 1.2
 """How much the direction from hand to hand counts beside the exit direction of two capsules of the hands."""
 
@@ -142,6 +144,10 @@ class PosedCapsules:
         and the unit vector (T, P, 3) away from it; ``most`` and 0 at frames where all are farther.
         """
         rows, other = np.asarray(own, np.intp), np.concatenate([np.asarray(part, np.intp) for part in parts])
+        step = max(1, _ROOM // (len(rows) * len(other)))
+        if len(self.starts) > step:
+            blocks = [self[n : n + step].nearest(own, parts, most) for n in range(0, len(self.starts), step)]
+            return np.concatenate([block[0] for block in blocks]), np.concatenate([block[1] for block in blocks])
         bounds = np.cumsum([0, *map(len, parts)])
         radii, starts, axes = self.body.radii, self.starts, self.ends - self.starts
         distance, out = np.full((len(starts), len(parts)), most), np.zeros((len(starts), len(parts), 3))
@@ -211,8 +217,13 @@ def _meet(
     """Whether balls, middles (T, A, 3) and radii (T, A), meet capsules, starts and axes (T, B, 3) and radii (B,):
     (T, A, B).
     """
-    distances = _squared_distances(middles, starts, axes)
-    return np.asarray(distances < np.maximum(reach[:, :, None] + thick, 0.0) ** 2)
+    step = max(1, _ROOM // max(1, middles.shape[1] * starts.shape[1]))
+    met = np.empty((len(middles), middles.shape[1], starts.shape[1]), bool)
+    for n in range(0, len(middles), step):
+        at = slice(n, n + step)
+        distances = _squared_distances(middles[at], starts[at], axes[at])
+        met[at] = distances < np.maximum(reach[at, :, None] + thick, 0.0) ** 2
+    return met
 
 
 def _squared_distances(points: FloatArray, starts: FloatArray, axes: FloatArray) -> FloatArray:

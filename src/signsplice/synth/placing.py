@@ -17,7 +17,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
 from signsplice.synth import elbows, hand, pose
-from signsplice.synth.avoidance import TOLERANCE_CM, between_hands, clear_collisions
+from signsplice.synth.avoidance import TOLERANCE_CM, clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_figure
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
@@ -27,7 +27,7 @@ from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
 _ROUNDS, _BETTER = 3, 0.85
-"""How often hands are moved at most, and to what part of it what is missing shrinks if they are moved again."""
+"""How often hands are moved at most, and to what part of it what is missing shrinks where they are moved again."""
 RADIUS_S = 0.3
 """How far from a posture in time a correction reaches."""
 _LEFT_CM = 0.2
@@ -143,14 +143,16 @@ def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
 
 
-def parted(states: FloatArray, signer: Signer) -> FloatArray:
+def parted(states: FloatArray, figure: Figure) -> FloatArray:
     """States (T, 65) of hands that mirror one another, moved apart sideways where they lie in one another: pushed out
     any other way, they would pass by one another.
     """
     states = states.copy()
     frames = np.arange(len(states))
     for _ in range(_PARTED_ROUNDS):
-        depth = -between_hands(states[frames], signer, most=0.0)
+        capsules = figure.posed(states[frames], frames).capsules
+        groups = capsules.body.groups
+        depth = -capsules.nearest(groups.right, (groups.left,), 0.0)[0][:, 0]
         deep = depth > TOLERANCE_CM
         frames, depth = frames[deep], depth[deep]
         if not len(frames):

@@ -126,7 +126,7 @@ def _written(
     states, led = elbows.led(within_reach(states, signer), signer)
     figure = Figure(states, led)
     states = placed(directed(states, directions, led), segments, sign, figure, fps)
-    states = cleared(parted(states, led) if sign.hands == "symmetric" else states, figure)
+    states = cleared(parted(states, figure) if sign.hands == "symmetric" else states, figure)
     states = elbows.steadied(directed(states, directions, led), led, fps, led=True, figure=figure)
     states = cleared(placed(eased(states, directions, led), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)

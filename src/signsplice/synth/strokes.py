@@ -80,11 +80,15 @@ def _in_rows(
     places: Sequence[FloatArray], rows: Sequence[Sequence[int]], every: Sequence[Stay], sign: Sign, signer: Signer
 ) -> list[FloatArray]:
     """The places (3,) of palms, those of a row all as far off what is written."""
-    made = [*places]
+    made, written = [*places], dict[tuple[Posture, Posture | None], FloatArray]()
     for row in rows:
         if len(row) == 1:
             continue
-        off = np.array([places[n] - _written_palm(every, n, sign.hands == "symmetric", signer) for n in row])
+        for n in row:
+            key = every[n].posture, _beside(every, every[n])
+            if key not in written:
+                written[key] = _written_palm(*key, not every[n].which, sign.hands == "symmetric", signer)
+        off = np.array([places[n] - written[every[n].posture, _beside(every, every[n])] for n in row])
         lead = 0 if every[row[0]].posture.touch else int(np.linalg.norm(off, axis=1).argmax())
         goal = off[lead]
         changes = limited(goal - off, _MOST_CM * signer.scale)
@@ -147,15 +151,12 @@ def _steadiest(palms: FloatArray, stay: Stay) -> FloatArray:
     return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])
 
 
-def _written_palm(every: Sequence[Stay], n: int, mirrored: bool, signer: Signer) -> FloatArray:
-    """Where the palm of a hand is by its posture alone, (3,), with the body at rest."""
-    one, beside = every[n], np.zeros(27)
-    if not one.which and on_arm(one.posture.location):
-        weak = _beside(every, one)
-        beside = beside if weak is None else locations.weak_hand(weak, signer)
-    weak_arm = WeakArm(signer, beside)
-    wrist, quat, _ = locations.strong_wrist(one.posture, weak_arm, mirrored)
-    if one.posture.touch:
-        wrist = locations.strong_hand(one.posture, weak_arm, mirrored)[pose.WRIST]
-    palm = _PALM.centre(handshape(one.posture.shape).points) * signer.hands * signer.scale
+def _written_palm(posture: Posture, weak: Posture | None, strong: bool, mirrored: bool, signer: Signer) -> FloatArray:
+    """Where the palm of a hand is by its posture alone, (3,), with the body at rest; ``weak``: the weak hand's."""
+    at_hand = strong and weak is not None and on_arm(posture.location)
+    arm = WeakArm(signer, locations.weak_hand(weak, signer) if at_hand and weak else np.zeros(27))
+    wrist, quat, _ = locations.strong_wrist(posture, arm, mirrored)
+    if posture.touch:
+        wrist = locations.strong_hand(posture, arm, mirrored)[pose.WRIST]
+    palm = _PALM.centre(handshape(posture.shape).points) * signer.hands * signer.scale
     return np.asarray(wrist + rotation.rotate(quat, palm))
