@@ -62,7 +62,7 @@ class PosedSigner:
 
     def nearest(self, points: FloatArray, frame: int, rows: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Distances (N,) of points (N, 3) from the skin of some capsules, and unit vectors (N, 3) away from it."""
-        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[rows]
+        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[list(rows)]
         span = self.capsules.ends[frame, rows] - starts
         apart = points[:, None] - starts
         along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)

@@ -181,13 +181,20 @@ def axes(v: Vector | FloatArray) -> FloatArray:
 
 def facing(palm: Vector, fingers: Vector) -> FloatArray:
     """Rotation (4,) of a right hand whose fingers point along ``fingers`` and whose palm faces ``palm`` as nearly as
-    that allows.
+    that allows; not to be changed.
     """
+    return CACHE.recent(_facing, palm, fingers, most=2048)
+
+
+def _facing(palm: Vector, fingers: Vector) -> FloatArray:
+    """``facing``."""
     x = -axes(fingers)
     y = -axes(palm)
     y = y - (y @ x) * x
     y = y / np.linalg.norm(y)
-    return rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+    made = rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+    made.flags.writeable = False
+    return made
 
 
 def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0) -> FloatArray:

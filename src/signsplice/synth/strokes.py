@@ -104,22 +104,22 @@ def _is_open(posture: Posture) -> bool:
 
 def _rows(every: Sequence[Stay], sign: Sign) -> list[list[int]]:
     """Stays that strokes lead through, by their numbers: a row begins anew at each touch, at a place that is written
-    again, and with the other hand. A base hand stays where the other one is at it, and a hand goes along with it.
+    again, with the other hand, and at the other hand, which itself moves. A base hand stays where the other one is at
+    it.
     """
     rows: list[list[int]] = []
     led = sign.hands == "base" and any(on_arm(segment.strong.location) for segment in sign.segments)
     for n, one in enumerate(every):
         before = every[n - 1] if n else None
-        goes_on = (
+        if (
             before is not None
             and before.which == one.which
             and not (led and one.which)
             and _is_open(one.posture)
             and before.posture.location not in LEFT_ALONE
+            and not on_arm(one.posture.location)
             and (before.posture.location == one.posture.location or in_space(one.posture.location))
-            and not (on_arm(one.posture.location) and _beside(every, one) != _beside(every, before))
-        )
-        if goes_on:
+        ):
             rows[-1].append(n)
         else:
             rows.append([n])
