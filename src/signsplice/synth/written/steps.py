@@ -135,7 +135,11 @@ def _once(motion: Motion, view: View, group: int) -> list[Step]:
     if motion.kind == "split":
         part = motion.parts[min(view.which, len(motion.parts) - 1)]
         return steps(part, replace(LITERAL, opposite=view.opposite) if view.which else view, group)
-    parts = [steps(part, view, 10 * group + n) for n, part in enumerate(motion.parts)]
+    views = [view] * len(motion.parts)
+    if motion.kind == "parallel" and any(part.kind == "circle" for part in motion.parts):
+        # Hands that circle by turns go the same way meanwhile.
+        views = [replace(view, opposite=view.opposite and part.kind != "straight") for part in motion.parts]
+    parts = [steps(part, own, 10 * group + n) for n, (part, own) in enumerate(zip(motion.parts, views, strict=True))]
     if motion.kind in ("sequence", "fusion"):
         return [step for part in parts for step in part]
     if motion.kind == "parallel":
