@@ -15,7 +15,7 @@ import numpy as np
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import elbows, gestures, leeway, pose, strokes, thumbs, trajectory, twists, two_hands
-from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, skin_clearances, touching_sides
+from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, penetration, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
 from signsplice.synth.carrying import FREE_CM, nearness
 from signsplice.synth.comfort import directed, eased
@@ -34,6 +34,8 @@ PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""
 REST_S = 0.17
 """Usual rest before and after the word."""
+_DEEPEST_CM, _CLEARED_AGAIN = 0.4, 3
+"""How deep a hand of a written sign may lie in the body, and how often one that is deeper is moved out again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,8 @@ def _written(
     states = cleared(placed(eased(states, directions, led), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
+    for _ in range(_CLEARED_AGAIN * (penetration(touching, led, figure=figure)[0].max() > _DEEPEST_CM)):
+        touching = cleared(touching, figure)
     states = twists.steadied(elbows.slowed(touching, led, fps), led, fps)
     if states is not touching:
         states = cleared(elbows.kept(cleared(states, figure), states, led), figure)
