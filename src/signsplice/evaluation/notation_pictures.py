@@ -54,7 +54,7 @@ def write_names(folder: Path) -> list[Path]:
 
 def _still(strong: Posture | None = None, weak: Posture | None = None) -> tuple[FloatArray, Scene]:
     """A state (65,) of the signer with hands in postures, or at rest, and the scene of it."""
-    state = locations.resting(_SIGNER)
+    state = locations.resting(_SIGNER).copy()
     if weak is not None:
         state[27:54] = locations.weak_hand(weak, _SIGNER)
     if strong is not None:
