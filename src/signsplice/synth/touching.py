@@ -34,8 +34,6 @@ _FREE_CM = 0.12
 """Depth that is free."""
 _SETTLED, _REACHED = 1.0, 0.3
 """Cost of a touch that is left as it is, and with which one that is worked on is left."""
-_BETTER = 0.8
-"""A touch whose cost a round did not bring below this part of what it was is left."""
 _SIZE = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
 """Movements of wrist, hand and elbow that cost 1."""
 _MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
@@ -97,7 +95,7 @@ def brought_to_touch(
     ]
     if not touches:
         return states
-    best, moved, before = np.inf, states, np.full(len(touches), np.inf)
+    best, moved = np.inf, states
     frames = np.array([one.first for one in touches])
     for n in range(_ROUNDS + 1):
         at = _poses(moved[frames], signer)
@@ -108,10 +106,9 @@ def brought_to_touch(
             best, states = float(cost.sum()), moved
         if n == _ROUNDS:
             break
-        some = np.flatnonzero((cost > _SETTLED) & (cost < _BETTER * before)).tolist()
+        some = np.flatnonzero(cost > _SETTLED).tolist()
         if not some:
             break
-        before = cost
         like = {
             row: (touches[row].which, touches[row].posture) if n == 0 else row for row in some
         }  # repeated touches begin alike
