@@ -14,9 +14,10 @@ from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
 from signsplice.synth.avoidance import penetration
+from signsplice.synth.low_pass import low_passed
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.segment_plan import SegmentPlan, low_passed
+from signsplice.synth.segment_plan import SegmentPlan
 from signsplice.synth.signer import STANDARD, draw_signer
 from signsplice.synth.timing import Events
 from signsplice.synth.trajectory import Knot

@@ -22,8 +22,9 @@ from signsplice.synth.contact import PosedSigner, posed_figure
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, facing, locate, on_joint, on_weak_arm
+from signsplice.synth.low_pass import bump
 from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_base
-from signsplice.synth.segment_plan import LANDING_S, TimedSegment, bump
+from signsplice.synth.segment_plan import LANDING_S, TimedSegment
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
 _ROUNDS, _BETTER = 3, 0.85

@@ -84,11 +84,11 @@ def _in_rows(
     for row in rows:
         if len(row) == 1:
             continue
-        for n in row:
-            key = every[n].posture, _beside(every, every[n])
+        keys = [(every[n].posture, _weak_posture(every, every[n])) for n in row]
+        for key in dict.fromkeys(keys):
             if key not in written:
-                written[key] = _written_palm(*key, not every[n].which, sign.hands == "symmetric", signer)
-        off = np.array([places[n] - written[every[n].posture, _beside(every, every[n])] for n in row])
+                written[key] = _written_palm(*key, sign.hands == "symmetric", signer)
+        off = np.array([places[n] - written[key] for n, key in zip(row, keys, strict=True)])
         lead = 0 if every[row[0]].posture.touch else int(np.linalg.norm(off, axis=1).argmax())
         goal = off[lead]
         changes = limited(goal - off, _MOST_CM * signer.scale)
@@ -126,8 +126,10 @@ def _rows(every: Sequence[Stay], sign: Sign) -> list[list[int]]:
     return rows
 
 
-def _beside(every: Sequence[Stay], stay: Stay) -> Posture | None:
-    """The weak hand's posture at the time of a stay."""
+def _weak_posture(every: Sequence[Stay], stay: Stay) -> Posture | None:
+    """The weak hand's posture at the time of a stay of the strong hand at it; None for any other stay."""
+    if stay.which or not on_arm(stay.posture.location):
+        return None
     weak = [one.posture for one in every if one.which and one.first <= stay.first]
     return weak[-1] if weak else None
 
@@ -151,10 +153,11 @@ def _steadiest(palms: FloatArray, stay: Stay) -> FloatArray:
     return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])
 
 
-def _written_palm(posture: Posture, weak: Posture | None, strong: bool, mirrored: bool, signer: Signer) -> FloatArray:
-    """Where the palm of a hand is by its posture alone, (3,), with the body at rest; ``weak``: the weak hand's."""
-    at_hand = strong and weak is not None and on_arm(posture.location)
-    arm = WeakArm(signer, locations.weak_hand(weak, signer) if at_hand and weak else np.zeros(27))
+def _written_palm(posture: Posture, weak: Posture | None, mirrored: bool, signer: Signer) -> FloatArray:
+    """Where the palm of a hand is by its posture alone, (3,), with the body at rest; ``weak``: that of the weak hand,
+    where it is at that.
+    """
+    arm = WeakArm(signer, locations.weak_hand(weak, signer) if weak else np.zeros(27))
     wrist, quat, _ = locations.strong_wrist(posture, arm, mirrored)
     if posture.touch:
         wrist = locations.strong_hand(posture, arm, mirrored)[pose.WRIST]
