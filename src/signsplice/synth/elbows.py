@@ -17,7 +17,7 @@ from signsplice.rig.naming import SIDES
 from signsplice.synth import pose, trajectory
 from signsplice.synth.arm_costs import led_costs
 from signsplice.synth.figure import Figure, PosedArms
-from signsplice.synth.signer import COLLAR, SHOULDER, UPPER_ARM, LedSigner, Signer
+from signsplice.synth.signer import COLLAR, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer
 
 _WIDTH_S = 0.10
 """Standard deviation of the Gaussian that smooths these directions in time, seconds."""
@@ -102,16 +102,16 @@ def hardship(arm: pose.Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatA
     return costs + _EFFORT * strain, _EFFORT * effort
 
 
-def led(states: FloatArray, signer: Signer) -> tuple[FloatArray, LedSigner]:
+def from_hanging(states: FloatArray, signer: Signer) -> tuple[FloatArray, HangingElbowSigner]:
     """The same motion (T, 65) of a signer whose elbows are turned from where they hang: what is moved again and again
     need not be compared with what is easy.
     """
     made = states.copy()
     made[:, pose.TURNS] = solved(states, signer)[1]
-    return made, LedSigner(**vars(signer))
+    return made, HangingElbowSigner(**vars(signer))
 
 
-def unled(states: FloatArray, signer: Signer) -> FloatArray:
+def from_easy(states: FloatArray, signer: Signer) -> FloatArray:
     """The same motion (T, 65) with elbows turned from where they are easy."""
     both, made = pose.hands(states), states.copy()
     easy = pose.easy_swivels(pose.solve_arm(both[..., pose.WRIST], signer), both[..., pose.ROTVEC], signer)

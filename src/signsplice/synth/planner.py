@@ -125,20 +125,20 @@ def _written(
 ) -> FloatArray:
     """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
     directions = facing_as_written(states, segments, sign, signer, fps)
-    states, led = elbows.led(within_reach(states, signer), signer)
-    figure = Figure(states, led)
-    states = placed(directed(states, directions, led), segments, sign, figure, fps)
+    states, hanging = elbows.from_hanging(within_reach(states, signer), signer)
+    figure = Figure(states, hanging)
+    states = placed(directed(states, directions, hanging), segments, sign, figure, fps)
     states = cleared(parted(states, figure) if sign.hands == "symmetric" else states, figure)
-    states = elbows.steadied(directed(states, directions, led), led, fps, led=True, figure=figure)
-    states = cleared(placed(eased(states, directions, led), segments, sign, figure, fps), figure)
+    states = elbows.steadied(directed(states, directions, hanging), hanging, fps, led=True, figure=figure)
+    states = cleared(placed(eased(states, directions, hanging), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
-    for _ in range(_CLEARED_AGAIN * (penetration(touching, led, figure=figure)[0].max() > _DEEPEST_CM)):
+    for _ in range(_CLEARED_AGAIN * (penetration(touching, hanging, figure=figure)[0].max() > _DEEPEST_CM)):
         touching = cleared(touching, figure)
-    states = twists.steadied(elbows.slowed(touching, led, fps), led, fps)
+    states = twists.steadied(elbows.slowed(touching, hanging, fps), hanging, fps)
     if states is not touching:
-        states = cleared(elbows.kept(cleared(states, figure), states, led), figure)
-    return elbows.unled(states, signer)
+        states = cleared(elbows.kept(cleared(states, figure), states, hanging), figure)
+    return elbows.from_easy(states, signer)
 
 
 def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:

@@ -27,7 +27,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.synth import arm_costs, hand
 from signsplice.synth.arm_costs import MARGIN, angles_of, soft_clip, swivel_costs
-from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, LedSigner, Signer, skeleton
+from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer, skeleton
 
 SIZE = 65
 WRIST, ROTVEC, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
@@ -197,9 +197,9 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
 
     The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
     each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump. Of a
-    ``LedSigner`` it is 0.
+    ``HangingElbowSigner`` it is 0.
     """
-    if isinstance(signer, LedSigner):
+    if isinstance(signer, HangingElbowSigner):
         return np.zeros(arm.bend.shape)
     return CACHE.recent(_easy_swivels, arm, rotvecs.tobytes(), rotvecs.shape, signer, most=_KEPT)
 

@@ -79,9 +79,9 @@ class Signer:
 
 
 @dataclass(frozen=True)
-class LedSigner(Signer):
+class HangingElbowSigner(Signer):
     """A signer in whose states elbows are turned from where they hang, and not from where they are easy
-    (``elbows.led``).
+    (``elbows.from_hanging``).
     """
 
 
