@@ -114,11 +114,11 @@ def near_pairs(
             out = middles[:, block.own] - ball
             radius = (np.sqrt(dot(out, out)) + reach[block.own]).max(axis=1, keepdims=True)
             b = block.other
-            away = _squared_distance(ball, starts[:, b], axes[:, b], lengths[:, b])
+            away = squared_distance(ball, starts[:, b], axes[:, b], lengths[:, b])
             frames, columns = np.nonzero(away < (radius + thick[b] + margin) ** 2)
             rows = frames * len(radii)
             at, own = rows[:, None] + b[columns, None], rows[:, None] + block.own
-            away = _squared_distance(
+            away = squared_distance(
                 _take(middles, own), _take(starts, at), _take(axes, at), lengths.reshape(-1).take(at)
             )
             most = reach[block.own] + thick[b[columns], None] + margin
@@ -135,7 +135,7 @@ def _take(points: FloatArray, at: Index) -> FloatArray:
     return points.reshape(-1, 3).take(at, axis=0)
 
 
-def _squared_distance(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
+def squared_distance(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
     """Squared distance of points from line segments (..., 3) with axes of squared ``length`` (...)."""
     away = point - start
     along = np.clip(dot(away, axis) / (length + TINY), 0.0, 1.0)

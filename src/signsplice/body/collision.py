@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
-from signsplice.body.clearance import TINY, clearances, dot
+from signsplice.body.clearance import TINY, clearances, dot, squared_distance
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import kept
 from signsplice.motion.clip import Clip, Skeleton
@@ -114,14 +114,15 @@ class PosedCapsules:
         balls, radius = (np.hstack([ball[k] for ball in whole]) for k in (0, 1))
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
         met &= may_meet
-        at, columns = np.flatnonzero(met.any(axis=(1, 2))), np.flatnonzero(met.any(axis=(0, 1)))
-        own, others = np.concatenate(hands), others[columns]
-        rows, box = np.ix_(at, own), np.ix_(at, others)
-        near = _meet(middles[rows], reach[rows], starts[box], axes[box], thick[others] + slack)
-        part = np.repeat(np.arange(len(hands)), [len(hand) for hand in hands])
-        frames, i, j = np.nonzero(near & met[np.ix_(at, np.arange(len(hands)), columns)][:, part])
-        frames, left, meeting = at[frames], part[i] % 2 == 0, columns[j] >= n_solid
-        i, j = own[i], others[j]
+        frames, part, column = np.nonzero(met)
+        own, other = _table(hands)[part], others[column]
+        at, axis = frames[:, None], axes[frames, other]
+        away = squared_distance(
+            middles[at, own], starts[frames, other][:, None], axis[:, None], dot(axis, axis)[:, None]
+        )
+        least = np.maximum(reach[at, own] + thick[other, None] + slack, 0.0)
+        n, k = np.nonzero((away < least * least) & (own >= 0))
+        frames, i, j, left, meeting = frames[n], own[n, k], other[n], part[n] % 2 == 0, column[n] >= n_solid
         apart = np.zeros((len(i), 3))
         if meeting.any():
             apart = (starts[:, hands[0]].mean(axis=1) - starts[:, hands[1]].mean(axis=1))[frames]
@@ -200,6 +201,14 @@ def _meeting_parts(
         meet[side::2, np.isin(others, arm)] = False
     meet[2:, ~np.isin(others, arms[0] + arms[1])] = False
     return [np.array(rows, np.intp) for rows in own], others, n_solid, meet, body.radii.max(axis=1)
+
+
+def _table(rows: Sequence[NDArray[np.intp]]) -> NDArray[np.intp]:
+    """Rows of different lengths as a table (R, K), filled up with -1."""
+    table = np.full((len(rows), max(map(len, rows))), -1, np.intp)
+    for n, row in enumerate(rows):
+        table[n, : len(row)] = row
+    return table
 
 
 def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:

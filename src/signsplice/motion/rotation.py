@@ -19,21 +19,29 @@ IDENTITY.flags.writeable = False
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _TINY = 1e-12
 _COMPONENTS = np.arange(4)
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+_FEW = 600
+"""Numbers in both factors up to which a product is fastest with few calls of numpy."""
+_W_FIRST = np.array([[3], [0], [1], [2]])
+_FACTORS = np.array([[0, 1, 2, 3], [3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
+_SIGNS = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0]])
+"""A product is the sum over w, x, y, z of the first factor, each times the second's components in this order."""
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Cross product (..., 3); several times as fast as numpy's on the small arrays of a seam."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
-    x = ay * bz - az * by
-    out = np.empty((*x.shape, 3))
-    out[..., 0], out[..., 1], out[..., 2] = x, az * bx - ax * bz, ax * by - ay * bx
-    return out
+    out = a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1)
+    out -= a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
+    return np.asarray(out)
 
 
 def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Product ``a * b`` (``b`` acts first), (..., 4)."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    if a.size + b.size <= _FEW:
+        terms = a.take(_W_FIRST, axis=-1) * (b.take(_FACTORS, axis=-1) * _SIGNS)
+        return np.asarray(terms[..., 0, :] + terms[..., 1, :] + terms[..., 2, :] + terms[..., 3, :])
     ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))

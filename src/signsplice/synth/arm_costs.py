@@ -136,5 +136,7 @@ def soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> F
     """``x`` kept between limits: unchanged until ``margin`` from one, then approaching it (C1, by tanh)."""
     x = np.asarray(x, np.float64)
     over, under = x - (np.asarray(high) - margin), (np.asarray(low) + margin) - x
+    if not np.any(np.maximum(over, under) > 0.0):
+        return x
     x = np.where(over > 0.0, np.asarray(high) - margin + margin * np.tanh(np.maximum(over, 0.0) / margin), x)
     return np.where(under > 0.0, np.asarray(low) + margin - margin * np.tanh(np.maximum(under, 0.0) / margin), x)

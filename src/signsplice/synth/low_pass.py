@@ -30,8 +30,12 @@ def low_passed(
     n = len(states)
     width = _deviations(n, deviation, passes, touches)
     frames = np.arange(n)
-    weights = np.exp(-0.5 * ((frames - frames[:, None]) / np.maximum(width, 1e-3)[:, None]) ** 2)
-    smooth = (weights / weights.sum(axis=1, keepdims=True)) @ states
+    weights = (frames - frames[:, None]) / np.maximum(width, 1e-3)[:, None]
+    weights *= weights
+    weights *= -0.5
+    np.exp(weights, out=weights)
+    weights /= weights.sum(axis=1, keepdims=True)
+    smooth = weights @ states
     centres = np.array(sorted(set(touches)), np.intp)
     if not len(centres):
         return np.asarray(smooth)
