@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from signsplice.body.clearance import clearances
 from signsplice.motion.arrays import FloatArray
 
-_GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
+_MOST, COARSE, FINE = np.deg2rad(60.0), np.deg2rad(15.0), np.deg2rad(5.0)
+"""How far an elbow turns at most, and steps of the turns that are tried."""
 _TURN, _TURN_WEIGHT = float(np.deg2rad(30.0)), 0.15
 """A turn, and its cost in squared centimetres of depth."""
 _CHANGE_WEIGHT = 0.5
-"""Cost of a change by one step of the grid from frame to frame, likewise."""
+"""Cost of a change by a coarse step from frame to frame, likewise."""
 _WIDTH_S, _LEAST_WIDTH = 0.06, 0.5
 """Width of the bell that smooths the chosen swivels, and how many frames it is at least."""
 _DEEP, _AROUND_S = 1e-4, 0.3
@@ -49,8 +50,13 @@ class Solid:
     radii: FloatArray
 
 
-def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> FloatArray:
-    """Turns (T,) of the elbow, radians, that keep the forearm from lying deeper in a solid than ``allowed`` (T, S)."""
+def choose(
+    arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, step: float = COARSE
+) -> FloatArray:
+    """Turns (T,) of the elbow, radians, in steps of ``step``, that keep the forearm from lying deeper in a solid than
+    ``allowed`` (T, S).
+    """
+    grid = step * np.arange(-round(_MOST / step), round(_MOST / step) + 1)
     cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > _DEEP)
     swivels = np.zeros(len(arm.wrist))
@@ -62,13 +68,12 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float) -> Float
     axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
     along = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
     out = e - s - along
-    cos, sin = np.cos(_GRID)[:, None, None], np.sin(_GRID)[:, None, None]
+    cos, sin = np.cos(grid)[:, None, None], np.sin(grid)[:, None, None]
     turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
     costs = _depth_cost(turned, arm, solid, allowed, span).T
-    costs += _TURN_WEIGHT * (_GRID / _TURN) ** 2
-    steps = np.arange(len(_GRID))
-    change: FloatArray = _CHANGE_WEIGHT * np.square(steps[:, None] - steps)
-    chosen = _GRID[smoothest(costs, [change] * (len(costs) - 1))]
+    costs += _TURN_WEIGHT * (grid / _TURN) ** 2
+    change: FloatArray = _CHANGE_WEIGHT * np.square((grid[:, None] - grid) / COARSE)
+    chosen = grid[smoothest(costs, [change] * (len(costs) - 1))]
     width = max(_WIDTH_S * fps, _LEAST_WIDTH)
     side = int(np.ceil(3.0 * width))
     bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)

@@ -43,7 +43,7 @@ def steadied(
     figure = figure or Figure(states, signer)
     posed = figure.posed(states)
     for which in (0, 1):
-        turns = _clearing(posed, which, fps)
+        turns = _clearing(posed, which, fps, swivel.FINE if led else swivel.COARSE)
         if turns.any():
             states = states.copy()
             states[:, pose.TURNS.start + which] += gaussian_filter1d(turns, _CLEARING_S * fps, mode="nearest")
@@ -64,6 +64,8 @@ _RAISED = 0.1
 """How high over both shoulder and wrist an elbow costs 1, over the upper arm's length."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
+_LEAST_OFF = 0.15
+"""How far from the line between shoulder and wrist an elbow counts as at least, over the same: straight arms turn, too."""
 
 
 def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
@@ -77,7 +79,7 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     directions = np.cos(GRID)[:, None] * out + np.sin(GRID)[:, None] * across  # (T, 2, K, 3)
     bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
     along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
-    elbow = along + np.linalg.norm(bone - along, axis=-1, keepdims=True) * directions
+    elbow = along + np.maximum(np.linalg.norm(bone - along, axis=-1, keepdims=True), _LEAST_OFF) * directions
     across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
     wrist = (both[..., 1] / signer.scale - (COLLAR + SHOULDER)[1]) / (UPPER_ARM * signer.arms)
     raised = np.maximum(0.0, elbow[..., 1] - np.maximum(0.0, wrist)[..., None])
@@ -225,8 +227,8 @@ def _short(angles: FloatArray) -> FloatArray:
     return np.asarray(np.angle(np.exp(1j * angles)))
 
 
-def _clearing(posed: PosedArms, which: int, fps: float) -> FloatArray:
-    """By how much (T,) the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
+def _clearing(posed: PosedArms, which: int, fps: float, step: float) -> FloatArray:
+    """By how much (T,), in steps of ``step``, the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
     body, groups = posed.capsules.body, posed.capsules.body.groups
     solid = [*groups.below_arms, *(groups.right_arm if which else groups.left_arm)]
     radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
@@ -237,5 +239,6 @@ def _clearing(posed: PosedArms, which: int, fps: float) -> FloatArray:
         swivel.Solid(starts, ends, radii[solid]),
         np.full((len(elbow), len(solid)), _PRESSED_M),
         fps,
+        step,
     )
     return turns if which == 0 else -turns

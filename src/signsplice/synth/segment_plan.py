@@ -230,6 +230,9 @@ class SegmentPlan:
         end, rest = self.knots[-1], self.sign.segments[n + 1 :]
         held = bool(rest) and rest[0].kind == "H"
         stops = held if rest else not self.pace.landing
+        if rest and self.sign.kind == "written":
+            one = self.sign.segments[n]
+            stops = held or (rest[0].strong, rest[0].weak) == (one.strong, one.weak)  # stays for what wrist or fingers do
         if held and self.pace.landing and not self._touched(self.sign.segments[n], end.state):
             self.landed, stops = end.state, False
             end = replace(end, state=short)

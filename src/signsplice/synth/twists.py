@@ -18,6 +18,8 @@ from signsplice.synth.signer import Signer
 
 _FASTEST = 18.0
 """Speed of a forearm's turn, radians a second, from which on its twist is chosen anew."""
+_SWUNG = 0.6
+"""Share of a wrist's swing that counts as such a turn: people nod with up to 12 radians a second."""
 _GRID = np.deg2rad(np.linspace(-92.0, 92.0, 25))
 _MISSED = 0.5
 """Angle by which a twist misses what is written that costs 1, radians."""
@@ -32,15 +34,16 @@ def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     arm, wrist = pose.posed_arms(states, signer)
     kept = np.clip(wrist.twist, -pose.FOREARM_LIMIT, pose.FOREARM_LIMIT)
     turned = kept.copy()
-    fast = np.abs(np.diff(kept, axis=0)).max(axis=0, initial=0.0) * fps > _FASTEST
+    swing = np.clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), *pose.WRIST_LIMITS.T)
+    fast = np.maximum(
+        np.abs(np.diff(kept, axis=0)), _SWUNG * np.linalg.norm(np.diff(swing, axis=0), axis=-1)
+    ) * fps > _FASTEST  # (T - 1, 2)
     if not fast.any():
         return states
-    swing = np.stack([wrist.deviation, wrist.flexion], axis=-1)
-    swing = np.clip(swing, *pose.WRIST_LIMITS.T)
-    for which in np.flatnonzero(fast):
+    for which in np.flatnonzero(fast.any(axis=0)):
         path = _path(wrist.twist[:, which], fps)
         odd = np.abs(path - kept[:, which]) > _MISSED
-        odd[1:] |= np.abs(np.diff(kept[:, which])) * fps > _FASTEST
+        odd[1:] |= fast[:, which]
         near = maximum_filter1d(odd.astype(np.float64), 2 * round(_AROUND_S * fps) + 1)
         near = gaussian_filter1d(near, 0.4 * _AROUND_S * fps)
         path = gaussian_filter1d(path, _WIDTH_S * fps, mode="nearest")
@@ -57,6 +60,7 @@ def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
         ),
     )
     made = states.copy()
+    fast = fast.any(axis=0)
     pose.hands(made)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]
     return elbows.kept(made, states, signer)
 
