@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
 
@@ -21,6 +22,19 @@ def minimum_jerk(u: Number, height: float = 1.0) -> Number:
 def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
     """``minimum_jerk`` as a sum of powers. Its last bit differs: true cuts of stored corpora are made with it."""
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+
+
+def every_other(n_frames: int) -> NDArray[np.intp]:
+    """Every other frame of some, and the last one."""
+    return np.union1d(np.arange(0, n_frames, 2), np.arange(n_frames)[-1:])
+
+
+def between(values: FloatArray, frames: NDArray[np.intp]) -> FloatArray:
+    """Values (F, ...) at some frames, the first is 0, and in straight lines between them: at every frame (T, ...)."""
+    at = np.arange(frames[-1] + 1)
+    k = np.maximum(np.searchsorted(frames, at) - 1, 0)
+    share = ((at - frames[k]) / np.maximum(np.diff(frames, append=frames[-1] + 1)[k], 1)).reshape(-1, *(1,) * (values.ndim - 1))
+    return np.asarray(values[k] + share * (values[np.minimum(k + 1, len(frames) - 1)] - values[k]))
 
 
 def spread_in_time(push: FloatArray, kernel: FloatArray) -> FloatArray:

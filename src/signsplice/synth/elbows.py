@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from signsplice.body import swivel
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import between, every_other
 from signsplice.rig.naming import SIDES
 from signsplice.synth import pose, trajectory
 from signsplice.synth.arm_costs import led_costs
@@ -70,9 +71,10 @@ _LEAST_OFF = 0.15
 
 def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967): hands miss their
-    directions little, arms are easy, and elbows go no farther from frame to frame than they must.
+    directions little, arms are easy, and elbows go no farther than they must. Found for every other frame.
     """
-    both = pose.hands(states)
+    some = every_other(len(states))
+    both = pose.hands(states[some])
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     hard, effort = hardship(arm, both[..., pose.ROTVEC], signer, GRID)
     out, across = (x[..., None, :] for x in pose.elbow_axes(arm))
@@ -84,14 +86,14 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     wrist = (both[..., 1] / signer.scale - (COLLAR + SHOULDER)[1]) / (UPPER_ARM * signer.arms)
     raised = np.maximum(0.0, elbow[..., 1] - np.maximum(0.0, wrist)[..., None])
     costs = hard + effort + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
-    rows = np.arange(len(states))
-    led = np.empty((len(states), 2, 3))
+    rows = np.arange(len(some))
+    led = np.empty((len(some), 2, 3))
     for which in (0, 1):
-        at, scale = elbow[:, which], (fps / 30.0 / _STEP) ** 2
+        at, scale = elbow[:, which], (fps / 60.0 / _STEP) ** 2
         squares = scale * np.square(at).sum(axis=-1)
         changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * at[:-1] @ at[1:].transpose(0, 2, 1)
         led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]
-    return led
+    return between(led, some)
 
 
 def hardship(arm: pose.Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -17,7 +17,7 @@ from signsplice.motion.clip import Clip
 from signsplice.synth import elbows, gestures, leeway, pose, strokes, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, penetration, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion
-from signsplice.synth.carrying import FREE_CM, nearness
+from signsplice.synth.carrying import roughly
 from signsplice.synth.comfort import directed, eased
 from signsplice.synth.figure import Figure
 from signsplice.synth.locations import resting
@@ -93,7 +93,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     span = events.up, events.start, events.end, events.down
     near = None
     if sign.kind == "written":  # hands are brought to their places afterwards
-        near = nearness(states, replace(signer, left_handed=False), FREE_CM * signer.scale)
+        near = roughly(states, replace(signer, left_handed=False))
     states = two_hands.with_separate_timing(states, sign, signer, take, fps, span, near)
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
@@ -133,11 +133,13 @@ def _written(
     states = cleared(placed(eased(states, directions, hanging), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
-    for _ in range(_CLEARED_AGAIN * (penetration(touching, hanging, figure=figure)[0].max() > _DEEPEST_CM)):
-        touching = cleared(touching, figure)
     states = twists.steadied(elbows.slowed(touching, hanging, fps), hanging, fps)
     if states is not touching:
-        states = cleared(elbows.kept(cleared(states, figure), states, hanging), figure)
+        states = elbows.kept(cleared(states, figure), states, hanging)
+    for _ in range(_CLEARED_AGAIN):
+        if penetration(states, hanging, figure=figure)[0].max() <= _DEEPEST_CM:
+            break
+        states = cleared(states, figure)
     return elbows.from_easy(states, signer)
 
 

@@ -33,6 +33,8 @@ _GAP_CM = {"close": 3.0, "armextended": 12.0}
 _PAIR_SPACE = "space:0,2,26"
 _PAIR_FORWARD = 24.0
 """How far before the chest joint two hands that meet before the body are at least, cm."""
+_MET_CM = 0.01
+"""How far from what is written the gap of a pair may stay."""
 _TEMPO = (0.25, 3.0)
 _RETURN_TEMPO = 1.2
 _WEAK_ARM = WrittenPosture(fingers=("or",), palm=("d",), place=Place("stomach", contact="close"))
@@ -280,8 +282,10 @@ class _Compiler:
         nobody = WeakArm(STANDARD, np.zeros(27))
         for _ in range(4):
             state = strong_hand(made, nobody, meets=True)
-            apart = float(between_hands(pose.of_hands(state, state)[None], STANDARD)[0])
-            made = replace(made, off=made.off + 0.5 * (gap - apart))
+            missing = gap - float(between_hands(pose.of_hands(state, state)[None], STANDARD)[0])
+            made = replace(made, off=made.off + 0.5 * missing)
+            if abs(missing) < _MET_CM:
+                break
         return replace(self.strong, posture=replace(made, touch=gap < 1.0))
 
     def _middle(self, place: Place | None, first: bool) -> Spot:
@@ -306,7 +310,10 @@ class _Compiler:
             shift = plus((out, middle[1], middle[2]), zero, -1.0)
             made = replace(usual, shift=shift)
             state = pose.of_hands(strong_hand(made, arm), arm.hand)
-            out += gap - float(between_hands(state[None], STANDARD)[0])
+            missing = gap - float(between_hands(state[None], STANDARD)[0])
+            out += missing
+            if abs(missing) < _MET_CM:
+                break
         return replace(self.strong, posture=made)
 
     def _emit(self, mine: Step, its: Step, first: bool) -> None:
