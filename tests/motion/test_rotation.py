@@ -43,6 +43,12 @@ def test_operations_agree_with_scipy(a: FloatArray, b: FloatArray, v: FloatArray
     assert np.allclose(rotation.angle_between(a, b), (ra.inv() * rb).magnitude(), atol=1e-7)
 
 
+def test_many_products_are_each_the_same_as_alone() -> None:
+    a, b = rotation.normalize(np.random.default_rng(2).normal(size=(2, 500, 4)))
+    alone = [rotation.multiply(x, y) for x, y in zip(a, b, strict=True)]
+    assert np.array_equal(rotation.multiply(a, b), alone)
+
+
 @given(quaternions)
 def test_every_form_converts_there_and_back(q: FloatArray) -> None:
     assert same(rotation.exp(rotation.log(q)), q)

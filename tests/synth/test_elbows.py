@@ -107,3 +107,17 @@ def test_the_smoothest_choices_are_those_of_least_cost() -> None:
 
     best = min(product(range(3), repeat=5), key=total)
     assert tuple(swivel.smoothest(costs, changes)) == best
+
+
+def test_finer_steps_turn_an_elbow_no_farther_than_it_must() -> None:
+    frames = np.ones((30, 1))
+    arm = swivel.BentArm(
+        frames * [0.0, 0.0, 0.0], frames * [0.0, -0.25, 0.1], frames * [0.0, 0.0, 0.3], np.array([0.04, 0.03])
+    )
+    beside = np.array([-0.055, -0.14, 0.2])
+    solid = swivel.Solid(
+        (frames * beside)[:, None], (frames * beside)[:, None] + [0.0, 0.0, 0.01], np.full((1, 2), 0.03)
+    )
+    free = np.zeros((30, 1))
+    coarse, fine = (swivel.choose(arm, solid, free, 30.0, step) for step in (swivel.COARSE, swivel.FINE))
+    assert 0.0 < np.abs(fine).max() < np.abs(coarse).max()

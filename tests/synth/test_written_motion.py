@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,19 @@ BY_THE_SHOULDER = """BY-THE-SHOULDER  hands=one kind=written
 AT_EARS = """AT-EARS  hands=symmetric kind=written
   X shape=ceeall at=cheek by=5.tip touch=yes palm=-0.924,0.271,-0.271 fingers=0,0.707,0.707
   M at=chin:2.5,0 touch=yes palm=-0.383,0,-0.924 fingers=up path=arc:0.707,-0.707,0:2
+  H
+"""
+
+TO_THE_RIGHT = """TO-THE-RIGHT  hands=one kind=written
+  X shape=flat at=space:0,5,25 palm=down fingers=out
+  M shift=0,-12,0
+  H
+"""
+COMES_AND_STIRS = """COMES-AND-STIRS  hands=base kind=written
+  X shape=finger23spread at=space:15,19,30 palm=fwd fingers=up w.shape=rest w.at=rest w.palm=in w.fingers=down
+  M shape=finger23spread.hooked times=2
+  M shape=finger2 at=space:6,21,25 palm=down fingers=in w.shape=finger2 w.at=space:6,21,25 w.palm=down w.fingers=in
+  M local=stir:14:7 for=2.7
   H
 """
 
@@ -89,6 +104,25 @@ def test_hands_that_touch_move_together() -> None:
 
 def test_forearms_turn_over_in_their_own_time() -> None:
     assert list(signing.jumps(made(AT_EARS).clip)) == []
+
+
+def test_a_hand_that_no_wrist_can_turn_so_far_does_not_flip() -> None:
+    quats = made(TO_THE_RIGHT).clip.local_rotations[:, JOINTS["RightHand"]]
+    assert rotation.angle_between(quats[1:], quats[:-1]).max() < np.deg2rad(60.0)
+
+
+def test_a_hand_that_turns_over_in_a_frame_is_named() -> None:
+    clip = made(LOWERED).clip
+    quats = clip.local_rotations.copy()
+    quats[20, JOINTS["RightHand"]] = rotation.exp([0.0, 0.0, 1.4])
+    quats[21, JOINTS["RightHand"]] = rotation.exp([0.0, 0.0, -1.2])
+    assert "a hand turns over at frame 21" in " ".join(signing.jumps(replace(clip, local_rotations=quats)))
+
+
+def test_a_hand_that_has_come_stays_while_wrists_move() -> None:
+    one = made(COMES_AND_STIRS)
+    weak = one.states[one.segments[2].end : one.segments[3].end, 27:30]
+    assert np.linalg.norm(weak - weak[0], axis=1).max() < 3.0
 
 
 def test_arms_that_turn_over_nowhere_are_left_alone() -> None:

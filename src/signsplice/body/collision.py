@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +116,10 @@ class PosedCapsules:
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
         met &= may_meet
         frames, part, column = np.nonzero(met)
-        own, other = _table(hands)[part], others[column]
+        table = (
+            np.array([*zip_longest(*hands, fillvalue=-1)], np.intp).reshape(-1, len(hands)).T
+        )  # of each hand the capsules, then -1
+        own, other = table[part], others[column]
         at, axis = frames[:, None], axes[frames, other]
         away = squared_distance(
             middles[at, own], starts[frames, other][:, None], axis[:, None], dot(axis, axis)[:, None]
@@ -201,14 +205,6 @@ def _meeting_parts(
         meet[side::2, np.isin(others, arm)] = False
     meet[2:, ~np.isin(others, arms[0] + arms[1])] = False
     return [np.array(rows, np.intp) for rows in own], others, n_solid, meet, body.radii.max(axis=1)
-
-
-def _table(rows: Sequence[NDArray[np.intp]]) -> NDArray[np.intp]:
-    """Rows of different lengths as a table (R, K), filled up with -1."""
-    table = np.full((len(rows), max(map(len, rows))), -1, np.intp)
-    for n, row in enumerate(rows):
-        table[n, : len(row)] = row
-    return table
 
 
 def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -50,9 +50,7 @@ class Solid:
     radii: FloatArray
 
 
-def choose(
-    arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, step: float = COARSE
-) -> FloatArray:
+def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, step: float = COARSE) -> FloatArray:
     """Turns (T,) of the elbow, radians, in steps of ``step``, that keep the forearm from lying deeper in a solid than
     ``allowed`` (T, S).
     """

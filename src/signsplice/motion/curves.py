@@ -31,10 +31,12 @@ def every_other(n_frames: int) -> NDArray[np.intp]:
 
 def between(values: FloatArray, frames: NDArray[np.intp]) -> FloatArray:
     """Values (F, ...) at some frames, the first is 0, and in straight lines between them: at every frame (T, ...)."""
+    rows = values.reshape(len(frames), -1)
     at = np.arange(frames[-1] + 1)
-    k = np.maximum(np.searchsorted(frames, at) - 1, 0)
-    share = ((at - frames[k]) / np.maximum(np.diff(frames, append=frames[-1] + 1)[k], 1)).reshape(-1, *(1,) * (values.ndim - 1))
-    return np.asarray(values[k] + share * (values[np.minimum(k + 1, len(frames) - 1)] - values[k]))
+    k = np.minimum(np.searchsorted(frames, at, side="right"), len(frames) - 1)
+    share = (frames[k] - at) / np.maximum(frames[k] - frames[k - 1], 1)
+    made = rows[k] + share[:, None] * (rows[k - 1] - rows[k])
+    return np.asarray(made.reshape(len(at), *values.shape[1:]))
 
 
 def spread_in_time(push: FloatArray, kernel: FloatArray) -> FloatArray:

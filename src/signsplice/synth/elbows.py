@@ -54,7 +54,7 @@ def steadied(
 
 GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 """Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
-_MISSED = np.deg2rad(7.5)
+_MISSED = np.deg2rad(6.0)
 """Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
 _EFFORT = 0.35
 """What an elbow costs that is not where it is easy, over ``arm_costs.swivel_costs``."""
@@ -66,7 +66,7 @@ _RAISED = 0.1
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
 _LEAST_OFF = 0.15
-"""How far from the line between shoulder and wrist an elbow counts as at least, over the same: straight arms turn, too."""
+"""How far from the line between shoulder and wrist an elbow counts as at least, over the same: a straight arm turns."""
 
 
 def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
@@ -230,7 +230,9 @@ def _short(angles: FloatArray) -> FloatArray:
 
 
 def _clearing(posed: PosedArms, which: int, fps: float, step: float) -> FloatArray:
-    """By how much (T,), in steps of ``step``, the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
+    """By how much (T,) the swivels of the strong (0) or the weak arm (1) change, in such steps, for its forearm to be
+    free.
+    """
     body, groups = posed.capsules.body, posed.capsules.body.groups
     solid = [*groups.below_arms, *(groups.right_arm if which else groups.left_arm)]
     radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")

@@ -232,7 +232,10 @@ class SegmentPlan:
         stops = held if rest else not self.pace.landing
         if rest and self.sign.kind == "written":
             one = self.sign.segments[n]
-            stops = held or (rest[0].strong, rest[0].weak) == (one.strong, one.weak)  # stays for what wrist or fingers do
+            stops = held or (rest[0].strong, rest[0].weak) == (
+                one.strong,
+                one.weak,
+            )  # stays for what wrist or fingers do
         if held and self.pace.landing and not self._touched(self.sign.segments[n], end.state):
             self.landed, stops = end.state, False
             end = replace(end, state=short)

@@ -35,9 +35,10 @@ def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     kept = np.clip(wrist.twist, -pose.FOREARM_LIMIT, pose.FOREARM_LIMIT)
     turned = kept.copy()
     swing = np.clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), *pose.WRIST_LIMITS.T)
-    fast = np.maximum(
-        np.abs(np.diff(kept, axis=0)), _SWUNG * np.linalg.norm(np.diff(swing, axis=0), axis=-1)
-    ) * fps > _FASTEST  # (T - 1, 2)
+    fast = (
+        np.maximum(np.abs(np.diff(kept, axis=0)), _SWUNG * np.linalg.norm(np.diff(swing, axis=0), axis=-1)) * fps
+        > _FASTEST
+    )  # (T - 1, 2)
     if not fast.any():
         return states
     for which in np.flatnonzero(fast.any(axis=0)):
