@@ -116,10 +116,8 @@ class PosedCapsules:
         met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
         met &= may_meet
         frames, part, column = np.nonzero(met)
-        table = (
-            np.array([*zip_longest(*hands, fillvalue=-1)], np.intp).reshape(-1, len(hands)).T
-        )  # of each hand the capsules, then -1
-        own, other = table[part], others[column]
+        rows = np.array([*zip_longest(*hands, fillvalue=-1)], np.intp).reshape(-1, len(hands))
+        own, other = rows.T[part], others[column]  # of each hand its capsules, then -1
         at, axis = frames[:, None], axes[frames, other]
         away = squared_distance(
             middles[at, own], starts[frames, other][:, None], axis[:, None], dot(axis, axis)[:, None]

@@ -26,7 +26,7 @@ _FASTEST_CM_S = 350.0
 _DEEPEST_CM = 0.5
 """How deep a hand may lie in the body."""
 _FASTEST_TURN = 30.0
-"""A forearm or hand that turns faster, radians a second, turns over: from one of its limits to the other in a frame."""
+"""What turns faster, radians a second, turns over: from one of its limits to the other in a frame."""
 
 
 def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
@@ -47,19 +47,19 @@ def deep_hands(clip: Clip) -> Iterator[str]:
 
 
 def jumps(clip: Clip) -> Iterator[str]:
-    """A line for the elbow that goes, and for the forearm or hand that turns, more in a frame than an arm can."""
+    """A line for the elbow that goes, and for what turns, more in a frame than an arm can."""
     chest, *arms = (JOINTS[name] for name in ("Spine2", "LeftArm", "LeftForeArm", "RightArm", "RightForeArm"))
     rotations, positions = kinematics.forward(clip, [chest, *arms])
     seen = np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1])
     steps = np.linalg.norm(np.diff(seen[:, 1::2] - seen[:, ::2], axis=0), axis=-1).max(axis=1) * clip.fps
     if steps.size and steps.max() > _FASTEST_CM_S:
         yield f"an elbow jumps at frame {int(steps.argmax()) + 1}: the arm cannot do what is written; look at the sign"
-    for part, name in (("ForeArm", "forearm"), ("Hand", "hand")):
+    for part, name in (("Arm", "an upper arm"), ("ForeArm", "a forearm"), ("Hand", "a hand")):
         arms = [JOINTS[side + part] for side in ("Left", "Right")]
         turns = rotation.angle_between(clip.local_rotations[1:, arms], clip.local_rotations[:-1, arms]).max(axis=1)
         if turns.size and turns.max() * clip.fps > _FASTEST_TURN:
             at = int(turns.argmax()) + 1
-            yield f"a {name} turns over at frame {at}: it cannot turn as is written; look at the sign"
+            yield f"{name} turns over at frame {at}: it cannot turn as is written; look at the sign"
 
 
 def warnings(sign: WrittenSign) -> tuple[str, ...]:
