@@ -128,7 +128,7 @@ def _written(
     states, hanging = elbows.from_hanging(within_reach(states, signer), signer)
     figure = Figure(states, hanging)
     states = placed(directed(states, directions, hanging), segments, sign, figure, fps)
-    states = parted(states, figure) if sign.hands == "symmetric" else states
+    states = cleared(parted(states, figure), figure) if sign.hands == "symmetric" else states
     states = elbows.steadied(directed(states, directions, hanging), hanging, fps, led=True, figure=figure)
     states = cleared(placed(eased(states, directions, hanging), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
