@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signsplice.motion.curves import between, every_other
+from signsplice.motion.curves import between, sparse
 
 
-@pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 9])
-def test_straight_lines_between_every_other_frame(n_frames: int) -> None:
-    frames = every_other(n_frames)
+@pytest.mark.parametrize(("n_frames", "fps", "step"), [(1, 30, 2), (2, 30, 2), (4, 30, 2), (9, 60, 4), (9, 10, 1)])
+def test_straight_lines_between_some_frames(n_frames: int, fps: float, step: int) -> None:
+    frames = sparse(n_frames, fps)
     line = np.arange(n_frames)[:, None] * [1.0, -2.0]
-    assert set(range(0, n_frames, 2)) | {n_frames - 1} == set(frames.tolist())
+    assert set(range(0, n_frames, step)) | {n_frames - 1} == set(frames.tolist())
     assert between(line[frames], frames) == pytest.approx(line)

@@ -24,9 +24,9 @@ def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
 
-def every_other(n_frames: int) -> NDArray[np.intp]:
-    """Every other frame of some, and the last one."""
-    return np.union1d(np.arange(0, n_frames, 2), np.arange(n_frames)[-1:])
+def sparse(n_frames: int, fps: float) -> NDArray[np.intp]:
+    """Of some frames those about a fifteenth of a second apart, and the last one: enough of a hand's way."""
+    return np.union1d(np.arange(0, n_frames, max(1, round(fps / 15.0))), np.arange(n_frames)[-1:])
 
 
 def between(values: FloatArray, frames: NDArray[np.intp]) -> FloatArray:

@@ -17,7 +17,7 @@ from signsplice.body.collision import PosedCapsules
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.curves import between, every_other
+from signsplice.motion.curves import between, sparse
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import pose
 from signsplice.synth.figure import Figure
@@ -80,9 +80,9 @@ def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearne
     return Nearness(weights, clearances, apart, out[..., _HEAD, 0])
 
 
-def roughly(states: FloatArray, signer: Signer) -> Nearness:
-    """``nearness`` of every other frame, linear between them, and no farther than hands are carried."""
-    some = every_other(len(states))
+def roughly(states: FloatArray, signer: Signer, fps: float) -> Nearness:
+    """``nearness`` at some frames, linear between them, and no farther than hands are carried."""
+    some = sparse(len(states), fps)
     near = nearness(states[some], signer, FREE_CM * signer.scale)
     return Nearness(*(between(x, some) for x in vars(near).values()))
 

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from signsplice.body import swivel
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.curves import between, every_other
+from signsplice.motion.curves import between, sparse
 from signsplice.rig.naming import SIDES
 from signsplice.synth import pose, trajectory
 from signsplice.synth.arm_costs import led_costs
@@ -71,9 +71,9 @@ _LEAST_OFF = 0.15
 
 def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967): hands miss their
-    directions little, arms are easy, and elbows go no farther than they must. Found for every other frame.
+    directions little, arms are easy, and elbows go no farther than they must. Found at some frames.
     """
-    some = every_other(len(states))
+    some = sparse(len(states), fps)
     both = pose.hands(states[some])
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     hard, effort = hardship(arm, both[..., pose.ROTVEC], signer, GRID)
@@ -86,10 +86,10 @@ def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     wrist = (both[..., 1] / signer.scale - (COLLAR + SHOULDER)[1]) / (UPPER_ARM * signer.arms)
     raised = np.maximum(0.0, elbow[..., 1] - np.maximum(0.0, wrist)[..., None])
     costs = hard + effort + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
-    rows = np.arange(len(some))
+    rows, apart_s = np.arange(len(some)), (some[-1] / max(1, len(some) - 1)) / fps
     led = np.empty((len(some), 2, 3))
     for which in (0, 1):
-        at, scale = elbow[:, which], (fps / 60.0 / _STEP) ** 2
+        at, scale = elbow[:, which], 1.0 / (30.0 * apart_s * _STEP) ** 2
         squares = scale * np.square(at).sum(axis=-1)
         changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * at[:-1] @ at[1:].transpose(0, 2, 1)
         led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]

@@ -93,7 +93,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     span = events.up, events.start, events.end, events.down
     near = None
     if sign.kind == "written":  # hands are brought to their places afterwards
-        near = roughly(states, replace(signer, left_handed=False))
+        near = roughly(states, replace(signer, left_handed=False), fps)
     states = two_hands.with_separate_timing(states, sign, signer, take, fps, span, near)
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
