@@ -8,6 +8,7 @@ away and a nod are grammar. All of it begins when the hands leave rest and is ov
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ from signsplice.synth.phonology import Local, Segment
 from signsplice.synth.signer import Signer
 
 if TYPE_CHECKING:
+    from signsplice.synth.segment_plan import TimedSegment
     from signsplice.synth.timing import Events
 
 _GAZE = 0.9
@@ -93,21 +95,52 @@ def _smoothed(values: FloatArray, fps: float, seconds: float) -> FloatArray:
     return np.asarray(gaussian_filter1d(values, seconds * fps, axis=0, mode="nearest"))
 
 
-def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer) -> None:
-    """Add a segment's local movements to its states (n, 65), in place."""
+def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer, wrist: bool = True) -> None:
+    """Add a segment's local movements to its states (n, 65), in place; ``wrist``: those of the wrist, too."""
+    for which, local, phase in _locals(segment, hands):
+        if wrist or local.kind not in _WRIST:
+            _add_local(states[:, 27 * which : 27 * which + 27], local, phase, signer)
+
+
+def _locals(segment: Segment, hands: str) -> Iterator[tuple[int, Local, float]]:
+    """The local movements of a segment: which hand's (0 strong, 1 weak), and its phase."""
     mirrored = hands in ("symmetric", "alternating")
     for which, local in enumerate((segment.local, segment.local if mirrored else segment.weak_local)):
-        hand_states = states[:, 27 * which : 27 * which + 27]  # (n, 27), a view
         while local is not None:
-            _add_local(hand_states, local, np.pi if which == 1 and hands == "alternating" else 0.0, signer)
+            yield which, local, np.pi if which == 1 and hands == "alternating" else 0.0
             local = local.also
+
+
+_WRIST = {"twist": (0,), "swing": (1,), "nod": (2,), "stir": (1, 2)}
+"""The angles that movements of the wrist change: twist of the forearm, deviation and flexion of the wrist."""
+
+
+def wrist_movements(segments: Sequence[TimedSegment], hands: str, n_frames: int) -> tuple[FloatArray, FloatArray]:
+    """What movements of the wrist add to these angles of both hands (T, 2, 3), radians, and how far they go to either
+    side (T, 2, 3).
+    """
+    added, room = np.zeros((2, n_frames, 2, 3))
+    for one in segments:
+        for which, local, phase in _locals(one.segment, hands):
+            angle, level = _cycles(local, one.end - one.begin + 1, phase)
+            size = np.deg2rad(local.amplitude)
+            for k, axis in enumerate(_WRIST.get(local.kind, ())):
+                part = slice(one.begin, one.end + 1), which, axis
+                added[part] += (-abs(size) * np.cos(angle) if k else size * np.sin(angle)) * level
+                room[part] += abs(size) * level
+    return added, room
+
+
+def _cycles(local: Local, n: int, phase: float) -> tuple[FloatArray, FloatArray]:
+    """The angle (n,) of a local movement in its cycle, and how far (n,) it is made: less at both ends."""
+    angle = 2.0 * np.pi * local.cycles * np.linspace(0.0, 1.0, n) + phase
+    return angle, trajectory.window(n, max(1, round(0.18 * n)))
 
 
 def _add_local(hand_states: FloatArray, local: Local, phase: float, signer: Signer) -> None:
     """Add one hand's local movement to its states (n, 27), in place."""
     n = len(hand_states)
-    angle = 2.0 * np.pi * local.cycles * np.linspace(0.0, 1.0, n) + phase
-    level = trajectory.window(n, max(1, round(0.18 * n)))
+    angle, level = _cycles(local, n, phase)
     swing = np.sin(angle) * level
     amplitude = np.deg2rad(local.amplitude)
     if local.kind == "twist":

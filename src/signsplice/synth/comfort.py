@@ -13,6 +13,7 @@ import numpy as np
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import elbows, pose
+from signsplice.synth.arm_costs import MARGIN
 from signsplice.synth.signer import Signer
 
 YIELDS = np.deg2rad(8.0)
@@ -32,8 +33,16 @@ def directed(states: FloatArray, written: FloatArray, signer: Signer) -> FloatAr
     return elbows.turned(states, arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels, signer)
 
 
-def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
-    """The same, as nearly as is easy."""
+def eased(
+    states: FloatArray,
+    written: FloatArray,
+    signer: Signer,
+    added: FloatArray | float = 0.0,
+    room: FloatArray | float = 0.0,
+) -> FloatArray:
+    """The same, as nearly as is easy, with what movements of forearm and wrist have ``added`` to their angles
+    (T, 2, 3); these have ``room`` (T, 2, 3) to either side before a joint's limit.
+    """
     arm, swivels = elbows.solved(states, signer)
     wrist = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels)
     angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
@@ -42,6 +51,8 @@ def eased(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray
     missed = np.linalg.norm(angles - np.clip(angles, *_LIMITS.T), axis=-1, keepdims=True)
     share = (1.0 - np.exp(-size / _SLOW)) * np.maximum(0.0, 1.0 - missed / YIELDS)
     angles = angles - YIELDS * share * beyond / np.maximum(size, 1e-9)
+    inner = room + MARGIN * (2.0 * np.minimum(room / MARGIN, 1.0) - 1.0)
+    angles = np.where(room > 0.0, np.clip(angles, _LIMITS[:, 0] + inner, _LIMITS[:, 1] - inner), angles) + added
     twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in
                     ((angles[..., :1], (0, 2)), (angles[..., 1:], (1, 0))))  # fmt: skip
     made = rotation.multiply(rotation.exp(twist), rotation.exp(swing))

@@ -319,7 +319,7 @@ def varied_rounds(path: PathMotion, *names: str | int) -> tuple[PathMotion, Call
     """The path with later revolutions of a circle, or swings of a zigzag, smaller; and the time of each fraction of it,
     0 to 1, each revolution in a time of its own. ``names`` seed how they differ.
     """
-    difference, count = path.signer.manner.pass_difference, _rounds(path)
+    difference, count = path.signer.manner.pass_difference, rounds(path)
     if not difference or count < 2:
         return path, float
     rng = stream("round-difference", path.signer.name, *names)
@@ -330,7 +330,7 @@ def varied_rounds(path: PathMotion, *names: str | int) -> tuple[PathMotion, Call
     return replace(path, rounds=(1.0, *sizes.tolist())), lambda t: float(np.interp(t, evenly, ends))
 
 
-def _rounds(path: PathMotion) -> int:
+def rounds(path: PathMotion) -> int:
     """Revolutions of a circle or swings of a zigzag; 1 for other paths."""
     kind = path.segment.path.kind
     return max(1, round(abs(path.segment.path.revolutions))) if kind in ("circle", "zigzag") else 1

@@ -218,6 +218,11 @@ class Segment:
     weak_local: Local | None = None
     keeps: bool = False
 
+    @property
+    def circles(self) -> bool:
+        """Whether a hand circles."""
+        return "circle" in (self.path.kind, self.weak_path.kind)
+
 
 @dataclass(frozen=True)
 class Sign:

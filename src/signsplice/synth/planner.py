@@ -16,7 +16,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.synth import elbows, gestures, leeway, pose, strokes, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, penetration, skin_clearances, touching_sides
-from signsplice.synth.body_motion import add_body_motion
+from signsplice.synth.body_motion import add_body_motion, wrist_movements
 from signsplice.synth.carrying import roughly
 from signsplice.synth.comfort import directed, eased
 from signsplice.synth.figure import Figure
@@ -127,12 +127,15 @@ def _written(
     directions = facing_as_written(states, segments, sign, signer, fps)
     states, hanging = elbows.from_hanging(within_reach(states, signer), signer)
     figure = Figure(states, hanging)
+    planned = states
     states = placed(directed(states, directions, hanging), segments, sign, figure, fps)
     states = cleared(parted(states, figure), figure) if sign.hands == "symmetric" else states
     states = elbows.steadied(directed(states, directions, hanging), hanging, fps, led=True, figure=figure)
-    states = cleared(placed(eased(states, directions, hanging), segments, sign, figure, fps), figure)
+    wrists = wrist_movements(segments, sign.hands, len(states))
+    states = cleared(placed(eased(states, directions, hanging, *wrists), segments, sign, figure, fps), figure)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
+    touching = strokes.rounded(touching, planned, segments, sign, figure)
     states = twists.steadied(elbows.slowed(touching, hanging, fps), hanging, fps)
     if states is not touching:
         states = elbows.kept(cleared(states, figure), states, hanging)

@@ -17,7 +17,7 @@ from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, touching
 from signsplice.synth.body_motion import add_gesture, add_local_movement
 from signsplice.synth.locations import ON_HEAD, WeakArm, resting
 from signsplice.synth.low_pass import low_passed
-from signsplice.synth.paths import PathMotion, drifted, strokes, translated, varied_rounds, without_spins
+from signsplice.synth.paths import PathMotion, drifted, rounds, strokes, translated, varied_rounds, without_spins
 from signsplice.synth.phonology import REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.synth.signer import Signer
 from signsplice.synth.timing import Events, hold_pause, tempo_of
@@ -109,12 +109,14 @@ class SegmentPlan:
         )
 
     def add_overlays(self, states: FloatArray, offset: int) -> None:
-        """Add local movements and gestures of head and trunk to states of the whole word, in place."""
+        """Add local movements and gestures of head and trunk to states of the whole word, in place; those of written
+        wrists are added when their elbows are known.
+        """
         for timed in self.timed:
             add_gesture(states, timed.segment, timed.begin + offset, timed.end + offset, self.fps)
         for timed in self.timed:
             part = states[timed.begin + offset : timed.end + offset + 1]
-            add_local_movement(part, timed.segment, self.sign.hands, self.signer)
+            add_local_movement(part, timed.segment, self.sign.hands, self.signer, self.sign.kind != "written")
 
     def _postures(self) -> list[tuple[FloatArray, FloatArray]]:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
@@ -170,7 +172,8 @@ class SegmentPlan:
             if self.landed is not None:
                 landing = LANDING_S * self.fps
                 if self.sign.kind == "written":  # a slow movement comes to rest as slowly
-                    landing = max(landing, (self.knots[-1].frame - self.knots[-2].frame) / 3.0)
+                    between = self.knots[-1].frame - self.knots[-2].frame
+                    landing = 1.3 * between if segments[n - 1].circles else max(landing, between / 3.0)
                 self.knots.append(Knot(begin + min(n_frames - 1, round(landing)), self.landed, True))
             state, self.landed = self.knots[-1].state, None
             if pause_s and not touches(segment, self.sign):
@@ -212,13 +215,17 @@ class SegmentPlan:
         for k, stroke in enumerate(strokes(path, count, each, self.sign.gloss, self.take, n)):
             for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
                 time = turned(fraction) * stroke.n_frames
-                time = time if path.rounds and s < 1.0 else round(time)  # uneven rounds: knots less than a frame apart
+                if s == 1.0 or not (path.rounds or self.sign.kind == "written"):  # others lie between frames
+                    time = round(time)
                 self.knots.append(Knot(start + time, path.of_pass(k, stroke.along(s)), False))
             if stroke.forward:
                 cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
                 passes += list(itertools.pairwise(cuts))
             start += stroke.n_frames
-        self._arrive(n, path.of_pass(k, stroke.along(1.0 - self.pace.landing)))
+        landing = self.pace.landing
+        if self.sign.kind == "written":  # of the last round; circles come to rest in less of it
+            landing /= max(rounds(path), revolutions) * (2.0 if path.circles else 1.0)
+        self._arrive(n, path.of_pass(k, stroke.along(1.0 - landing)))
         if path.still:
             return ((begin, self.stop),)
         return tuple(passes)
@@ -231,11 +238,8 @@ class SegmentPlan:
         held = bool(rest) and rest[0].kind == "H"
         stops = held if rest else not self.pace.landing
         if rest and self.sign.kind == "written":
-            one = self.sign.segments[n]
-            stops = held or (rest[0].strong, rest[0].weak) == (
-                one.strong,
-                one.weak,
-            )  # stays for what wrist or fingers do
+            one = self.sign.segments[n]  # hands stay for what wrists or fingers do
+            stops = held or (rest[0].strong, rest[0].weak) == (one.strong, one.weak)
         if held and self.pace.landing and not self._touched(self.sign.segments[n], end.state):
             self.landed, stops = end.state, False
             end = replace(end, state=short)

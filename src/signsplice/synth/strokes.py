@@ -76,6 +76,27 @@ def as_written(
     return states
 
 
+def rounded(
+    states: FloatArray, planned: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure
+) -> FloatArray:
+    """States (T, 65) of a whole word, those of a figure but for their arms, with circles as they were ``planned``
+    (T, 65) between where they begin and end now: what was in the way moves all of a circle, not a side of it.
+    """
+    moves = np.zeros((len(states), 2, 3))
+    for one in segments:
+        if not one.segment.circles:
+            continue
+        frames = slice(one.begin, one.end + 1)
+        now, then = (pose.hands(x)[frames, :, pose.WRIST] for x in (states, planned))
+        off = then - now
+        share = np.linspace(0.0, 1.0, len(off))[:, None, None]
+        moves[frames] = off - off[0] - share * (off[-1] - off[0])
+    if not moves.any():
+        return states
+    quats, steady = pose.hand_rotations(states, figure.signer), elbows.directions_of(states, figure.signer)
+    return cleared(moved(states, quats, steady, moves, figure.signer), figure)
+
+
 def _in_rows(
     places: Sequence[FloatArray], rows: Sequence[Sequence[int]], every: Sequence[Stay], sign: Sign, signer: Signer
 ) -> list[FloatArray]:

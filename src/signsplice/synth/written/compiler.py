@@ -21,7 +21,7 @@ from signsplice.synth.phonology import Path, Posture, Segment, Sign, faults, on_
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.written.directions import plus, unit
 from signsplice.synth.written.faces import body_tracks
-from signsplice.synth.written.hands import KINDS, HandState, checked, palm_point, resting, weak_arm
+from signsplice.synth.written.hands import KINDS, HandState, checked, from_skin, palm_point, resting, weak_arm
 from signsplice.synth.written.kinds import alternates, is_symmetric, is_two_handed, splits
 from signsplice.synth.written.places import ON_ARM, Spot, part_of_hand, point_of, spot
 from signsplice.synth.written.repetition import Tracked, collapsed
@@ -164,6 +164,10 @@ class _Compiler:
         if mine.brushing is not None:
             self._brush(mine.brushing)
         before = self.weak.made if self.weak.posture is not None else None
+        if mine.anywhere and not (on_base(self.strong.made.location) and its.path.kind == "circle"):
+            mine = replace(mine, path=from_skin(mine.path, self.strong.made, before, self.hands == "symmetric"))
+        if its.anywhere:
+            its = replace(its, path=from_skin(its.path, self.weak.made, None, False))
         targets = [mine.target, its.target]
         if mine.swaps or its.swaps:
             self._swap()
@@ -337,9 +341,8 @@ class _Compiler:
         if back:
             segment = replace(segment, tempo=_RETURN_TEMPO)
         still = strong == last.strong and weak == last.weak
-        circles = "circle" in (segment.path.kind, segment.weak_path.kind)
-        if not still or segment.local or segment.weak_local or circles:
-            if still and not circles:
+        if not still or segment.local or segment.weak_local or segment.circles:
+            if still and not segment.circles:
                 segment = replace(segment, path=Path())
             self.track.append(Tracked(segment, back))
         pause = max(mine.pause_s, its.pause_s)

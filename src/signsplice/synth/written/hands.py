@@ -18,7 +18,7 @@ from signsplice.synth import locations
 from signsplice.synth.composed import handshape
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import WeakArm
-from signsplice.synth.phonology import REST, Posture, Vector, on_arm
+from signsplice.synth.phonology import REST, Path, Posture, Vector, on_arm
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.written.directions import dot, facing, oriented, plus, unit
 from signsplice.synth.written.places import Spot, shape_text, spot, usual_part
@@ -254,6 +254,19 @@ def _goes(location: str, slid: str, travel: Vector) -> bool:
 
 
 _AXES = np.array([-1.0, 1.0, 1.0])
+
+
+_IN_PLANE = 0.5
+"""How much of the direction to the skin lies in the plane of a circle that begins there, at least."""
+
+
+def from_skin(path: Path, posture: Posture, weak: Posture | None, meets: bool) -> Path:
+    """A circle of a hand at the skin, or at the other hand, that begins where it is nearest to that: it is whole."""
+    out, up, ahead = (locations.MIRROR * locations.locate(posture.location, weak_arm(weak)).normal).tolist()
+    toward = (-out, -up, -ahead) if out or up or ahead else (-float(meets and posture.touch), 0.0, 0.0)
+    toward = plus(toward, path.direction, -dot(toward, path.direction))
+    start = unit(toward)
+    return path if start is None or dot(toward, toward) < _IN_PLANE**2 else replace(path, start=start)
 
 
 def weak_arm(posture: Posture | None) -> WeakArm:

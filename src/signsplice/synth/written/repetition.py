@@ -24,6 +24,7 @@ def collapsed(track: list[Tracked]) -> list[Segment]:
         again = 1
         while (
             segment.kind == "M" and out and k + 2 < len(track) and track[k + 1].back
+            and not track[k + 1].segment.circles
             and track[k + 2].segment == segment
             and (track[k + 1].segment.strong, track[k + 1].segment.weak) == (out[-1].strong, out[-1].weak)
         ):  # fmt: skip
@@ -51,8 +52,7 @@ def _continues(before: Segment, segment: Segment) -> bool:
 def _longer(before: Segment, segment: Segment) -> Segment:
     """Two segments in one place as one."""
     local, own = before.local, before.weak_local
-    circling = segment.path.kind == "circle" or segment.weak_path.kind == "circle"
-    if not circling:
+    if not segment.circles:
         local = local and replace(local, cycles=min(local.cycles + 2.0, 10.0))
         own = own and replace(own, cycles=min(own.cycles + 2.0, 10.0))
     turns = [min(a.revolutions + b.revolutions, 6.0) for a, b in

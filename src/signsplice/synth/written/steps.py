@@ -53,6 +53,7 @@ class Step:
     beyond: displacement from there
     brushing: place, or pair of parts, that the hand brushes along
     swaps: whether hands exchange what they are
+    anywhere: whether it is a circle of which nothing says where it begins
     """
 
     travel: Vector = _STILL
@@ -67,6 +68,7 @@ class Step:
     beyond: Vector = _STILL
     brushing: Place | Pair | None = None
     swaps: bool = False
+    anywhere: bool = False
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,7 @@ def _circle(motion: Motion, view: View) -> Step:
         start = (-start[0], -start[1], -start[2])
     path = Path("circle", view.axis(axis), size=size, revolutions=turns, start=view.polar(start), ratio=ratio)
     chord = _chord(path)
-    return Step(chord, path)
+    return Step(chord, path, anywhere=not (motion.start or motion.end or view.opposite))
 
 
 def _chord(path: Path) -> Vector:
@@ -267,6 +269,7 @@ def _merged(one: Step, other: Step) -> Step:
         beyond=plus(one.beyond, other.beyond),
         brushing=one.brushing or other.brushing,
         swaps=one.swaps or other.swaps,
+        anywhere=one.anywhere or other.anywhere,
     )
 
 
