@@ -136,6 +136,7 @@ def _written(
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
     touching = strokes.rounded(touching, planned, segments, sign, figure)
+    touching = strokes.held(touching, segments, sign, hanging, fps)
     states = twists.steadied(elbows.slowed(touching, hanging, fps), hanging, fps)
     if states is not touching:
         states = elbows.kept(cleared(states, figure), states, hanging)

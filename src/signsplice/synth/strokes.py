@@ -25,7 +25,7 @@ from signsplice.synth.locations import MIRROR, WeakArm
 from signsplice.synth.phonology import Posture, Sign, in_space, on_arm
 from signsplice.synth.placing import LEFT_ALONE, RADIUS_S, Stay, cleared, limited, moved, spread, stays
 from signsplice.synth.segment_plan import TimedSegment
-from signsplice.synth.signer import Signer
+from signsplice.synth.signer import HangingElbowSigner, Signer
 
 _MOST_CM = 8.0
 """How far a posture is moved at most."""
@@ -93,8 +93,23 @@ def rounded(
         moves[frames] = off - off[0] - share * (off[-1] - off[0])
     if not moves.any():
         return states
-    quats, steady = pose.hand_rotations(states, figure.signer), elbows.directions_of(states, figure.signer)
-    return cleared(moved(states, quats, steady, moves, figure.signer), figure)
+    signer = figure.signer
+    quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
+    whole = cleared(moved(states, quats, steady, moves, signer), figure)
+    return elbows.directed(whole, steady, signer)
+
+
+def held(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: HangingElbowSigner, fps: float
+) -> FloatArray:
+    """States (T, 65) of a whole word with elbows that stay where they are while hands stay."""
+    directions = elbows.directions_of(states, signer)
+    wanted, missing = list[Stay](), list[FloatArray]()
+    for one in stays(segments, sign, fps, lambda posture: True)[0]:
+        there = directions[one.first : one.last + 1, one.which]
+        wanted += [replace(one, first=frame, last=frame) for frame in range(one.first, one.last + 1)]
+        missing += [*(_steadiest(directions[:, one.which], one) - there)]
+    return elbows.directed(states, directions + spread(wanted, missing, [], len(states), RADIUS_S * fps), signer)
 
 
 def _in_rows(
@@ -168,9 +183,9 @@ def _palms(states: FloatArray, figure: Figure) -> FloatArray:
 _PALM = hand_part("palm")
 
 
-def _steadiest(palms: FloatArray, stay: Stay) -> FloatArray:
-    """Where a palm (T, 3) is while it stays: in the frame nearest to all others."""
-    there = palms[stay.first : stay.last + 1]
+def _steadiest(places: FloatArray, stay: Stay) -> FloatArray:
+    """Where a palm or an elbow (T, 3) is while a hand stays: in the frame nearest to all others."""
+    there = places[stay.first : stay.last + 1]
     return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])
 
 
