@@ -33,6 +33,11 @@ def directed(states: FloatArray, written: FloatArray, signer: Signer) -> FloatAr
     return elbows.turned(states, arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels, signer)
 
 
+def beyond(angles: FloatArray) -> FloatArray:
+    """How far twist, deviation and flexion (..., 3) are beyond the easy ranges."""
+    return np.asarray(angles - np.clip(angles, *_EASY.T))
+
+
 def eased(
     states: FloatArray,
     written: FloatArray,
@@ -46,11 +51,11 @@ def eased(
     arm, swivels = elbows.solved(states, signer)
     wrist = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels)
     angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
-    beyond = angles - np.clip(angles, *_EASY.T)
-    size = np.linalg.norm(beyond, axis=-1, keepdims=True)
+    off = beyond(angles)
+    size = np.linalg.norm(off, axis=-1, keepdims=True)
     missed = np.linalg.norm(angles - np.clip(angles, *_LIMITS.T), axis=-1, keepdims=True)
     share = (1.0 - np.exp(-size / _SLOW)) * np.maximum(0.0, 1.0 - missed / YIELDS)
-    angles = angles - YIELDS * share * beyond / np.maximum(size, 1e-9)
+    angles = angles - YIELDS * share * off / np.maximum(size, 1e-9)
     inner = room + MARGIN * (2.0 * np.minimum(room / MARGIN, 1.0) - 1.0)
     angles = np.where(room > 0.0, np.clip(angles, _LIMITS[:, 0] + inner, _LIMITS[:, 1] - inner), angles) + added
     twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in

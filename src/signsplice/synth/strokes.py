@@ -16,7 +16,7 @@ import numpy as np
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import elbows, hand, locations, pose
+from signsplice.synth import comfort, elbows, hand, locations, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, penetration
 from signsplice.synth.composed import handshape
 from signsplice.synth.figure import Figure
@@ -33,6 +33,8 @@ _MOST_FIRST_CM = 1.5
 """How far off its place a posture that no stroke has led to may be for the sake of those that follow."""
 _LEFT_CM = 0.5
 """How far off all may be and are left."""
+_HELD_S = 0.2
+"""How long before and after a hold elbows go to and from where they stay."""
 _BLOCKED_CM = 1.5
 """How far from where it was to go a posture is that something is in the way of."""
 
@@ -102,13 +104,18 @@ def rounded(
 def held(
     states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: HangingElbowSigner, fps: float
 ) -> FloatArray:
-    """States (T, 65) of a whole word with elbows that stay where they are while hands stay."""
-    directions = elbows.directions_of(states, signer)
-    wanted, missing = list[Stay](), list[FloatArray]()
-    for one in stays(segments, sign, fps, lambda posture: True)[0]:
-        there = directions[one.first : one.last + 1, one.which]
-        wanted += [replace(one, first=frame, last=frame) for frame in range(one.first, one.last + 1)]
-        missing += [*(_steadiest(directions[:, one.which], one) - there)]
+    """States (T, 65) of a whole word with elbows that stay while hands stay: where these bend wrists least."""
+    directions, wrist = elbows.directions_of(states, signer), pose.posed_arms(states, signer)[1]
+    bent = comfort.beyond(np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1))
+    every, reach = stays(segments, sign, fps, lambda posture: True)[0], round(_HELD_S * fps)
+    # What is farther away in time stays; of the same frame the later one counts.
+    wanted = [replace(one, first=max(one.first - reach, 0), last=one.last + reach) for one in every]
+    missing = [np.zeros(3)] * len(wanted)
+    for one in every:
+        frames = range(one.first, one.last + 1)
+        best = min(frames, key=lambda frame: float(np.linalg.norm(bent[frame, one.which])))
+        wanted += [replace(one, first=frame, last=frame) for frame in frames]
+        missing += [*(directions[best, one.which] - directions[frames, one.which])]
     return elbows.directed(states, directions + spread(wanted, missing, [], len(states), RADIUS_S * fps), signer)
 
 
