@@ -215,8 +215,8 @@ class SegmentPlan:
         for k, stroke in enumerate(strokes(path, count, each, self.sign.gloss, self.take, n)):
             for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
                 time = turned(fraction) * stroke.n_frames
-                if s == 1.0 or not (path.rounds or self.sign.kind == "written"):  # others lie between frames
-                    time = round(time)
+                if s == 1.0 or not (path.rounds or (path.circles and self.sign.kind == "written")):
+                    time = round(time)  # those of even and uneven rounds lie between frames
                 self.knots.append(Knot(start + time, path.of_pass(k, stroke.along(s)), False))
             if stroke.forward:
                 cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]

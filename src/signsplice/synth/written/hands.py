@@ -261,12 +261,16 @@ _IN_PLANE = 0.5
 
 
 def from_skin(path: Path, posture: Posture, weak: Posture | None, meets: bool) -> Path:
-    """A circle of a hand at the skin, or at the other hand, that begins where it is nearest to that: it is whole."""
+    """A circle of a hand at the skin, or at the other hand, that begins where it is nearest to that: it is whole.
+    Circles that keep clear of it begin at their top.
+    """
     out, up, ahead = (locations.MIRROR * locations.locate(posture.location, weak_arm(weak)).normal).tolist()
     toward = (-out, -up, -ahead) if out or up or ahead else (-float(meets and posture.touch), 0.0, 0.0)
     toward = plus(toward, path.direction, -dot(toward, path.direction))
     start = unit(toward)
-    return path if start is None or dot(toward, toward) < _IN_PLANE**2 else replace(path, start=start)
+    if start is None or dot(toward, toward) < _IN_PLANE**2 or path.size < posture.off:
+        return path
+    return replace(path, start=start)
 
 
 def weak_arm(posture: Posture | None) -> WeakArm:
