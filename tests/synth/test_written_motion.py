@@ -128,3 +128,48 @@ def test_a_hand_that_has_come_stays_while_wrists_move() -> None:
 def test_arms_that_turn_over_nowhere_are_left_alone() -> None:
     states = made(LOWERED).states
     assert twists.steadied(states, STANDARD, 30.0) is states
+
+
+CIRCLES = """CIRCLES  hands=one kind=written
+  X shape=flat at=space:7.5,9.5,30 palm=fwd fingers=up
+  M path=circle:-1,0,0:5:3:0,1,0
+  H
+"""
+SWINGS = """SWINGS  hands=one kind=written
+  X shape=finger2.across at=space:7.5,14,25 palm=fwd fingers=up
+  M local=swing:14:3
+  H
+"""
+ENDS_ASIDE = """ENDS-ASIDE  hands=one kind=written
+  X shape=finger2.across at=space:7.5,14,30 palm=in fingers=up
+  M fingers=out palm=up
+  H
+"""
+
+
+def test_circles_are_even_and_come_to_rest_without_a_hitch() -> None:
+    word = made(CIRCLES)
+    begin, end = word.segments[1].begin, word.segments[2].end
+    wrists = pose.hands(word.states)[begin : end + 1, 0, pose.WRIST]
+    speed = np.linalg.norm(np.diff(wrists, axis=0), axis=-1)
+    turning, resting = np.split(speed, [word.segments[1].end - begin - 2])
+    assert turning.min() > 0.6 * turning.max()
+    assert (np.diff(resting) < 0.05).all()
+
+
+def test_a_wrist_swings_about_its_own_axis() -> None:
+    word = made(SWINGS)
+    segment = word.segments[1]
+    hands = pose.hand_rotations(word.states, STANDARD)[segment.begin : segment.end + 1, 0]
+    turns = rotation.log(rotation.multiply(rotation.inverse(hands[0]), hands))
+    wide = np.rad2deg(np.ptp(turns, axis=0))
+    assert wide[1] > 22.0
+    assert max(wide[0], wide[2]) < 0.5 * wide[1]
+
+
+def test_an_elbow_stays_while_the_hand_stays() -> None:
+    word = made(ENDS_ASIDE)
+    hold = word.segments[2]
+    positions = kinematics.forward(word.clip)[1]
+    elbow = (positions[:, JOINTS["RightForeArm"]] - positions[:, JOINTS["Spine2"]])[hold.begin + 7 : hold.end + 1]
+    assert np.linalg.norm(elbow[:, None] - elbow, axis=-1).max() < 0.5
