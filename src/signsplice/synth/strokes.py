@@ -190,9 +190,9 @@ def _palms(states: FloatArray, figure: Figure) -> FloatArray:
 _PALM = hand_part("palm")
 
 
-def _steadiest(places: FloatArray, stay: Stay) -> FloatArray:
-    """Where a palm or an elbow (T, 3) is while a hand stays: in the frame nearest to all others."""
-    there = places[stay.first : stay.last + 1]
+def _steadiest(palms: FloatArray, stay: Stay) -> FloatArray:
+    """Where a palm (T, 3) is while it stays: in the frame nearest to all others."""
+    there = palms[stay.first : stay.last + 1]
     return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])
 
 

@@ -52,9 +52,10 @@ def jumps(clip: Clip) -> Iterator[str]:
     rotations, positions = kinematics.forward(clip, [chest, *arms])
     seen = np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1])
     steps = np.linalg.norm(np.diff(seen[:, 1::2] - seen[:, ::2], axis=0), axis=-1).max(axis=1) * clip.fps
-    if steps.size and steps.max() > _FASTEST_CM_S:
+    jumped = bool(steps.size) and bool(steps.max() > _FASTEST_CM_S)
+    if jumped:
         yield f"an elbow jumps at frame {int(steps.argmax()) + 1}: the arm cannot do what is written; look at the sign"
-    for part, name in (("Arm", "an upper arm"), ("ForeArm", "a forearm"), ("Hand", "a hand")):
+    for part, name in (("Arm", "an upper arm"), ("ForeArm", "a forearm"), ("Hand", "a hand"))[jumped:]:
         arms = [JOINTS[side + part] for side in ("Left", "Right")]
         turns = rotation.angle_between(clip.local_rotations[1:, arms], clip.local_rotations[:-1, arms]).max(axis=1)
         if turns.size and turns.max() * clip.fps > _FASTEST_TURN:
