@@ -97,7 +97,7 @@ def _one_place(name: str, side: str, contact: str, two: bool) -> list[Place]:
         at = abs(x) if aside is None else aside
         xs = [at + beside] if side or aside is None else [0.0, at] if two else [0.0]
         points = [np.array([sign * one, y + higher, z]) for one in xs]
-        if HEAD_GAP.get(contact, 0.0) == 0.0 or not beside:  # what touches beside an organ is at the side of the head
+        if contact == "touch" or not beside:  # what touches beside an organ is at the side of the head
             points = [_on_skin(point) for point in points]
         away = HEAD_GAP.get(contact, 0.0) * np.array([sign * abs(nx), ny, nz])
         return [Place(point + away, 1.0) for point in points]
