@@ -29,7 +29,7 @@ _AT = {"shoulders": 15.0, "shouldertop": 15.0, "head": 6.0, "neck": 6.0}
 _TRUNK_AT, _BESIDE = 12.0, 10.0
 _SKIN: dict[str, tuple[str, float, float, float]] = {
     "head": ("forehead:0,-4", 4.0, 9.0, 0.0), "headtop": ("crown", 4.0, 9.0, 0.0),
-    "forehead": ("forehead", 5.0, 12.0, 0.0), "eyebrows": ("eye:0,3.9", 0.0, 4.5, 3.1),
+    "forehead": ("forehead", 4.0, 12.0, 0.0), "eyebrows": ("eye:0,3.9", 0.0, 4.5, 3.1),
     "eyes": ("eye:0,0.8", 0.0, 4.5, 3.1), "nose": ("nose", 1.6, 6.0, 0.0), "nostrils": ("nose:0,-1.6", 1.4, 6.0, 0.0),
     "ear": ("ear", 0.0, 0.0, 7.0), "earlobe": ("ear:0,-2.5", 0.0, 0.0, 7.0), "cheek": ("cheek", 0.0, 3.0, 4.5),
     "lips": ("mouth", 2.6, 6.0, 0.0), "tongue": ("mouth", 1.0, 6.0, 0.0), "teeth": ("mouth:0,0.5", 2.0, 6.0, 0.0),
@@ -42,8 +42,6 @@ _SKIN: dict[str, tuple[str, float, float, float]] = {
 """Place on the skin; how far to a side is ``at`` that side, and ``beside`` it; from the midline for paired organs."""
 ON_ARM = {"upperarm": "upper-arm-weak", "elbow": "elbow-weak", "elbowinside": "elbow-weak", "lowerarm": "forearm-weak"}
 _HEAD_OFF = {"close": 4.0, "": 0.0, "touch": 0.0, "armextended": 25.0}
-_CLOSE_TO_HEAD = 18.0
-"""How far before the chest joint a hand is that is close to the head."""
 _TOUCHES = ("touch", "interlock", "cross", "brushing")
 _TRUNK = frozenset(("neck", "shouldertop", "shoulders", "chest", "stomach", "belowstomach", "neutral", ""))
 _PARTS = {
@@ -93,7 +91,7 @@ def spot(place: Place, own_side: bool) -> Spot:
         return Spot(_space(_halfway(one, other)), part=part, head=one.head and other.head)
     names = [one.location, other.location]
     location = names[0] if names[0] == names[1] else "/".join(names)
-    found = Spot(location, 0.5 * (one.off + other.off), (0.0, 0.0, 0.0), part, one.touches, one.head or other.head)
+    found = Spot(location, 0.5 * (one.off + other.off), part=part, touches=one.touches, head=one.head or other.head)
     return found if one.touches else _brought(found, _halfway(one, other))
 
 
@@ -125,19 +123,20 @@ def _one(place: Place, contact: str, own_side: bool) -> Spot:
     if place.behind:
         back = -16.0 if head else -24.0
         return Spot(_space((_sideways(place, own_side), _HEIGHTS.get(place.name, 30.0), back)), head=head)
-    found = Spot(location, 0.0 if touches else _HEAD_OFF[contact], touches=touches, head=head)
-    if touches:
+    off = 0.0 if touches else _HEAD_OFF[contact] + 2.0 * (place.name == "head")
+    shift = (0.0 if touches else beside, 0.0, 0.0)
+    found = Spot(location, off, shift, touches=touches, head=head)
+    if touches or place.name == "head":
         return found
-    if place.name == "head":
-        return _brought(found, (_sideways(place, own_side), _HEIGHTS["head"], _CLOSE_TO_HEAD))
     # The skin beside an organ may face elsewhere: a hand is before the organ itself.
     x, y, z = (found.off * _located(location.partition(":")[0]).normal).tolist()
-    return _brought(found, plus(point_of(replace(found, off=0.0)), (beside - x, y, z)))
+    return _brought(found, plus(point_of(replace(found, off=0.0)), (-x, y, z)))
 
 
 def _brought(where: Spot, goal: Vector) -> Spot:
     """A place with the displacement that puts a hand at a goal (out, up, forward)."""
-    a, b, c = (round(x - y, 2) + 0.0 for x, y in zip(goal, point_of(where), strict=True))
+    unmoved = replace(where, shift=(0.0, 0.0, 0.0))
+    a, b, c = (round(x - y, 2) + 0.0 for x, y in zip(goal, point_of(unmoved), strict=True))
     return replace(where, shift=(a, b, c))
 
 
