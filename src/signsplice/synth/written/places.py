@@ -92,7 +92,11 @@ def spot(place: Place, own_side: bool) -> Spot:
     names = [one.location, other.location]
     location = names[0] if names[0] == names[1] else "/".join(names)
     found = Spot(location, 0.5 * (one.off + other.off), part=part, touches=one.touches, head=one.head or other.head)
-    return found if one.touches else _brought(found, _halfway(one, other))
+    if one.touches:
+        return found
+    on_skin = (replace(end, off=0.0, shift=(0.0, 0.0, 0.0)) for end in (one, other))
+    x, y, z = (a - b for a, b in zip(_halfway(one, other), _halfway(*on_skin), strict=True))
+    return _brought(found, plus(point_of(Spot(location)), (x, y, z)))
 
 
 def point_of(where: Spot) -> Vector:
