@@ -26,36 +26,11 @@ from signsplice.errors import InputError
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth.locations import body_locations
-from signsplice.synth.signer import JOINTS, STANDARD
+from signsplice.synth.signer import JOINTS
 from signsplice.synth.written import signing
+from written_places import Place, place_points
 
 LETTERS = {"u": (0, 1, 0), "d": (0, -1, 0), "l": (1, 0, 0), "r": (-1, 0, 0), "o": (0, 0, 1), "i": (0, 0, -1)}
-HEIGHT = {"neck": 21.0, "shouldertop": 19.0, "shoulders": 14.0, "chest": 5.0, "stomach": -10.0, "belowstomach": -22.0}
-"""Heights of places of the trunk above the chest's joint, cm."""
-DEPTH = {"close": 25.0, "": 30.0, "armextended": 42.0}
-"""How far in front of the chest's joint a hand is that is not on the skin, cm."""
-ASIDE = {"neck": 6.0, "shouldertop": 15.0, "shoulders": 15.0, "chest": 12.0, "stomach": 12.0, "belowstomach": 12.0}
-ON_HEAD = {
-    "headtop": "crown",
-    "forehead": "forehead",
-    "eyebrows": "eye",
-    "eyes": "eye",
-    "nose": "nose",
-    "nostrils": "nose",
-    "ear": "ear",
-    "earlobe": "ear",
-    "cheek": "cheek",
-    "lips": "mouth",
-    "tongue": "mouth",
-    "teeth": "mouth",
-    "chin": "chin",
-    "underchin": "under-chin",
-}
-MOUTH_CM = 2.6
-"""Half of a mouth's width (Farkas 1994: 5.0 to 5.4 cm): a side of the lips is their corner."""
-PAIRED = ("eyes", "eyebrows", "ear", "earlobe", "cheek", "shouldertop")
-HEAD_GAP = {"touch": 0.0, "": 0.0, "close": 4.0, "armextended": 25.0}
 LIMITS = {"fingers": 10.0, "palm": 10.0, "place": 3.0, "deep": 0.5, "touch": 0.5}
 """Degrees and cm."""
 FLAT = ("flat", "fist", "finger2345")
@@ -69,14 +44,14 @@ class Asked:
 
     fingers, palm: unit vectors
     ends: of two finger directions each
-    places: points, chest axes, any of which will do, cm
+    places: any of which will do
     touch: whether a touch is written
     """
 
     fingers: FloatArray | None = None
     palm: FloatArray | None = None
     ends: list[FloatArray] = field(default_factory=list)
-    places: list[FloatArray] = field(default_factory=list)
+    places: list[Place] = field(default_factory=list)
     touch: bool = False
 
 
@@ -113,56 +88,6 @@ def palm_of(words: list[str], ends: list[FloatArray]) -> FloatArray | None:
         found += normal + np.cross(axis, normal) + np.cross(axis, np.cross(axis, normal)) / (1.0 + fingers @ middle)
     length = float(np.linalg.norm(found))
     return found / length if length > 0.5 else None
-
-
-def place_points(element: ET.Element, two: bool, points: dict[str, FloatArray]) -> list[FloatArray]:
-    """Where a place is; several where the notation leaves a choice (of a pair of organs, with two hands)."""
-    contact = element.get("contact", "")
-    found = []
-    for name, side in (
-        (element.get("location", ""), element.get("side", "")),
-        (element.get("second_location", ""), element.get("second_side", "")),
-    ):
-        if name:
-            options = _one_place(name, side, contact, two, points)
-            if not options:
-                return []
-            found.append(options)
-    if not found:
-        return []
-    if len(found) == 1:
-        return found[0]
-    return [(a + b) / 2 for a in found[0] for b in found[1]]
-
-
-def _one_place(name: str, side: str, contact: str, two: bool, points: dict[str, FloatArray]) -> list[FloatArray]:
-    if name in ON_HEAD:
-        point, normal = points[ON_HEAD[name]], points[ON_HEAD[name] + "/n"]
-        aside = (MOUTH_CM if ON_HEAD[name] == "mouth" else 6.0) + 10.0 * side.endswith("beside")
-        if name in PAIRED:
-            xs = [abs(point[0]) + 10.0 * side.endswith("beside")]
-        else:
-            xs = [aside] if side else ([0.0, aside] if two else [0.0])
-        signs = [1.0] if side.startswith("left") else [-1.0]
-        return [
-            np.array([sign * x, point[1], point[2]])
-            + HEAD_GAP.get(contact, 0.0) * np.array([sign * abs(normal[0]), normal[1], normal[2]])
-            for x in xs
-            for sign in signs
-        ]
-    if name == "head":
-        height, at = 33.0, 6.0
-    elif name in HEIGHT:
-        height, at = HEIGHT[name], ASIDE[name]
-    else:
-        return []
-    if contact == "touch":
-        return []  # on the skin: the touch is measured, and where along the body it may slide is not
-    depth = DEPTH.get(contact, 30.0) if name != "head" else {"close": 18.0}.get(contact, DEPTH.get(contact, 30.0))
-    x = at + 10.0 * side.endswith("beside") if side else (at if name in PAIRED else 0.0)
-    xs = [x, at] if two and not side else [x]
-    sign = 1.0 if side.startswith("left") else -1.0
-    return [np.array([sign * one, height, depth]) for one in xs]
 
 
 def asked(manual: ET.Element) -> tuple[Asked, Asked]:
@@ -213,27 +138,23 @@ def _posture(elements: list[ET.Element], two: bool, ends: list[FloatArray]) -> A
         for one in e.iter("location_bodyarm"):
             found.touch = found.touch or one.get("contact") == "touch"
             if e.tag == "location_bodyarm":
-                found.places = place_points(one, two, POINTS)
+                found.places = place_points(one, two)
         if e.tag == "handconstellation":
             found.touch = found.touch or e.get("contact") == "touch"
     return found
 
 
-def _points() -> dict[str, FloatArray]:
-    found = body_locations(STANDARD)
-    return {name: one.point for name, one in found.items()} | {f"{name}/n": one.normal for name, one in found.items()}
-
-
-POINTS = _points()
-
-
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """A hand in every frame, chest axes: directions (T, 3), points (T, K, 3) of which any may be at a place."""
+    """A hand in every frame, chest axes: directions (T, 3), points (T, K, 3) of which any may be at a place; and the
+    head's joint: its turn (T, 3, 3) and its place (T, 3).
+    """
 
     fingers: FloatArray
     palm: FloatArray
     sites: FloatArray
+    head_turn: FloatArray
+    head: FloatArray
 
 
 def hand(clip: Clip, side: str = "Right") -> Hand:
@@ -251,7 +172,9 @@ def hand(clip: Clip, side: str = "Right") -> Hand:
     world = np.concatenate([positions[:, [JOINTS[n] for n in names]], tips[:, ends]], axis=1)
     palm = (world[:, 0] + world[:, 7]) / 2  # between wrist and middle knuckle
     sites = np.einsum("tba,tkb->tka", chest, np.concatenate([world, palm[:, None]], axis=1) - at[:, None])
-    return Hand(turn @ np.array([away, 0.0, 0.0]), turn @ np.array([0.0, -1.0, 0.0]), sites)
+    head_turn = np.einsum("tba,tbc->tac", chest, rotations[:, JOINTS["Head"]])
+    head = np.einsum("tba,tb->ta", chest, positions[:, JOINTS["Head"]] - at)
+    return Hand(turn @ np.array([away, 0.0, 0.0]), turn @ np.array([0.0, -1.0, 0.0]), sites, head_turn, head)
 
 
 def angle(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -266,7 +189,8 @@ def missed(what: Asked, seen: Hand) -> dict[str, float]:
     if what.palm is not None:
         errors["palm"] = angle(seen.palm, what.palm)
     if what.places:
-        errors["place"] = np.min([np.linalg.norm(seen.sites - p, axis=-1).min(axis=1) for p in what.places], axis=0)
+        points = [place.at(seen.head_turn, seen.head)[:, None] for place in what.places]
+        errors["place"] = np.min([np.linalg.norm(seen.sites - p, axis=-1).min(axis=1) for p in points], axis=0)
     if not errors:
         return {}
     best = int(np.argmin(np.max([error / LIMITS[name] for name, error in errors.items()], axis=0)))

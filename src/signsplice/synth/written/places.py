@@ -12,7 +12,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.synth import locations
-from signsplice.synth.locations import WeakArm
+from signsplice.synth.locations import Location, WeakArm
 from signsplice.synth.phonology import Vector
 from signsplice.synth.signer import STANDARD
 from signsplice.synth.written.directions import plus
@@ -29,7 +29,7 @@ _AT = {"shoulders": 15.0, "shouldertop": 15.0, "head": 6.0, "neck": 6.0}
 _TRUNK_AT, _BESIDE = 12.0, 10.0
 _SKIN: dict[str, tuple[str, float, float, float]] = {
     "head": ("forehead:0,-4", 4.0, 9.0, 0.0), "headtop": ("crown", 4.0, 9.0, 0.0),
-    "forehead": ("forehead", 4.0, 7.5, 0.0), "eyebrows": ("eye:0,2", 0.0, 4.5, 3.1),
+    "forehead": ("forehead", 4.0, 12.0, 0.0), "eyebrows": ("eye:0,3.9", 0.0, 4.5, 3.1),
     "eyes": ("eye:0,0.8", 0.0, 4.5, 3.1), "nose": ("nose", 1.6, 6.0, 0.0), "nostrils": ("nose:0,-1.6", 1.4, 6.0, 0.0),
     "ear": ("ear", 0.0, 0.0, 7.0), "earlobe": ("ear:0,-2.5", 0.0, 0.0, 7.0), "cheek": ("cheek", 0.0, 3.0, 4.5),
     "lips": ("mouth", 2.6, 6.0, 0.0), "tongue": ("mouth", 1.0, 6.0, 0.0), "teeth": ("mouth:0,0.5", 2.0, 6.0, 0.0),
@@ -88,19 +88,31 @@ def spot(place: Place, own_side: bool) -> Spot:
     contact = place.contact or place.between.contact
     one, other = (_one(end, contact, own_side) for end in (place, place.between))
     if one.location.startswith("space:") or other.location.startswith("space:"):
-        middle = tuple(0.5 * (a + b) for a, b in zip(point_of(one), point_of(other), strict=True))
-        return Spot(_space(middle), part=part, head=one.head and other.head)
-    a, b, c = (0.5 * (x + y) for x, y in zip(one.shift, other.shift, strict=True))
+        return Spot(_space(_halfway(one, other)), part=part, head=one.head and other.head)
     names = [one.location, other.location]
     location = names[0] if names[0] == names[1] else "/".join(names)
-    return Spot(location, 0.5 * (one.off + other.off), (a, b, c), part, one.touches, one.head or other.head)
+    found = Spot(location, 0.5 * (one.off + other.off), part=part, touches=one.touches, head=one.head or other.head)
+    if one.touches:
+        return found
+    on_skin = (replace(end, off=0.0, shift=(0.0, 0.0, 0.0)) for end in (one, other))
+    x, y, z = (a - b for a, b in zip(_halfway(one, other), _halfway(*on_skin), strict=True))
+    return _brought(found, plus(point_of(Spot(location)), (x, y, z)))
 
 
 def point_of(where: Spot) -> Vector:
     """Where a place on head or trunk, or in space, is of the standard signer (out, up, forward), cm."""
-    found = locations.locate(where.location, WeakArm(STANDARD, np.zeros(27)))
+    found = _located(where.location)
     x, y, z = (found.point + where.off * found.normal).tolist()
     return plus((-x, y, z), where.shift)
+
+
+def _halfway(one: Spot, other: Spot) -> Vector:
+    a, b, c = (0.5 * (x + y) for x, y in zip(point_of(one), point_of(other), strict=True))
+    return (a, b, c)
+
+
+def _located(location: str) -> Location:
+    return locations.locate(location, WeakArm(STANDARD, np.zeros(27)))
 
 
 def _one(place: Place, contact: str, own_side: bool) -> Spot:
@@ -117,7 +129,19 @@ def _one(place: Place, contact: str, own_side: bool) -> Spot:
         return Spot(_space((_sideways(place, own_side), _HEIGHTS.get(place.name, 30.0), back)), head=head)
     off = 0.0 if touches else _HEAD_OFF[contact] + 2.0 * (place.name == "head")
     shift = (0.0 if touches else beside, 0.0, 0.0)
-    return Spot(location, off, shift, touches=touches, head=head)
+    found = Spot(location, off, shift, touches=touches, head=head)
+    if touches or place.name == "head":
+        return found
+    # The skin beside an organ may face elsewhere: a hand is before the organ itself.
+    x, y, z = (found.off * _located(location.partition(":")[0]).normal).tolist()
+    return _brought(found, plus(point_of(replace(found, off=0.0)), (-x, y, z)))
+
+
+def _brought(where: Spot, goal: Vector) -> Spot:
+    """A place with the displacement that puts a hand at a goal (out, up, forward)."""
+    unmoved = replace(where, shift=(0.0, 0.0, 0.0))
+    a, b, c = (round(x - y, 2) + 0.0 for x, y in zip(goal, point_of(unmoved), strict=True))
+    return replace(where, shift=(a, b, c))
 
 
 def _side(place: Place, own_side: bool) -> float:
