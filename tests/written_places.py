@@ -44,10 +44,10 @@ ON_HEAD = {
 }
 """Place of the table; how much higher than it, cm; how far to a side its side is, None for one of a pair.
 
-Half of ft-ft (11.5, 11.1 cm, men and women), al-al (3.5, 3.1), ch-ch (5.4, 5.0); the chin is as wide as the mouth. The
-lobe's middle is 0.9 above subaurale, so 2.2 below the middle of sa-sba (6.3, 5.9). Nostrils are at subnasale, which by
-n-prn 5.0, n-sn 5.5 and sn-prn 2.0 lies 0.8 below the nose's tip. Brows are half of or-sci (4.0) over the eyeball, which
-is 1.9 over the table's place below the eye.
+Half of ft-ft (11.5, 11.1 cm, men and women), al-al (3.5, 3.1), ch-ch (5.4, 5.0); the chin is taken to be as wide as the
+mouth. The lobe's middle is taken .9 above subaurale, so 2.2 below the middle of sa-sba (6.3, 5.9). Nostrils are at
+subnasale, which by n-prn 5.0, n-sn 5.5 and sn-prn 2.0 lies .8 below the nose's tip. Brows are half of or-sci (4.0) over
+the eyeball, which is 1.9 over the table's place below the eye.
 """
 HEAD_GAP = {"touch": 0.0, "": 0.0, "close": 4.0, "armextended": 25.0}
 _POINTS = body_locations(STANDARD)
