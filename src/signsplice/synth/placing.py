@@ -24,6 +24,7 @@ from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm, axes, facing, locate, on_joint, on_weak_arm
 from signsplice.synth.low_pass import bump
 from signsplice.synth.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_base
+from signsplice.synth.reaching import NEAREST_CM
 from signsplice.synth.segment_plan import LANDING_S, TimedSegment
 from signsplice.synth.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
 
@@ -41,8 +42,6 @@ _PARTED_ROUNDS = 8
 """How often hands that lie in one another are moved apart, at most."""
 _MOST_PUSH_CM = 8.0
 """How far a hand is pushed out of the body at most."""
-_NEAREST_CM = 16.5
-"""How near to its shoulder a wrist is at least."""
 _BEHIND_CM = 12.0
 """From how far behind the shoulder on wrists stay."""
 _BEFORE = np.array([-0.35, 0.0, 0.9367])
@@ -180,7 +179,7 @@ def reachable(wrists: FloatArray, signer: Signer) -> FloatArray:
     away = wrists / signer.scale - (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0])
     along = away @ _BEFORE
     beside = np.square(away).sum(axis=-1) - np.square(along)
-    push = np.maximum(np.sqrt(np.maximum(_NEAREST_CM**2 - beside, 0.0)) - along, 0.0)
+    push = np.maximum(np.sqrt(np.maximum(NEAREST_CM**2 - beside, 0.0)) - along, 0.0)
     push = push * pose.smooth_step((along + _BEHIND_CM) / 8.0)
     return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
 

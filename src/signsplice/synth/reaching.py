@@ -15,7 +15,7 @@ from signsplice.synth.signer import COLLAR, SHOULDER, Signer
 
 _ROUNDS = 12
 """How often a hand whose part touches is moved out of what it lies in, or back, at most."""
-_FROM_SHOULDER_CM, _MOST_LEAN = 16.5, np.deg2rad(40.0)
+NEAREST_CM, _MOST_LEAN = 16.5, np.deg2rad(40.0)
 """How near to its shoulder a wrist can be, and how far a hand that touches is turned for that."""
 
 
@@ -26,7 +26,7 @@ def clear_of_shoulder(
     is not so near to its shoulder that the elbow cannot bend so far.
     """
     shoulder = (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]) * signer.scale
-    least = _FROM_SHOULDER_CM * signer.scale
+    least = NEAREST_CM * signer.scale
     back, away = -part, shoulder - wrist - part
     axis = np.cross(away, back)
     lengths = float(np.linalg.norm(back) * np.linalg.norm(away))
