@@ -81,8 +81,8 @@ def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearne
 
 
 def roughly(states: FloatArray, signer: Signer, fps: float) -> Nearness:
-    """``nearness`` at some frames, linear between them, and no farther than hands are carried."""
-    some = sparse(len(states), fps)
+    """``nearness`` about 8 times a second, linear between them, and no farther than hands are carried."""
+    some = sparse(len(states), 2.0 * fps)
     near = nearness(states[some], signer, FREE_CM * signer.scale)
     return Nearness(*(between(x, some) for x in vars(near).values()))
 
