@@ -136,6 +136,8 @@ def _written(
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
     touching = strokes.rounded(touching, planned, segments, sign, figure)
+    if sign.hands == "base":
+        touching = strokes.still(touching, segments, sign, figure, fps)
     touching = strokes.held(touching, segments, sign, hanging, fps)
     states = twists.steadied(elbows.slowed(touching, hanging, fps), hanging, fps)
     if states is not touching:

@@ -22,7 +22,8 @@ from signsplice.synth.composed import handshape
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.locations import MIRROR, WeakArm
-from signsplice.synth.phonology import Posture, Sign, in_space, on_arm
+from signsplice.synth.low_pass import bump
+from signsplice.synth.phonology import REST, Posture, Sign, in_space, on_arm
 from signsplice.synth.placing import LEFT_ALONE, RADIUS_S, Stay, cleared, limited, moved, spread, stays
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import HangingElbowSigner, Signer
@@ -35,6 +36,8 @@ _LEFT_CM = 0.5
 """How far off all may be and are left."""
 _HELD_S = 0.2
 """How long before and after a hold elbows go to and from where they stay."""
+_STILL_CM, _TOGETHER_CM = 0.5, 10.0
+"""How far a base hand that stays may move, and up to which distance of skins the strong hand goes where it does."""
 _BLOCKED_CM = 1.5
 """How far from where it was to go a posture is that something is in the way of."""
 
@@ -99,6 +102,37 @@ def rounded(
     quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
     whole = cleared(moved(states, quats, steady, moves, signer), figure)
     return elbows.directed(whole, steady, signer)
+
+
+def still(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float) -> FloatArray:
+    """States (T, 65) of a whole word with base hands that stay while they are written to: what moved them apart from
+    the strong hand moves that one, where it is near.
+    """
+    moves = np.zeros((len(states), 2, 3))
+    spans: list[tuple[int, int]] = []
+    for before, one in zip((None, *segments), segments, strict=False):
+        own = one.segment.weak_local or one.segment.weak_path.kind == "circle"
+        if before is None or own or before.segment.weak != one.segment.weak:
+            spans.append((one.end, one.end))
+        elif one.segment.weak and one.segment.weak.location != REST:
+            spans[-1] = spans[-1][0], one.end
+    signer, times = figure.signer, np.arange(len(states))
+    for first, last in spans:
+        weak = pose.hands(states)[first : last + 1, 1, pose.WRIST]
+        off = weak - np.median(weak, axis=0)
+        back = limited(off, _STILL_CM * signer.scale) - off
+        if not back.any():
+            continue
+        within = np.clip(times, first, last)
+        fade = bump(times, within[:, None], RADIUS_S * fps)
+        frames = np.flatnonzero(fade[:, 0])
+        capsules = figure.posed(states[frames], frames).capsules
+        groups = capsules.body.groups
+        apart = capsules.nearest(groups.right, (groups.left,), _TOGETHER_CM)[0]
+        along = fade[frames] * back[within[frames] - first]
+        moves[frames, 1] += along
+        moves[frames, 0] += MIRROR * along * pose.smooth_step(2.0 - 2.0 * apart / _TOGETHER_CM)
+    return moved(states, pose.hand_rotations(states, signer), elbows.directions_of(states, signer), moves, signer)
 
 
 def held(

@@ -109,9 +109,9 @@ def brought_to_touch(
         some = np.flatnonzero(cost > _SETTLED).tolist()
         if not some:
             break
-        like = {
-            row: (touches[row].which, touches[row].posture) if n == 0 else row for row in some
-        }  # repeated touches begin alike
+        like = {  # repeated touches begin alike, and those of hands that mirror one another
+            row: (mirrored or touches[row].which, touches[row].posture) if n == 0 else row for row in some
+        }
         firsts = {key: row for row, key in reversed(like.items())}
         solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], figure), strict=True))
         found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
