@@ -6,7 +6,7 @@ What moves is the wrist, the hand about it, and the elbow, at the frames of touc
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from signsplice.synth.contact import PosedSigner, posed_figure, surface
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.phonology import Sign, in_space
-from signsplice.synth.placing import RADIUS_S, Stay, cleared, goal, reachable, spread, stays
+from signsplice.synth.placing import RADIUS_S, Stay, cleared, goal, parted, reachable, spread, stays
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import JOINTS, Signer
 
@@ -109,16 +109,19 @@ def brought_to_touch(
         some = np.flatnonzero(cost > _SETTLED).tolist()
         if not some:
             break
-        like = {  # repeated touches begin alike, and those of hands that mirror one another
-            row: (mirrored or touches[row].which, touches[row].posture) if n == 0 else row for row in some
-        }
+        like: dict[int, Hashable] = {row: row for row in some}
+        if n == 0:  # repeated touches begin alike, and those of hands that mirror one another
+            like = {row: (mirrored or touches[row].which, touches[row].posture) for row in some}
+        elif sign.hands == "symmetric":
+            like = {row: (touches[row].first, touches[row].posture) for row in some}
         firsts = {key: row for row, key in reversed(like.items())}
         solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], figure), strict=True))
         found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
         held = [(replace(one, which=which), x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
         steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), RADIUS_S * fps / (1 + n))
-        moved = cleared(_moved(moved, steps, signer), figure)
+        moved = _moved(moved, steps, signer)
+        moved = cleared(parted(moved, figure) if sign.hands == "symmetric" else moved, figure)
     return states
 
 
