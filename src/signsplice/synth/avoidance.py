@@ -33,7 +33,11 @@ _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
 def clear_collisions(
-    states: FloatArray, signer: Signer, ends: bool = False, figure: Figure | None = None
+    states: FloatArray,
+    signer: Signer,
+    ends: bool = False,
+    figure: Figure | None = None,
+    mirrored: bool = False,
 ) -> FloatArray:
     """States (T, 65) with wrists moved out of head, trunk and the other arm where they lay deeper than the tolerance.
 
@@ -56,7 +60,10 @@ def clear_collisions(
         push = gain * np.maximum(depth - 0.7 * TOLERANCE_CM, 0.0) * (depth > TOLERANCE_CM)
         if not push.any():
             break
-        displacements = curves.spread_in_time(push[..., None] * out, _KERNEL) * level[:, None, None]  # (T, 2, 3)
+        pushes = push[..., None] * out  # (T, 2, 3)
+        if mirrored:
+            pushes = np.repeat(pushes.mean(axis=1, keepdims=True), 2, axis=1)
+        displacements = curves.spread_in_time(pushes, _KERNEL) * level[:, None, None]
         states = states.copy()
         pose.hands(states)[..., pose.WRIST] += displacements
         frames = np.flatnonzero(displacements.any(axis=(1, 2)))

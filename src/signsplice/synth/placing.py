@@ -17,7 +17,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
 from signsplice.synth import elbows, hand, pose
-from signsplice.synth.avoidance import TOLERANCE_CM, clear_collisions
+from signsplice.synth.avoidance import clear_collisions
 from signsplice.synth.contact import PosedSigner, posed_figure
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
@@ -38,8 +38,6 @@ LEFT_ALONE = ON_ARM | {REST}
 """Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""
 _MOST_CM = 8.0
 """How far a hand is moved at most."""
-_PARTED_ROUNDS = 8
-"""How often hands that lie in one another are moved apart, at most."""
 _MOST_PUSH_CM = 8.0
 """How far a hand is pushed out of the body at most."""
 _BEHIND_CM = 12.0
@@ -143,29 +141,11 @@ def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
 
 
-def parted(states: FloatArray, figure: Figure) -> FloatArray:
-    """States (T, 65) of hands that mirror one another, moved apart sideways where they lie in one another: pushed out
-    any other way, they would pass by one another.
-    """
-    states = states.copy()
-    frames = np.arange(len(states))
-    for _ in range(_PARTED_ROUNDS):
-        capsules = figure.posed(states[frames], frames).capsules
-        groups = capsules.body.groups
-        depth = -capsules.nearest(groups.right, (groups.left,), 0.0)[0][:, 0]
-        deep = depth > TOLERANCE_CM
-        frames, depth = frames[deep], depth[deep]
-        if not len(frames):
-            break
-        pose.hands(states)[frames, :, 0] -= 0.6 * depth[:, None]
-    return states
-
-
-def cleared(states: FloatArray, figure: Figure) -> FloatArray:
+def cleared(states: FloatArray, figure: Figure, sign: Sign) -> FloatArray:
     """States (T, 65), those of a figure but for their arms, without collisions, hands pushed no farther than is of use:
     what an arm cannot reach is not clear anywhere.
     """
-    free = clear_collisions(states, figure.signer, figure=figure).copy()
+    free = clear_collisions(states, figure.signer, figure=figure, mirrored=sign.hands == "symmetric").copy()
     wrists = pose.hands(states)[..., pose.WRIST]
     moves = limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
     pose.hands(free)[..., pose.WRIST] = reachable(wrists + moves, figure.signer)

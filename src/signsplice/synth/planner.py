@@ -23,7 +23,7 @@ from signsplice.synth.figure import Figure
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.phonology import Sign
-from signsplice.synth.placing import cleared, facing_as_written, parted, placed, within_reach
+from signsplice.synth.placing import cleared, facing_as_written, placed, within_reach
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
 from signsplice.synth.signer import STANDARD, Signer
@@ -129,23 +129,22 @@ def _written(
     figure = Figure(states, hanging)
     planned = states
     states = placed(directed(states, directions, hanging), segments, sign, figure, fps)
-    states = cleared(parted(states, figure), figure) if sign.hands == "symmetric" else states
+    states = cleared(states, figure, sign) if sign.hands == "symmetric" else states
     states = elbows.steadied(directed(states, directions, hanging), hanging, fps, led=True, figure=figure)
     wrists = wrist_movements(segments, sign.hands, len(states))
-    states = cleared(placed(eased(states, directions, hanging, *wrists), segments, sign, figure, fps), figure)
+    states = cleared(placed(eased(states, directions, hanging, *wrists), segments, sign, figure, fps), figure, sign)
     touching = brought_to_touch(states, segments, sign, figure, fps)
     touching = strokes.as_written(touching, segments, sign, figure, fps)
     touching = strokes.rounded(touching, planned, segments, sign, figure)
-    if sign.hands == "base":
-        touching = strokes.still(touching, segments, sign, figure, fps)
+    touching = strokes.still(touching, segments, sign, figure, fps)
     touching = strokes.held(touching, segments, sign, hanging, fps)
     states = twists.steadied(elbows.slowed(touching, hanging, fps), hanging, fps)
     if states is not touching:
-        states = elbows.kept(cleared(states, figure), states, hanging)
+        states = elbows.kept(cleared(states, figure, sign), states, hanging)
     for _ in range(_CLEARED_AGAIN):
         if penetration(states, hanging, figure=figure)[0].max() <= _DEEPEST_CM:
             break
-        states = cleared(states, figure)
+        states = strokes.still(cleared(states, figure, sign), segments, sign, figure, fps)
     return elbows.from_easy(states, signer)
 
 

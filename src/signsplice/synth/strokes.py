@@ -74,7 +74,7 @@ def as_written(
             break
         moves = spread([one for one, _ in wanted], [miss for _, miss in wanted], still, len(states), RADIUS_S * fps)
         quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
-        whole = cleared(moved(states, quats, steady, moves, signer), figure)
+        whole = cleared(moved(states, quats, steady, moves, signer), figure, sign)
         depth = float(penetration(whole, signer, figure=figure)[0].max())
         if depth <= TOLERANCE_CM or depth <= float(penetration(states, signer, figure=figure)[0].max()):
             states = whole
@@ -100,7 +100,7 @@ def rounded(
         return states
     signer = figure.signer
     quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
-    whole = cleared(moved(states, quats, steady, moves, signer), figure)
+    whole = cleared(moved(states, quats, steady, moves, signer), figure, sign)
     return elbows.directed(whole, steady, signer)
 
 
@@ -108,6 +108,8 @@ def still(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figu
     """States (T, 65) of a whole word with base hands that stay while they are written to: what moved them apart from
     the strong hand moves that one, where it is near.
     """
+    if sign.hands != "base":
+        return states
     moves = np.zeros((len(states), 2, 3))
     spans: list[tuple[int, int]] = []
     for before, one in zip((None, *segments), segments, strict=False):

@@ -21,7 +21,7 @@ from signsplice.synth.contact import PosedSigner, posed_figure, surface
 from signsplice.synth.figure import Figure
 from signsplice.synth.hand_parts import hand_part
 from signsplice.synth.phonology import Sign, in_space
-from signsplice.synth.placing import RADIUS_S, Stay, cleared, goal, parted, reachable, spread, stays
+from signsplice.synth.placing import RADIUS_S, Stay, cleared, goal, reachable, spread, stays
 from signsplice.synth.segment_plan import TimedSegment
 from signsplice.synth.signer import JOINTS, Signer
 
@@ -120,8 +120,7 @@ def brought_to_touch(
         held = [(replace(one, which=which), x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
         steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), RADIUS_S * fps / (1 + n))
-        moved = _moved(moved, steps, signer)
-        moved = cleared(parted(moved, figure) if sign.hands == "symmetric" else moved, figure)
+        moved = cleared(_moved(moved, steps, signer), figure, sign)
     return states
 
 
