@@ -57,6 +57,19 @@ COMES_AND_STIRS = """COMES-AND-STIRS  hands=base kind=written
   H
 """
 
+LEAVES = """LEAVES  hands=base kind=written
+  X shape=fist at=base-palm by=back touch=yes palm=up fingers=fwd \
+w.shape=fist w.at=space:0,9.5,25 w.palm=in w.fingers=fwd
+  M shift=-6,0,8 touch=no
+  H
+"""
+_SHOULDERS = "at=shoulder/chest:14,8 touch=yes palm=-0.27,-0.27,-0.92 fingers=-0.71,0.71,0"
+MIRRORED = {
+    "at the shoulders": f"shape=flat by=2.tip {_SHOULDERS}",
+    "on the chest": f"shape=fist by=ulnar {_SHOULDERS}",
+    "together": "shape=pinchall at=space:0,14,25 by=4.tip touch=yes palm=back fingers=0,0.707,0.707",
+}
+
 
 def made(text: str) -> IsolatedWord:
     (written,) = parse(text).values()
@@ -92,6 +105,19 @@ def test_a_hand_near_its_shoulder_comes_back_to_the_written_direction() -> None:
         posture = timed.segment.strong
         turned = pose.hand_rotations(one.states[timed.end], STANDARD)[0]
         assert rotation.angle_between(turned, locations.facing(posture.palm, posture.fingers)) < np.deg2rad(25.0)
+
+
+def test_a_base_hand_stays_when_the_other_one_leaves_it() -> None:
+    one = made(LEAVES)
+    weak = one.states[one.segments[0].end : one.segments[-1].end + 1, 27:30]
+    assert np.linalg.norm(weak - weak[0], axis=1).max() < 3.0
+
+
+@pytest.mark.parametrize("where", MIRRORED)
+def test_hands_that_mirror_one_another_do(where: str) -> None:
+    one = made(f"MIRRORED  hands=symmetric kind=written\n  X {MIRRORED[where]}\n  M shift=0,-12,0 touch=no\n  H\n")
+    strong, weak = (one.states[one.events.start : one.events.end + 1, first : first + 3] for first in (0, 27))
+    assert np.linalg.norm(strong - weak, axis=1).max() < 2.0
 
 
 def test_hands_that_touch_move_together() -> None:

@@ -90,10 +90,11 @@ def body_locations(signer: Signer) -> dict[str, Location]:
     return CACHE.recent(_body_locations, signer, most=64)
 
 
-def on_joint(location: str) -> str:
-    """The joint that carries a location on head or trunk; of one halfway of two the first one's."""
+def on_joint(location: str, which: int) -> str:
+    """The joint that carries a location on head or trunk for the strong (0) or weak (1) hand; of two the first."""
     name = location.partition("/")[0].partition(":")[0]
-    return _ON_BODY[name if name in _ON_BODY else name.removesuffix("-weak")][0]
+    joint = _ON_BODY[name if name in _ON_BODY else name.removesuffix("-weak")][0]
+    return ("RightShoulder", "LeftShoulder")[(joint == "LeftArm") != which] if joint.endswith("Arm") else joint
 
 
 def _body_locations(signer: Signer) -> dict[str, Location]:

@@ -262,7 +262,7 @@ def goal(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sig
         found = locate(posture.location, weak)
     point, normal = found.point, found.normal
     if normal.any() and not on_arm(posture.location):  # the body as it is now
-        carrier = JOINTS[on_joint(posture.location)]
+        carrier = JOINTS[on_joint(posture.location, which)]
         rest = rest_positions(skeleton(signer))
         turn = chest.T @ posed.rotations[frame, carrier]
         place = chest.T @ (posed.positions[frame, carrier] - origin)
