@@ -63,6 +63,7 @@ def clear_collisions(
         pushes = push[..., None] * out  # (T, 2, 3)
         if mirrored:
             pushes = np.repeat(pushes.mean(axis=1, keepdims=True), 2, axis=1)
+            pushes[..., 0] = -np.abs(pushes[..., 0])  # away from the other hand, though they be past one another
         displacements = curves.spread_in_time(pushes, _KERNEL) * level[:, None, None]
         states = states.copy()
         pose.hands(states)[..., pose.WRIST] += displacements
