@@ -22,7 +22,7 @@ from signsplice.synth.comfort import directed, eased
 from signsplice.synth.figure import Figure
 from signsplice.synth.locations import resting
 from signsplice.synth.manner import PLAIN
-from signsplice.synth.phonology import Sign
+from signsplice.synth.phonology import Sign, in_space
 from signsplice.synth.placing import cleared, facing_as_written, placed, within_reach
 from signsplice.synth.rng import stream
 from signsplice.synth.segment_plan import FPS, SegmentPlan, TimedSegment
@@ -129,7 +129,8 @@ def _written(
     figure = Figure(states, hanging)
     planned = states
     states = placed(directed(states, directions, hanging), segments, sign, figure, fps)
-    states = cleared(states, figure, sign) if sign.hands == "symmetric" else states
+    if sign.hands == "symmetric" or not all(in_space(one.segment.strong.location) for one in segments):
+        states = cleared(states, figure, sign)
     states = elbows.steadied(directed(states, directions, hanging), hanging, fps, led=True, figure=figure)
     wrists = wrist_movements(segments, sign.hands, len(states))
     states = cleared(placed(eased(states, directions, hanging, *wrists), segments, sign, figure, fps), figure, sign)
