@@ -119,5 +119,5 @@ def test_finer_steps_turn_an_elbow_no_farther_than_it_must() -> None:
         (frames * beside)[:, None], (frames * beside)[:, None] + [0.0, 0.0, 0.01], np.full((1, 2), 0.03)
     )
     free = np.zeros((30, 1))
-    coarse, fine = (swivel.choose(arm, solid, free, 30.0, step) for step in (swivel.COARSE, swivel.FINE))
+    coarse, fine = (swivel.choose(arm, solid, free, 30.0, *grid) for grid in ((), (elbows.TURNS,)))
     assert 0.0 < np.abs(fine).max() < np.abs(coarse).max()

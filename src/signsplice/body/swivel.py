@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from signsplice.body.clearance import clearances
 from signsplice.motion.arrays import FloatArray
 
-_MOST, COARSE, FINE = np.deg2rad(60.0), np.deg2rad(15.0), np.deg2rad(5.0)
-"""How far an elbow turns at most, and steps of the turns that are tried."""
+_GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
 _TURN, _TURN_WEIGHT = float(np.deg2rad(30.0)), 0.15
 """A turn, and its cost in squared centimetres of depth."""
 _CHANGE_WEIGHT = 0.5
-"""Cost of a change by a coarse step from frame to frame, likewise."""
+"""Cost of a change by one step of the grid from frame to frame, likewise."""
 _WIDTH_S, _LEAST_WIDTH = 0.06, 0.5
 """Width of the bell that smooths the chosen swivels, and how many frames it is at least."""
 _DEEP, _AROUND_S = 1e-4, 0.3
@@ -50,11 +49,10 @@ class Solid:
     radii: FloatArray
 
 
-def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, step: float = COARSE) -> FloatArray:
-    """Turns (T,) of the elbow, radians, in steps of ``step``, that keep the forearm from lying deeper in a solid than
+def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, grid: FloatArray = _GRID) -> FloatArray:
+    """Turns (T,) of the elbow, radians, of those of a ``grid``, that keep the forearm from lying deeper in a solid than
     ``allowed`` (T, S).
     """
-    grid = step * np.arange(-round(_MOST / step), round(_MOST / step) + 1)
     cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > _DEEP)
     swivels = np.zeros(len(arm.wrist))
@@ -70,7 +68,7 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, step: fl
     turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
     costs = _depth_cost(turned, arm, solid, allowed, span).T
     costs += _TURN_WEIGHT * (grid / _TURN) ** 2
-    change: FloatArray = _CHANGE_WEIGHT * np.square((grid[:, None] - grid) / COARSE)
+    change: FloatArray = _CHANGE_WEIGHT * np.square((grid[:, None] - grid) / (0.5 * _TURN))
     chosen = grid[smoothest(costs, [change] * (len(costs) - 1))]
     width = max(_WIDTH_S * fps, _LEAST_WIDTH)
     side = int(np.ceil(3.0 * width))

@@ -26,6 +26,8 @@ _LED_S = 0.08
 """The same for those on the path of least cost."""
 _CLEARING_S = 0.06
 """The same for what keeps forearms free, which is smoothed as much once already."""
+TURNS = np.deg2rad(np.arange(-60.0, 61.0, 5.0))
+"""Turns of a led elbow that are tried to free its forearm: in coarser steps it would turn farther than it must."""
 _PRESSED_M = 0.003
 """Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
 
@@ -44,7 +46,7 @@ def steadied(
     figure = figure or Figure(states, signer)
     posed = figure.posed(states)
     for which in (0, 1):
-        turns = _clearing(posed, which, fps, swivel.FINE if led else swivel.COARSE)
+        turns = _clearing(posed, which, fps, TURNS) if led else _clearing(posed, which, fps)
         if turns.any():
             states = states.copy()
             states[:, pose.TURNS.start + which] += gaussian_filter1d(turns, _CLEARING_S * fps, mode="nearest")
@@ -229,10 +231,8 @@ def _short(angles: FloatArray) -> FloatArray:
     return np.asarray(np.angle(np.exp(1j * angles)))
 
 
-def _clearing(posed: PosedArms, which: int, fps: float, step: float) -> FloatArray:
-    """By how much (T,) the swivels of the strong (0) or the weak arm (1) change, in such steps, for its forearm to be
-    free.
-    """
+def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> FloatArray:
+    """By how much (T,) the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
     body, groups = posed.capsules.body, posed.capsules.body.groups
     solid = [*groups.below_arms, *(groups.right_arm if which else groups.left_arm)]
     radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
@@ -243,6 +243,6 @@ def _clearing(posed: PosedArms, which: int, fps: float, step: float) -> FloatArr
         swivel.Solid(starts, ends, radii[solid]),
         np.full((len(elbow), len(solid)), _PRESSED_M),
         fps,
-        step,
+        *grid,
     )
     return turns if which == 0 else -turns

@@ -1,5 +1,5 @@
-"""Strokes of written signs that are as long, and go the way, that they are written, and hands that stay where their
-strokes end.
+"""Strokes and circles of written signs that are as they are written, and hands and elbows that stay where they are
+written to.
 
 What puts a posture off its place (a body in the way, the other hand, a touch that gives way, a head that moves) puts
 only one end of a stroke off. Length and direction tell a reader more than a place in the open, so the other end goes
