@@ -24,9 +24,9 @@ def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
 
-def sparse(n_frames: int, fps: float) -> NDArray[np.intp]:
-    """Of some frames those about a fifteenth of a second apart, and the last one: enough of a hand's way."""
-    return np.union1d(np.arange(0, n_frames, max(1, round(fps / 15.0))), np.arange(n_frames)[-1:])
+def sparse(n_frames: int, apart: float) -> NDArray[np.intp]:
+    """Of some frames those about ``apart`` frames from one another, and the last one."""
+    return np.union1d(np.arange(0, n_frames, max(1, round(apart))), np.arange(n_frames)[-1:])
 
 
 def between(values: FloatArray, frames: NDArray[np.intp]) -> FloatArray:

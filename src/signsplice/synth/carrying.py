@@ -82,7 +82,7 @@ def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearne
 
 def roughly(states: FloatArray, signer: Signer, fps: float) -> Nearness:
     """``nearness`` about 8 times a second, linear between them, and no farther than hands are carried."""
-    some = sparse(len(states), 2.0 * fps)
+    some = sparse(len(states), fps / 7.5)
     near = nearness(states[some], signer, FREE_CM * signer.scale)
     return Nearness(*(between(x, some) for x in vars(near).values()))
 

@@ -56,6 +56,7 @@ def eased(
     missed = np.linalg.norm(angles - np.clip(angles, *_LIMITS.T), axis=-1, keepdims=True)
     share = (1.0 - np.exp(-size / _SLOW)) * np.maximum(0.0, 1.0 - missed / YIELDS)
     angles = angles - YIELDS * share * off / np.maximum(size, 1e-9)
+    # Limits are approached softly from MARGIN before them on, which a movement needs free; without one nothing changes.
     inner = room + MARGIN * (2.0 * np.minimum(room / MARGIN, 1.0) - 1.0)
     angles = np.where(room > 0.0, np.clip(angles, _LIMITS[:, 0] + inner, _LIMITS[:, 1] - inner), angles) + added
     twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in

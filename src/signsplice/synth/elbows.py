@@ -73,9 +73,9 @@ _LEAST_OFF = 0.15
 
 def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967): hands miss their
-    directions little, arms are easy, and elbows go no farther than they must. Found at some frames.
+    directions little, arms are easy, and elbows go no farther than they must. Found 15 times a second.
     """
-    some = sparse(len(states), fps)
+    some = sparse(len(states), fps / 15.0)
     both = pose.hands(states[some])
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     hard, effort = hardship(arm, both[..., pose.ROTVEC], signer, GRID)

@@ -1,8 +1,8 @@
-"""Forearms that turn no faster than people turn them.
+"""Forearms and wrists that turn no faster than people turn them.
 
-The forearm's twist that a written hand needs can pass half a turn: then it would go from one of its limits to the other
-in a frame. The twist of such an arm is chosen anew, on one path over the whole word (Viterbi 1967): near to what is
-written, and turned over in its own time where it must be.
+The forearm's twist that a written hand needs, and the wrist's swing, can pass half a turn: then they would go from one
+of their limits to the other in a frame. The twist of such an arm is chosen anew, on one path over the whole word
+(Viterbi 1967): near to what is written, and turned over in its own time where it must be; the swing is smoothed there.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _WIDTH_S, _AROUND_S = 0.045, 0.25
 
 
 def steadied(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
-    """States (T, 65) in which no forearm turns over in a frame; the states themselves where none did."""
+    """States (T, 65) in which no forearm or wrist turns over in a frame; the states themselves where none did."""
     arm, wrist = pose.posed_arms(states, signer)
     kept = np.clip(wrist.twist, -pose.FOREARM_LIMIT, pose.FOREARM_LIMIT)
     turned = kept.copy()
