@@ -43,7 +43,7 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.splicing import report as reports
-from signsplice.splicing.methods.choice import open_learned
+from signsplice.splicing.options import open_learned
 from signsplice.synth import notation, planner
 from signsplice.synth.pairs import KINDS, Pairs
 from signsplice.synth.written import files as written

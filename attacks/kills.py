@@ -26,7 +26,7 @@ import torch
 from signsplice import cli, lexicon
 from signsplice.errors import InputError
 from signsplice.formats import save
-from signsplice.splicing.networks import runtime as _runtime  # noqa: F401  (imported before the first fork)
+from signsplice.splicing import runtime as _runtime  # noqa: F401  (imported before the first fork)
 from signsplice.synth.corpus import Pairs
 from signsplice.train import checkpoint, quantization
 from signsplice.train.processes import Processes

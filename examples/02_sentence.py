@@ -11,6 +11,7 @@ import signsplice as ss
 from signsplice.lexicon import sentence, shipped
 from signsplice.render import film
 from signsplice.splicing import report
+from signsplice.splicing.word import words_of
 
 LINE = "Hello, my name is Anna. I like tea!"
 
@@ -23,18 +24,18 @@ def main(folder: Path) -> None:
         # A gloss is the label of a sign. The line is read in its order and is not translated. A word that is no gloss
         # is spelled letter by letter, with a warning; nothing is replaced by a word that merely looks like it.
         tokens = sentence.parse(LINE, lexicon)
-        clips = [lexicon.clip(gloss) for token in tokens for gloss in token.glosses]
+        # A word is a clip with what the line says of it: where another spelled word begins, so that IS and ANNA are not
+        # spelled as one, and at which words the sentence breathes.
+        words = words_of(tokens, lexicon.clip)
     for token in tokens:
         print(f"{token.token:8} {' '.join(token.glosses)}")
     for line in filter(None, (token.warning for token in tokens)):
         print(f"warning: {line}")
 
     # Dictionary signs are slow and end with a hold. The tempo "natural" shortens holds towards running signing.
-    # ``starts`` says where another spelled word begins, so that IS and ANNA are not spelled as one, and ``pauses`` at
-    # which words the sentence breathes.
     options = ss.SpliceOptions(tempo="natural")
-    result = ss.splice(clips, options, sentence.starts(tokens), sentence.pauses(tokens))
-    print(f"{len(clips)} signs and letters, {result.clip.seconds:.2f} s, {result.tempo.seconds:.2f} s a sign")
+    result = ss.splice(words, options)
+    print(f"{len(words)} signs and letters, {result.clip.seconds:.2f} s, {result.tempo.seconds:.2f} s a sign")
 
     # The report holds every span, seam and warning. `signsplice view` and `signsplice render` mark its transitions.
     ss.save(result.clip, folder / "sentence.bvh")

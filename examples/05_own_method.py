@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 import signsplice as ss
 from signsplice.lexicon import shipped
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.cut import PairCutter
-from signsplice.splicing.methods.transition import CurveProblem, CurveTransition
+from signsplice.splicing.contracts import Cut, Cutter
+from signsplice.splicing.curves import CurveProblem, CurveTransition
 
 
-class AfterThird(PairCutter):
+class AfterThird(Cutter):
     """Leaves a sign before its last third and enters the next after its first third."""
 
     name, summary = "after-third", "a third of each clip is left out at the seam"

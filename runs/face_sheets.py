@@ -31,8 +31,7 @@ from signsplice.render.picture import Scene, draw, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.face_rules import RULES
-from signsplice.splicing.passes.face_seams import LIDS
+from signsplice.splicing.faces import LIDS, RULES
 from signsplice.splicing.result import SpliceResult
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -484,7 +484,7 @@ def stamp() -> dict[str, object]:
     """What makes the figures: commit, version, words and networks."""
     from signsplice.bulk.job import hash_of_words
     from signsplice.lexicon import shipped
-    from signsplice.splicing.methods.choice import open_learned
+    from signsplice.splicing.options import open_learned
 
     with shipped() as words:
         n_words = sum(entry.kind == "sign" for entry in words.entries())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -10,6 +11,7 @@ import numpy as np
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.splicing.word import Word
 from signsplice.synth import notation, planner
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.phonology import Sign
@@ -20,6 +22,17 @@ MIRRORED = np.array([1.0, -1.0, -1.0, 1.0])
 """Factors of a quaternion seen in the mirror x -> -x."""
 SIGNS = {**notation.everyday(), **notation.alphabet()}
 """Every sign of the package, words and letters, by gloss."""
+
+
+def marked(
+    clips: Iterable[Clip],
+    starts: Collection[int] = (),
+    pauses: Mapping[int, str] | None = None,
+    brows: Mapping[int, str] | None = None,
+) -> list[Word]:
+    """Words of clips: indices of letters with which a spelled word begins, marks and brows by index."""
+    held, asked = pauses or {}, brows or {}
+    return [Word(clip, k in starts, held.get(k), asked.get(k)) for k, clip in enumerate(clips)]
 
 
 def sign(gloss: str) -> Sign:

@@ -569,7 +569,7 @@ def test_lack_of_memory_and_interrupts_in_imports_are_one_line(
         "def fail(*_, **__):\n"
         f"    raise {error}\n"
         "sys.argv = ['signsplice', 'methods']\n"
-        "from signsplice.splicing.methods import choice\n"
+        "from signsplice.splicing.contracts import choice\n"
         "choice.all_methods = fail\n"
         "cli.main()\n"
     )

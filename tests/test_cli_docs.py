@@ -12,7 +12,7 @@ import pytest
 
 import signsplice
 from signsplice.cli.commands import app
-from signsplice.splicing.methods.choice import all_methods
+from signsplice.splicing.options import all_methods
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "cli.md").read_text(encoding="utf-8")
 OF_THE_PAPER = ("paper", "pairs", "publish", "train paper", "train traits")

@@ -29,7 +29,7 @@ from signsplice import SpliceOptions, lexicon, splice
 from signsplice.errors import InputError
 from signsplice.formats import atomic, save
 from signsplice.splicing import report
-from signsplice.splicing.networks.bundle import write_bundle
+from signsplice.splicing.bundle import write_bundle
 from signsplice.synth import corpus, training_data, truth
 from signsplice.synth.corpus import Recipe, write_pairs
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.splicing import whole_system
+from signsplice.splicing import systems as whole_system
 from test_cli import run_program
 
 BUNDLE = '{"version": 1, "system": "somebody-else", "files": {}}'

@@ -19,8 +19,8 @@ from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.networks.bundle import write_bundle
+from signsplice.splicing.bundle import write_bundle
+from signsplice.splicing.contracts import Gap
 from signsplice.synth.corpus import scaled_positions
 from signsplice.synth.pairs import signer_space
 from signsplice.synth.signer import STANDARD, draw_signer, skeleton, stature

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import BUNDLE_FILE
+from signsplice.splicing.bundle import BUNDLE_FILE
 from signsplice_paper.configs import RunConfig, config_of, read_config
 
 

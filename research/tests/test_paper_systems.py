@@ -12,8 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_file, write_bundle
-from signsplice.splicing.networks.sessions import Sessions
+from signsplice.splicing.bundle import BUNDLE_FILE, Sessions, read_file, write_bundle
 from signsplice_paper.configs import config_of, read_config
 from signsplice_paper.systems import OneNetworkSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.systems.splicers import DECODINGS, HIDDEN, START, PaperSystem, splice_position

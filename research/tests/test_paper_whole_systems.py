@@ -24,8 +24,9 @@ from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.placement import ORIGIN, Placement, place, placement
 from signsplice.splicing import report
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, write_bundle
-from signsplice.splicing.whole_system import SystemSplice
+from signsplice.splicing.bundle import BUNDLE_FILE, write_bundle
+from signsplice.splicing.seam import Seam
+from signsplice.splicing.word import AlignedWord, FrameMap
 from signsplice_paper.configs import config_of
 from signsplice_paper.systems.clips import ClipSplicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
@@ -35,6 +36,10 @@ from test_paper_systems import Fakes, counting, encoder, fake_system, tokens
 Array = NDArray[Any]
 THIRD = word("YES").clip
 WORDS = [BEFORE, AFTER, THIRD]
+
+
+def aligned(clip: Clip) -> AlignedWord:
+    return AlignedWord(0, clip, clip, FrameMap())
 
 
 def spliced(clips: list[Clip], system: ClipSplicer, **options: Any) -> ss.SpliceResult:
@@ -73,7 +78,7 @@ def test_spans_rebuild_the_output_from_the_words_as_recorded() -> None:
 
 def test_a_splice_is_equation_17() -> None:
     system = splicer(40, 20)
-    made = system.splice_words(BEFORE, AFTER).frames
+    made = system.splice_words(aligned(BEFORE), aligned(AFTER)).frames
     assert made is not None
     y = spliced([BEFORE, AFTER], system).clip
     for name in ("local_rotations", "root_positions"):
@@ -205,8 +210,8 @@ def test_a_system_of_another_rig_moves_its_joints_and_carries_the_others() -> No
     space = space_of(RIG, (0.0, 90.0, 0.0), 220.0, joints)
     space = NumberSpace(GIVEN, (-1, 0, 1, 0), space.middle, space.side)
     system, before, after = own_system(space), own_word(1), own_word(2)
-    found = system.splice_words(before, after)
-    assert (found.pre, found.post) == (30, 20)
+    found = system.splice_words(aligned(before), aligned(after))
+    assert (found.cut.pre, found.cut.post) == (30, 20)
     assert found.frames is not None
     ends = [positions(clip)[frame] for clip, frame in ((before, 30), (after, 20))]
     alpha = np.arange(1, 8)[:, None, None] / 8.0
@@ -237,7 +242,7 @@ def test_own_words_stand_where_the_system_learned_them_wherever_they_were_record
 def test_a_clip_without_a_joint_of_the_system_is_refused() -> None:
     space = replace(space_of(RIG, (0.0, 90.0, 0.0), 220.0), joints=(*RIG.names[:-1], "Tail"))
     with pytest.raises(InputError, match=r"W1: has no joint Tail; .* bring clips to it with `signsplice convert"):
-        own_system(space).splice_words(own_word(1), own_word(2))
+        own_system(space).splice_words(aligned(own_word(1)), aligned(own_word(2)))
     with pytest.raises(InputError, match=r"bundle\.json: .*space: .*side"):
         config_of({**CONFIG, "space": {"joints": ["a"], "parents": [-1], "middle": [0, 0, 0]}}, Path(BUNDLE_FILE))
 
@@ -257,7 +262,11 @@ def test_a_joint_that_jumps_is_named(turned: tuple[int, ...], n_frames: int) -> 
         frames[list(turned), finger] = rotation.multiply(about, frames[list(turned), finger])
         made = Clip(BEFORE.skeleton, frames, np.tile(BEFORE.root_positions[40], (n_frames, 1)), BEFORE.fps)
     system = splicer()
-    system.splice_words = lambda *_: SystemSplice(40, 20, made)  # type: ignore[method-assign]
+
+    def splice_words(before: AlignedWord, after: AlignedWord) -> Seam:
+        return system.filled_seam(before, after, 40, 20, made)
+
+    system.splice_words = splice_words  # type: ignore[method-assign]
     (seam,) = spliced([BEFORE, after], system).seams
     lines = [line for line in seam.warnings if "degrees in one frame" in line]
     assert seam.n_transition == n_frames

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.bundle import write_bundle
+from signsplice.splicing.bundle import write_bundle
 from signsplice_paper import bundles, published_bundles, results
 from signsplice_paper.configs import config_of
 from signsplice_paper.prediction import Prediction

@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from signsplice.formats.avatar import read_avatar
     from signsplice.lexicon.reader import Lexicon
     from signsplice.motion.clip import Clip, Skeleton
-    from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
+    from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, inbetween, splice, stream
     from signsplice.splicing.forms import open_lexicon
-    from signsplice.splicing.inbetween import inbetween
     from signsplice.synth.written.signing import sign
 
 _HOMES = {
@@ -26,9 +25,8 @@ _HOMES = {
     "formats.avatar": ("read_avatar",),
     "lexicon.reader": ("Lexicon",),
     "motion.clip": ("Clip", "Skeleton"),
-    "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "splice", "stream"),
+    "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "inbetween", "splice", "stream"),
     "splicing.forms": ("open_lexicon",),
-    "splicing.inbetween": ("inbetween",),
     "synth.written.signing": ("sign",),
 }
 

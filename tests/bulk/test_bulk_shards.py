@@ -20,6 +20,7 @@ import pytest
 
 import signsplice as ss
 from bulk_kills import content
+from signing import marked
 from signsplice import lexicon
 from signsplice.bulk import recipes, run
 from signsplice.bulk.job import BulkJob, BulkOptions, prepare, progress_of, read_job
@@ -36,7 +37,7 @@ from signsplice.motion.kinematics import forward
 from signsplice.rig.info import rig_info
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import splice
-from signsplice.splicing.face_rules import RULES
+from signsplice.splicing.faces import RULES
 
 QUICK = {"cutter": "pose-velocity", "transition": "hermite", "transition_time": "tempo"}
 ROWS = [
@@ -355,7 +356,7 @@ def test_recipes_pause_and_have_forms_as_sentence_has(words: dict[str, Clip]) ->
         some = [words["HELLO"], words["DEAF"], lex.clip("2-GIVE-1")]
     assert isinstance(held, MadeSentence)
     assert isinstance(plain, MadeSentence)
-    wanted = ss.splice(some, pauses={0: ",", 2: "."})
+    wanted = ss.splice(marked(some, pauses={0: ",", 2: "."}))
     assert np.array_equal(held.result.clip.local_rotations, wanted.clip.local_rotations)
     assert held.result.spans == wanted.spans
     assert plain.result.spans == ss.splice(some).spans
@@ -368,7 +369,10 @@ def test_recipes_have_faces_by_rule_as_sentence_has() -> None:
         some = [lex.clip(gloss) for gloss in ("YOU", "WHERE", "BOOK")]
     assert isinstance(ruled, MadeSentence)
     assert isinstance(plain, MadeSentence)
-    wanted = splice(some, ss.SpliceOptions(face_rules=RULES), (), {2: "?"}, dict.fromkeys(range(3), "furrowed")).clip
+    wanted = splice(
+        marked(some, starts=(), pauses={2: "?"}, brows=dict.fromkeys(range(3), "furrowed")),
+        ss.SpliceOptions(face_rules=RULES),
+    ).clip
     assert ruled.motion_sha256 == motion_sha256(wanted)
     assert plain.result.clip.face is None
 

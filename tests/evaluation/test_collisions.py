@@ -10,9 +10,9 @@ from click.testing import CliRunner
 
 from signsplice.cli.commands import app
 from signsplice.evaluation import collisions
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import TRANSITIONS
-from signsplice.splicing.passes.collision_avoidance import avoid_collisions, depths
+from signsplice.splicing.collisions import avoid_collisions, depths
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import TRANSITIONS
 from signsplice.synth.corpus import Pairs
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from signsplice.evaluation import corpus_difficulty
-from signsplice.splicing.methods.cut import CUTTERS
-from signsplice.splicing.methods.transition import TRANSITIONS
+from signsplice.splicing.curves import TRANSITIONS
+from signsplice.splicing.cutters import CUTTERS
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs
 

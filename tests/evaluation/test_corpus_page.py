@@ -19,9 +19,9 @@ from signsplice.evaluation.tables import markdown, tables_in
 from signsplice.formats import save
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.cut import CUTTERS
-from signsplice.splicing.methods.transition import TRANSITIONS, find_transition
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import TRANSITIONS, find_transition
+from signsplice.splicing.cutters import CUTTERS
 from signsplice.synth import pseudo
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 

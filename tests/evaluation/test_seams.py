@@ -18,9 +18,8 @@ from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
+from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.engine import SpliceOptions
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.cut import PairCutter
 from signsplice.synth.signer import RESTS
 
 SIGNS = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")]
@@ -54,7 +53,7 @@ def test_an_idle_hand_with_frames_of_the_sign_is_slower() -> None:
     assert (natural.whole, natural.arms_down) == (usual.whole, usual.arms_down)
 
 
-class IntoTheStroke(PairCutter):
+class IntoTheStroke(Cutter):
     """Leaves every word two frames before its last movement ends."""
 
     name, summary = "into-the-stroke", ""
@@ -81,7 +80,7 @@ def test_a_cut_into_the_stroke_is_counted() -> None:
     assert row(SpliceOptions(cutter=IntoTheStroke())).whole == 0.0
 
 
-class RestKept(PairCutter):
+class RestKept(Cutter):
     """Keeps some frames of the way to rest and from it."""
 
     name, summary = "rest-kept", ""

@@ -17,8 +17,8 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import find_transition
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import find_transition
 
 
 def points(x: list[float]) -> FloatArray:

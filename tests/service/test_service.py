@@ -22,6 +22,7 @@ import generate
 from other_rigs import on_other_rig
 from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
+from signing import marked
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
 from signsplice.evaluation.faces import with_random_face
@@ -34,7 +35,7 @@ from signsplice.service import page, stream_messages, wire, work
 from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
-from signsplice.splicing.seam import Score
+from signsplice.splicing.seam import Number
 
 GLOSSES = ["HELLO", "DEAF", "FRIEND"]
 SCRIPT_START = '<script type="application/json" id="signsplice">'
@@ -270,7 +271,7 @@ def test_a_stream_equals_the_engines_stream(service: httpx.Client) -> None:
 
 def test_punctuation_pauses_a_sentence_and_a_stream_alike(service: httpx.Client) -> None:
     glosses = ["Hello,", "deaf?", "friend."]
-    result = splice(clips(GLOSSES), pauses={0: ",", 1: "?", 2: "."})
+    result = splice(marked(clips(GLOSSES), pauses={0: ",", 1: "?", 2: "."}))
     answer = service.post("/v1/sentence", json={"glosses": glosses}).json()
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     assert [unit["pause"] for unit in answer["units"]] == [",", "?", "."]
@@ -491,7 +492,7 @@ def test_a_json_type_has_lists_and_null_scores() -> None:
 
         names: tuple[str, ...]
         frames: tuple[int, int] | None
-        score: Score = float("nan")
+        score: Number = float("nan")
 
     Json = json_type(Engine)
     types = {field.name: field.type for field in fields(Json)}

@@ -24,8 +24,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import kinematics
 from signsplice.rig.info import rig_info
 from signsplice.service.settings import Settings
-from signsplice.splicing.engine import splice
-from signsplice.splicing.onto_avatar import onto_avatar
+from signsplice.splicing.engine import onto_avatar, splice
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import signsplice as ss
+from signing import marked
 from signsplice.errors import SignspliceError
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
 from signsplice.splicing.bulk_splice import splice_many
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import GapTransition, find_transition
-from signsplice.splicing.networks.sessions import Sessions
+from signsplice.splicing.bundle import Sessions
+from signsplice.splicing.contracts import Gap, Transition
+from signsplice.splicing.curves import find_transition
 
 
 @cache
@@ -61,8 +62,9 @@ def test_sentences_are_those_of_splice_bit_for_bit(options: ss.SpliceOptions) ->
 def test_letters_are_those_of_splice_bit_for_bit() -> None:
     spelled = [sentence(1)[0], *clips("fs-A", "fs-N", "fs-N", "fs-E"), sentence(4)[0]]
     assert facts(splice_many([spelled, spelled[1:3]])[0]) == facts(ss.splice(spelled))
-    found = splice_many([spelled, spelled], starts=[(3,), ()])
-    assert [facts(one) for one in found] == [facts(ss.splice(spelled, None, starts)) for starts in ((3,), ())]
+    sentences = [marked(spelled, starts) for starts in ((3,), ())]
+    found = splice_many(sentences)
+    assert [facts(one) for one in found] == [facts(ss.splice(words)) for words in sentences]
     assert facts(found[0]) != facts(found[1])
 
 
@@ -93,7 +95,7 @@ def test_sentences_in_several_blocks_are_the_same(monkeypatch: pytest.MonkeyPatc
     assert [facts(result) for result in splice_many(sentences)] == together
 
 
-class FailsAt(GapTransition):
+class FailsAt(Transition):
     """Hermite, but no frames of a gap after one word."""
 
     name, summary = "fails-at", "raises after one word"

@@ -22,16 +22,15 @@ from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import Channels
 from signsplice.rig.align import reference
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods.cut import CUTTERS, PairCutter
-from signsplice.splicing.methods.transition import TRANSITIONS
+from signsplice.splicing.contracts import Cut, Cutter
+from signsplice.splicing.curves import TRANSITIONS
+from signsplice.splicing.cutters import CUTTERS
+from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, inbetween, splice, stream
 
 CLASSICAL = SpliceOptions("pose-velocity", "hermite", "tempo")
 
 
-class FixedCutter(PairCutter):
+class FixedCutter(Cutter):
     """Cuts every pair at the same frames."""
 
     name, summary = "fixed", "the same frames"

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import signsplice as ss
+from signing import marked
 from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon import sentence as lines
 from signsplice.lexicon.reader import shipped
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
-from signsplice.splicing.face_rules import BLINKS, BROWS, CHANNELS, FURROWED, RAISED, RULES
+from signsplice.splicing.faces import BLINKS, BROWS, CHANNELS, FURROWED, RAISED, RULES
 
 OPTIONS = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed", face_rules=RULES)
 
@@ -46,7 +47,7 @@ def test_brows_follow_the_marks_of_a_line(line: str, expected: dict[int, str]) -
 
 def test_brows_are_up_through_a_question_and_back_at_its_end(sentence: list[Clip]) -> None:
     brows = {1: RAISED, 2: RAISED, 3: RAISED, 4: FURROWED}
-    result = ss.splice(sentence, OPTIONS, pauses={3: "?"}, brows=brows)
+    result = ss.splice(marked(sentence, pauses={3: "?"}, brows=brows), OPTIONS)
     face = face_of(result.clip)
     assert face.channels == CHANNELS
     up, down = face.of(["browInnerUp", "browDownLeft"]).T
@@ -60,7 +61,7 @@ def test_brows_are_up_through_a_question_and_back_at_its_end(sentence: list[Clip
 
 
 def test_brows_of_a_first_and_a_last_word_move_with_it(words: dict[str, Clip]) -> None:
-    face = face_of(ss.splice([words["HELLO"]], OPTIONS, brows={0: RAISED}).clip)
+    face = face_of(ss.splice(marked([words["HELLO"]], brows={0: RAISED}), OPTIONS).clip)
     up = face.of(["browInnerUp"])[:, 0]
     assert up[0] == up[-1] == 0.0
     assert up.max() == pytest.approx(0.7)
@@ -68,7 +69,7 @@ def test_brows_of_a_first_and_a_last_word_move_with_it(words: dict[str, Clip]) -
 
 
 def test_people_blink_at_the_ends_of_phrases_and_every_few_seconds(sentence: list[Clip]) -> None:
-    result = ss.splice([*sentence, *sentence], OPTIONS, pauses={2: ".", 5: "?"})
+    result = ss.splice(marked([*sentence, *sentence], pauses={2: ".", 5: "?"}), OPTIONS)
     face, fps = face_of(result.clip), result.clip.fps
     closed = blinks(face)
     for span in result.spans:
@@ -83,7 +84,7 @@ def test_people_blink_at_the_ends_of_phrases_and_every_few_seconds(sentence: lis
 
 def test_a_clip_with_a_face_of_its_own_keeps_it(words: dict[str, Clip]) -> None:
     clips = [words["HELLO"], with_random_face(words["DEAF"], 0), words["SIGN"]]
-    result = ss.splice(clips, OPTIONS, pauses={1: "?"}, brows=dict.fromkeys(range(3), RAISED))
+    result = ss.splice(marked(clips, pauses={1: "?"}, brows=dict.fromkeys(range(3), RAISED)), OPTIONS)
     own = next(span for span in result.spans if span.clip == 1)
     assert own.source is not None
     shown = face_of(result.clip)[slice(*own.output)]
@@ -96,7 +97,7 @@ def test_each_rule_can_be_left_out_and_without_any_there_is_no_face(sentence: li
 
     def face(*rules: str) -> Face | None:
         options = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed", face_rules=rules)
-        return ss.splice(sentence, options, pauses={5: "?"}, brows=brows).clip.face
+        return ss.splice(marked(sentence, pauses={5: "?"}, brows=brows), options).clip.face
 
     assert face() is None
     only_blinks, only_brows = face(BLINKS), face(BROWS)
@@ -109,11 +110,11 @@ def test_each_rule_can_be_left_out_and_without_any_there_is_no_face(sentence: li
     with pytest.raises(ss.InputError, match="face rules"):
         face("gaze")
     with pytest.raises(ss.InputError, match="expected raised or furrowed"):
-        ss.splice(sentence, OPTIONS, brows={0: "up"})
+        ss.splice(marked(sentence, brows={0: "up"}), OPTIONS)
 
 
 def test_a_stream_has_the_same_face(sentence: list[Clip]) -> None:
     marks, brows = {2: "?", 5: "."}, {1: RAISED, 2: RAISED}
-    pieces = list(ss.stream(iter(sentence), OPTIONS, pauses=marks, brows=brows))
-    whole = ss.splice(sentence, OPTIONS, pauses=marks, brows=brows).clip
+    pieces = list(ss.stream(marked(iter(sentence), pauses=marks, brows=brows), OPTIONS))
+    whole = ss.splice(marked(sentence, pauses=marks, brows=brows), OPTIONS).clip
     assert np.array_equal(face_of(concatenate([piece.clip for piece in pieces])).weights, face_of(whole).weights)

@@ -7,11 +7,9 @@ import pytest
 from conftest import random_clip
 
 from signsplice.motion.clip import Clip, resample
-from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.gap import CONTEXT, Cut, Gap, gap_at
-from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods.cut import PairCutter
-from signsplice.splicing.methods.transition import GapTransition, find_transition
+from signsplice.splicing.contracts import CONTEXT, Cut, Cutter, Gap, Transition, gap_at
+from signsplice.splicing.curves import find_transition
+from signsplice.splicing.engine import SpliceOptions, inbetween, splice
 
 BEFORE = random_clip(0, n_frames=40)
 AFTER = BEFORE[:30]
@@ -59,7 +57,7 @@ def test_the_window_without_new_frames_joins_both_signs() -> None:
     assert same_frames(window[first:], AFTER[:CONTEXT])
 
 
-class Recording(GapTransition):
+class Recording(Transition):
     """Slerp that keeps how many frames it was shown before and after each gap."""
 
     name, summary = "recording", "for tests"
@@ -72,7 +70,7 @@ class Recording(GapTransition):
         return find_transition("slerp").between(gap)
 
 
-class ShortStay(PairCutter):
+class ShortStay(Cutter):
     """Leaves every sign two frames after it was entered."""
 
     name, summary = "short-stay", "for tests"

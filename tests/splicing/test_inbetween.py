@@ -10,9 +10,9 @@ import pytest
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods.transition import TRANSITIONS, find_transition
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import TRANSITIONS, find_transition
+from signsplice.splicing.engine import inbetween
 
 
 @pytest.mark.parametrize("transition", list(TRANSITIONS))

@@ -11,17 +11,13 @@ import pytest
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
-from signsplice.splicing.gap import Cut, Gap
-from signsplice.splicing.inbetween import inbetween
-from signsplice.splicing.methods import Method, find
-from signsplice.splicing.methods.cut import Cutter, PairCutter
-from signsplice.splicing.methods.duration import Duration
-from signsplice.splicing.methods.transition import CurveProblem, CurveTransition, GapTransition, Transition
-from signsplice.splicing.seam import Seam
+from signsplice.splicing.contracts import Cut, Cutter, Duration, Gap, Method, Transition, find
+from signsplice.splicing.curves import CurveProblem, CurveTransition
+from signsplice.splicing.engine import SpliceOptions, Stream, inbetween, splice, stream
+from signsplice.splicing.seam import SeamScore
 
 
-class Freeze(GapTransition):
+class Freeze(Transition):
     """Holds the first pose of the next sign."""
 
     name, summary = "freeze", "the first pose of the next sign"
@@ -30,7 +26,7 @@ class Freeze(GapTransition):
         return concatenate([gap.after[:1]] * gap.n_frames)
 
 
-class Middle(PairCutter):
+class Middle(Cutter):
     """Leaves and enters every sign near its middle."""
 
     name, summary = "middle", "the middle of each clip"
@@ -48,19 +44,19 @@ class ByEntry(Duration):
         return cut.post / before.fps
 
 
-def spliced(clips: Sequence[Clip], options: SpliceOptions) -> tuple[Clip, list[Seam]]:
+def spliced(clips: Sequence[Clip], options: SpliceOptions) -> tuple[Clip, list[SeamScore]]:
     """A sentence and its seams by ``splice``."""
     result = splice(clips, options)
     return result.clip, list(result.seams)
 
 
-def streamed(clips: Sequence[Clip], options: SpliceOptions) -> tuple[Clip, list[Seam]]:
+def streamed(clips: Sequence[Clip], options: SpliceOptions) -> tuple[Clip, list[SeamScore]]:
     """A sentence and its seams by ``stream``."""
     pieces = list(stream(clips, options))
     return concatenate([piece.clip for piece in pieces]), [piece.seam for piece in pieces if piece.seam is not None]
 
 
-Join = Callable[[Sequence[Clip], SpliceOptions], tuple[Clip, list[Seam]]]
+Join = Callable[[Sequence[Clip], SpliceOptions], tuple[Clip, list[SeamScore]]]
 both = pytest.mark.parametrize("join", [spliced, streamed])
 
 

@@ -13,9 +13,9 @@ from processor_pairs import BUNDLE, PAIRS, spliced
 
 from signsplice.errors import FormatError
 from signsplice.motion import rotation
-from signsplice.splicing.methods.choice import WEIGHTS
-from signsplice.splicing.methods.learned import open_sessions
-from signsplice.splicing.networks.sessions import multiplies_in_8_bits
+from signsplice.splicing.bundle import multiplies_in_8_bits
+from signsplice.splicing.learned import open_sessions
+from signsplice.splicing.options import WEIGHTS
 
 
 @pytest.mark.parametrize("n", range(len(PAIRS)), ids=["-".join(pair) for pair in PAIRS])

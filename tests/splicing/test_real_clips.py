@@ -9,8 +9,8 @@ from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import ROTATIONS
+from signsplice.splicing.curves import find_transition
 from signsplice.splicing.engine import splice
-from signsplice.splicing.methods.transition import find_transition
 
 
 def test_real_clips_of_two_rigs_are_spliced_without_a_jump(real_clips: dict[str, Clip]) -> None:

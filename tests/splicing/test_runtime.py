@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from signsplice.splicing.networks.runtime import SWITCH
+from signsplice.splicing.runtime import SWITCH
 
 _STRANGER = "import sys, types; sys.modules['onnxruntime'] = o = types.ModuleType('onnxruntime')\n"
 _STRANGER += "o.disable_telemetry_events = lambda: None\n"
-_ITSELF = "import signsplice.splicing.networks.runtime, signsplice.splicing.networks.sessions\n"
-_ITSELF += "from signsplice.splicing.networks.runtime import onnxruntime\n"
+_ITSELF = "import signsplice.splicing.runtime, signsplice.splicing.bundle\n"
+_ITSELF += "from signsplice.splicing.runtime import onnxruntime\n"
 
 
 def run(code: str, folder: Path, switch: str | None = None) -> str:

@@ -21,16 +21,15 @@ from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, sampled
 from signsplice.splicing import stages
+from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.engine import joined_sentence, splice
-from signsplice.splicing.joins.join import LETTERS, REFORMED, SIGNS, SLID, PlannedSeam, SeamKind
-from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.seam_pass import Pass, SeamPass, run
-from signsplice.splicing.pieces import edited_part
+from signsplice.splicing.passes import Pass, fill, run
 from signsplice.splicing.result import Piece, SpliceResult
-from signsplice.splicing.sentence import SentenceBuilder
-from signsplice.splicing.words.pace import retimed
-from signsplice.splicing.words.word import Edit, FrameMap, SentenceWord, edited
+from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, SeamKind
+from signsplice.splicing.sentence import Sentence, edited_part
+from signsplice.splicing.tempo import retimed
+from signsplice.splicing.word import AlignedWord, Edit, FrameMap, Word, edited
 
 GUIDE = Path(__file__).resolve().parents[2] / "CONTRIBUTING.md"
 CLIPS = [word(gloss).clip for gloss in ("BOOK", "MOTHER", "YES")]
@@ -43,17 +42,17 @@ def spelled(text: str) -> list[Clip]:
 
 
 def spliced(clips: Sequence[Clip], passes: Sequence[Pass], options: SpliceOptions = OPTIONS) -> SpliceResult:
-    sentence = SentenceBuilder(options, passes)
+    sentence = Sentence(options, passes)
     return joined_sentence(sentence, [*sentence.add(clips), *sentence.end()])
 
 
 def streamed(clips: Sequence[Clip], passes: Sequence[Pass], options: SpliceOptions = OPTIONS) -> list[Piece]:
-    sentence = SentenceBuilder(options, passes)
+    sentence = Sentence(options, passes)
     return [piece for clip in clips for piece in sentence.add([clip])] + sentence.end()
 
 
 def listed(options: SpliceOptions = OPTIONS) -> tuple[Pass, ...]:
-    return stages.passes(options, stages.chosen_methods(options))
+    return stages.passes(options, options.choose_methods())
 
 
 # --- frozen ---
@@ -61,12 +60,11 @@ def listed(options: SpliceOptions = OPTIONS) -> tuple[Pass, ...]:
 
 def test_no_attribute_of_a_stage_can_be_set() -> None:
     options = SpliceOptions(tempo="natural", free_hand="natural")
-    sentence = SentenceBuilder(options)
-    planned = sentence.plan(CLIPS)
-    seams = sentence.finish(planned, sentence.gap_passes.fill(planned.gaps))
-    values: list[Any] = [planned, *planned.words, *planned.seams, *seams, *seams[0].edits, planned.words[0].frames]
-    values += [sentence.gap_passes, *listed(options), stages.planner(options, sentence.methods)]
-    values += [stages.word_aligner(options), *splice(CLIPS).spans, *splice(CLIPS).seams]
+    sentence = Sentence(options)
+    words, planned = sentence.plan(CLIPS)
+    seams = sentence.finish(words, planned, fill(sentence.passes, planned))
+    values: list[Any] = [*words, *planned, *seams, *seams[0].edits, words[0].frames, Word(CLIPS[0])]
+    values += [*listed(options), *splice(CLIPS).spans, *splice(CLIPS).seams]
     for value in values:
         for one in fields(value):
             with pytest.raises(FrozenInstanceError):
@@ -74,7 +72,7 @@ def test_no_attribute_of_a_stage_can_be_set() -> None:
 
 
 def test_a_refused_word_leaves_the_sentence_as_it_was() -> None:
-    sentence = SentenceBuilder(OPTIONS)
+    sentence = Sentence(OPTIONS)
     before = sentence.add(CLIPS[:1])
     with pytest.raises(ss.InputError):
         sentence.add([replace(CLIPS[1], skeleton=replace(CLIPS[1].skeleton, names=tuple(map(str, range(53)))))])
@@ -86,12 +84,12 @@ def test_a_refused_word_leaves_the_sentence_as_it_was() -> None:
 
 
 @dataclass(frozen=True)
-class Watch(SeamPass):
+class Watch(Pass):
     """Changes nothing, and remembers what it is shown."""
 
-    seen: list[PlannedSeam] = field(default_factory=list)
+    seen: list[Seam] = field(default_factory=list)
 
-    def change(self, seam: PlannedSeam) -> PlannedSeam:
+    def change(self, seam: Seam) -> Seam:
         self.seen.append(seam)
         return seam
 
@@ -112,7 +110,7 @@ def test_a_pass_in_the_list_sees_each_seam_in_order() -> None:
             ("BOOK", "MOTHER"),
             ("MOTHER", "YES"),
         ]
-        assert all(seam.made.clip is not None and seam.kind == SIGNS for seam in watch.seen)
+        assert all(seam.frames is not None and seam.kind == SIGNS for seam in watch.seen)
     assert tuple(piece.span for piece in pieces) == result.spans == splice(CLIPS, OPTIONS).spans
 
 
@@ -127,14 +125,14 @@ def test_a_pass_is_shown_the_kinds_of_seams_that_it_names() -> None:
     assert [seam.kind for seam in slid.seen] == [SLID, LETTERS]
 
 
-def test_gap_passes_come_before_seam_passes() -> None:
-    fill, *others = listed()
-    with pytest.raises(ValueError, match="a pass of gaps comes after one of seams"):
-        SentenceBuilder(OPTIONS, [*others, fill])
+def test_passes_that_batch_come_before_the_others() -> None:
+    first, *others = listed()
+    with pytest.raises(ValueError, match="a pass that batches comes after one that does not"):
+        Sentence(OPTIONS, [*others, first])
 
 
 def test_a_sentence_that_ended_begins_anew() -> None:
-    sentence = SentenceBuilder(OPTIONS, [*listed(), TurnHead()])
+    sentence = Sentence(OPTIONS, [*listed(), TurnHead()])
     for _ in range(2):
         pieces = [*sentence.add(CLIPS), *sentence.end()]
         assert pieces[0].span.remade is not None
@@ -150,12 +148,12 @@ def test_seams_without_new_frames_are_shown_to_no_pass() -> None:
 
 
 @dataclass(frozen=True)
-class TurnHead(SeamPass):
+class TurnHead(Pass):
     """Turns the head a little more at the beginning of every second word and at the end of every first."""
 
     angle: float = 0.1
 
-    def change(self, seam: PlannedSeam) -> PlannedSeam:
+    def change(self, seam: Seam) -> Seam:
         head = seam.after.clip.skeleton.index["mixamorig:Head"]
         cut, turn = seam.retimed_cut, rotation.exp(np.array([0.0, self.angle, 0.0]))
         entered = rotation.multiply(seam.after_clip.local_rotations[cut.post : cut.post + 4, [head]], turn)
@@ -191,7 +189,7 @@ def test_a_pass_sees_what_it_did_at_the_seam_before_and_not_what_later_passes_di
 
 
 @pytest.mark.parametrize("passes", [[TurnHead()], [TurnHead(), TurnHead(0.2)]])
-def test_a_stream_with_edits_is_the_same_sentence(passes: list[SeamPass]) -> None:
+def test_a_stream_with_edits_is_the_same_sentence(passes: list[Pass]) -> None:
     options = SpliceOptions(free_hand="natural")
     clips = [*CLIPS, *spelled("LLB")]
     whole = spliced(clips, [*listed(options), *passes], options)
@@ -202,22 +200,18 @@ def test_a_stream_with_edits_is_the_same_sentence(passes: list[SeamPass]) -> Non
 
 
 def test_passes_change_no_seam_that_they_are_given() -> None:
-    sentence = SentenceBuilder(SpliceOptions(free_hand="natural"))
-    planned = sentence.plan(CLIPS)
-    seams = [
-        replace(seam, filled=filled)
-        for seam, filled in zip(planned.seams, sentence.gap_passes.fill(planned.gaps), strict=True)
-    ]
-    first, _ = run(sentence.seam_passes, seams)
-    second, _ = run(sentence.seam_passes, seams)
+    sentence = Sentence(SpliceOptions(free_hand="natural"))
+    seams = fill(sentence.passes, sentence.plan(CLIPS)[1])
+    first, _ = run(sentence.passes, seams)
+    second, _ = run(sentence.passes, seams)
     for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one.made.clip.local_rotations, other.made.clip.local_rotations)
+        np.testing.assert_array_equal(one.new_frames.local_rotations, other.new_frames.local_rotations)
         assert [edit.joints for edit in one.edits] == [edit.joints for edit in other.edits]
 
 
 def test_the_guides_pass_runs() -> None:
     section = GUIDE.read_text().split("## Add a pass")[1].split("\n## ")[0]
-    (code,) = re.findall(r"```python\n# src/signsplice/splicing/passes/\w+\.py\n(.*?)```", section, re.S)
+    (code,) = re.findall(r"```python\n# src/signsplice/splicing/\w+\.py\n(.*?)```", section, re.S)
     space: dict[str, Any] = {"__name__": "guide"}
     exec(code, space)  # as a reader would paste it
     own = space["LevelHead"]()
@@ -300,7 +294,7 @@ def test_a_frame_map_without_a_warp_is_the_identity() -> None:
 @pytest.mark.parametrize("gloss", ["FATHER", "BOOK", "TOILET"])
 def test_the_source_of_every_frame_rebuilds_the_retimed_word(gloss: str) -> None:
     clip = word(gloss).clip
-    done = retimed(SentenceWord(0, clip, clip, FrameMap()), CUTTERS["pose-velocity"], 0.6)
+    done = retimed(AlignedWord(0, clip, clip, FrameMap()), CUTTERS["pose-velocity"], 0.6)
     sources = done.frames.sources
     assert sources is not None
     assert (np.diff(sources) > 0.0).all()

@@ -13,25 +13,32 @@ from conftest import GOLDEN
 import signsplice as ss
 from signing import word
 from signsplice.motion.clip import Clip, EndSite, unchecked_copy
-from signsplice.splicing.bulk_splice import splice_many
-from signsplice.splicing.gap import FilledGap, Gap
-from signsplice.splicing.methods.transition import CurveTransition, GapTransition, find_transition
+from signsplice.splicing.bulk_splice import TransitionCache, gap_key, splice_many
+from signsplice.splicing.contracts import Cut, Gap, Transition
+from signsplice.splicing.curves import CurveTransition, find_transition
 from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.seam_pass import GapPasses
-from signsplice.splicing.sentence import SentenceBuilder
-from signsplice.splicing.transition_cache import TransitionCache, gap_key
+from signsplice.splicing.passes import Pass, fill
+from signsplice.splicing.seam import SIGNS, Seam
+from signsplice.splicing.sentence import Sentence
+from signsplice.splicing.word import AlignedWord, FrameMap
 
 GAP = Gap(word("BOOK").clip[30:38], word("MOTHER").clip[20:28], 6)
 
 
-def passes(**options: Any) -> GapPasses:
-    """The gap passes of a call: by default hermite, with collision avoidance."""
+def passes(**options: Any) -> Sequence[Pass]:
+    """The passes of a call: by default hermite, with collision avoidance."""
     named: dict[str, Any] = {"transition": "hermite", "avoid_collisions": True, **options}
     wanted = SpliceOptions(**named)
-    return SentenceBuilder(wanted).gap_passes
+    return Sentence(wanted).passes
 
 
 PASSES = passes(free_hand="natural")
+
+
+def seam(gap: Gap) -> Seam:
+    """A planned seam with this gap."""
+    before, after = (AlignedWord(0, clip, clip, FrameMap()) for clip in (gap.before, gap.after))
+    return Seam(SIGNS, before, after, Cut(len(gap.before) - 1, 0), gap)
 
 
 def nudged(values: np.ndarray) -> np.ndarray:
@@ -83,11 +90,11 @@ CHANGES += [(name, others, GAP) for name, others in OTHER_PASSES.items()]
 
 
 @pytest.mark.parametrize(("others", "gap"), [row[1:] for row in CHANGES], ids=[name for name, *_ in CHANGES])
-def test_what_differs_in_anything_is_a_miss(others: GapPasses, gap: Gap) -> None:
+def test_what_differs_in_anything_is_a_miss(others: Sequence[Pass], gap: Gap) -> None:
     transitions = TransitionCache()
-    transitions.fill(PASSES, [GAP])
+    transitions.fill(PASSES, [seam(GAP)])
     same_numbers = Gap(GAP.before[:], GAP.after[:], GAP.n_frames)
-    transitions.fill(PASSES, [same_numbers])
+    transitions.fill(PASSES, [seam(same_numbers)])
     assert (transitions.hits, transitions.misses) == (1, 1)
     found = {gap_key(PASSES, GAP), gap_key(others, gap)}
     assert len(found) == 2
@@ -98,22 +105,23 @@ def test_keys_of_all_changes_differ() -> None:
     assert len({gap_key(others, gap) for _, others, gap in CHANGES}) == len(CHANGES)
 
 
-def assert_same(found: Sequence[FilledGap], expected: Sequence[FilledGap]) -> None:
+def assert_same(found: Sequence[Seam], expected: Sequence[Seam]) -> None:
     for one, other in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(one.clip.local_rotations, other.clip.local_rotations)
-        np.testing.assert_array_equal(one.clip.root_positions, other.clip.root_positions)
-        assert (one.depth, one.warnings, one.peak_m_s) == (other.depth, other.warnings, other.peak_m_s)
+        np.testing.assert_array_equal(one.new_frames.local_rotations, other.new_frames.local_rotations)
+        np.testing.assert_array_equal(one.new_frames.root_positions, other.new_frames.root_positions)
+        assert (one.depth, one.frame_warnings, one.peak_m_s) == (other.depth, other.frame_warnings, other.peak_m_s)
 
 
 def test_gaps_are_filled_alike_with_and_without_and_once_where_they_come_twice() -> None:
     network = OTHER_PASSES["a network"]
     gaps = [GAP, OTHER_GAPS["sides"], GAP, OTHER_GAPS["number of frames"]]
     transitions = TransitionCache()
-    expected = network.fill(gaps)
+    seams = [seam(gap) for gap in gaps]
+    expected = fill(network, seams)
     for hits in (1, 5):
-        found = transitions.fill(network, gaps)
+        found = transitions.fill(network, seams)
         assert_same(found, expected)
-        assert all(one.clip.skeleton is gap.before.skeleton for one, gap in zip(found, gaps, strict=True))
+        assert all(one.new_frames.skeleton is gap.before.skeleton for one, gap in zip(found, gaps, strict=True))
         assert (transitions.hits, transitions.misses) == (hits, 3)
 
 
@@ -121,15 +129,15 @@ def test_memory_is_bounded_and_what_was_used_last_stays() -> None:
     transitions = TransitionCache(most_bytes=50_000)
     gaps = [replace(GAP, n_frames=n) for n in (5, 6, 7, 8, 9)]
     for gap in gaps:
-        transitions.fill(PASSES, [gap])
+        transitions.fill(PASSES, [seam(gap)])
         assert 0 < transitions.nbytes <= 50_000
-    transitions.fill(PASSES, [gaps[-1]])
+    transitions.fill(PASSES, [seam(gaps[-1])])
     assert transitions.hits == 1
-    transitions.fill(PASSES, [gaps[0]])
+    transitions.fill(PASSES, [seam(gaps[0])])
     assert transitions.hits == 1
 
 
-class Stepwise(GapTransition):
+class Stepwise(Transition):
     """A user's transition: nobody knows what decides its frames."""
 
     name, summary = "stepwise", "the last pose, then the next"
@@ -141,11 +149,11 @@ class Stepwise(GapTransition):
 @pytest.mark.parametrize(
     "transition", [Stepwise(), CurveTransition("hermite", "not it", lambda problem: problem.times)]
 )
-def test_a_transition_of_the_users_is_never_kept(transition: GapTransition) -> None:
+def test_a_transition_of_the_users_is_never_kept(transition: Transition) -> None:
     own, transitions = passes(transition=transition), TransitionCache()
     assert gap_key(own, GAP) is None
     if isinstance(transition, Stepwise):
-        assert len(transitions.fill(own, [GAP, GAP])) == 2
+        assert len(transitions.fill(own, [seam(GAP), seam(GAP)])) == 2
         assert (transitions.hits, transitions.misses) == (0, 2)
 
 

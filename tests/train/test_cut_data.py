@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.rig.canonical import FEATURE_FPS
-from signsplice.splicing.networks import features
-from signsplice.splicing.networks.features import PHASES
+from signsplice.splicing import word_features as features
+from signsplice.splicing.word_features import PHASES
 from signsplice.train import cut_data
 from signsplice.train.cut_data import CutDataset, CutDraw, frame_phases, read_words
 from training_toys import signing

@@ -8,7 +8,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice.splicing.networks import features  # noqa: E402
+from signsplice.splicing import word_features as features  # noqa: E402
 from signsplice.train import cut_task  # noqa: E402
 from signsplice.train.cut_data import CutDataset  # noqa: E402
 from signsplice.train.cut_task import CuttingTask  # noqa: E402

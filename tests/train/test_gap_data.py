@@ -14,9 +14,9 @@ from signsplice.motion import rotation  # noqa: E402
 from signsplice.motion.clip import Clip  # noqa: E402
 from signsplice.rig.canonical import canonical_motion  # noqa: E402
 from signsplice.rig.canonical_map import ROLES  # noqa: E402
-from signsplice.splicing.gap import Gap  # noqa: E402
-from signsplice.splicing.methods.transition import find_transition  # noqa: E402
-from signsplice.splicing.networks import gap_features  # noqa: E402
+from signsplice.splicing import gap_features  # noqa: E402
+from signsplice.splicing.contracts import Gap  # noqa: E402
+from signsplice.splicing.curves import find_transition  # noqa: E402
 from signsplice.train import gap_data  # noqa: E402
 from signsplice.train.gap_data import GapDataset, read_signer  # noqa: E402
 from training_toys import signing  # noqa: E402

@@ -16,9 +16,9 @@ from click.testing import CliRunner  # noqa: E402
 from signing import word  # noqa: E402
 from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import FormatError, InputError  # noqa: E402
-from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, open_sessions  # noqa: E402
-from signsplice.splicing.networks.bundle import read_config, write_bundle  # noqa: E402
-from signsplice.splicing.networks.word_reader import WordReader  # noqa: E402
+from signsplice.splicing.bundle import read_config, write_bundle  # noqa: E402
+from signsplice.splicing.learned import LearnedCutter, LearnedDuration, open_sessions  # noqa: E402
+from signsplice.splicing.word_features import WordReader  # noqa: E402
 from signsplice.synth import training_data  # noqa: E402
 from signsplice.train import checkpoint, log, provenance, training, warm_start  # noqa: E402  # noqa: E402
 from signsplice.train.cut_data import CutDataset  # noqa: E402

@@ -20,11 +20,11 @@ from click.testing import CliRunner  # noqa: E402
 from signing import word  # noqa: E402
 from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import FormatError, InputError  # noqa: E402
-from signsplice.splicing.methods import choice as methods  # noqa: E402
-from signsplice.splicing.methods.learned import open_sessions  # noqa: E402
-from signsplice.splicing.networks.bundle import bundle_sha256, read_config  # noqa: E402
-from signsplice.splicing.networks.features import N_WORD  # noqa: E402
-from signsplice.splicing.networks.gap_features import N_TOKEN  # noqa: E402
+from signsplice.splicing import options as methods  # noqa: E402
+from signsplice.splicing.bundle import bundle_sha256, read_config  # noqa: E402
+from signsplice.splicing.gap_features import N_TOKEN  # noqa: E402
+from signsplice.splicing.learned import open_sessions  # noqa: E402
+from signsplice.splicing.word_features import N_WORD  # noqa: E402
 from signsplice.train import quantization, tuning  # noqa: E402
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
@@ -88,7 +88,7 @@ def test_stored_bytes_stand_for_nearly_the_same_weights(small: Path) -> None:
 
 def in_8_bits(content: bytes, folder: Path) -> bytes:
     """A graph as version 0.3 exported it: products in 8 bits, by onnxruntime's dynamic quantisation."""
-    import signsplice.splicing.networks.runtime  # noqa: F401  (switches the library's telemetry off first)
+    import signsplice.splicing.runtime  # noqa: F401  (switches the library's telemetry off first)
 
     pytest.importorskip("onnxruntime.quantization")
     from onnxruntime.quantization import QuantType, quantize_dynamic

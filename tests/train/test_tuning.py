@@ -20,11 +20,11 @@ from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
 from signsplice.motion.clip import concatenate
 from signsplice.rig.canonical import canonical_motion
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.learned import LearnedTransition, open_sessions
-from signsplice.splicing.methods.transition import find_transition
-from signsplice.splicing.networks import gap_features
-from signsplice.splicing.networks.bundle import read_config, write_bundle
+from signsplice.splicing import gap_features
+from signsplice.splicing.bundle import read_config, write_bundle
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import find_transition
+from signsplice.splicing.learned import LearnedTransition, open_sessions
 from signsplice.train import provenance, tuning
 from signsplice.train.export import ExportGraph, compare
 from training_toys import ALONE

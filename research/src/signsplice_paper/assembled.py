@@ -19,8 +19,8 @@ from scipy.special import log_softmax
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.splicing.gap import Cut, gap_at
-from signsplice.splicing.passes.filling import fill
+from signsplice.splicing.collisions import fill
+from signsplice.splicing.contracts import Cut, gap_at
 from signsplice_paper import published
 from signsplice_paper.baselines import Ridge
 from signsplice_paper.clip_methods import TRUE_POSITIONS, ClipMethod, prediction_of
@@ -78,7 +78,7 @@ class AssembledAnswers:
         words = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
         by_tfgn = generator.fill(*words, cut.pre, cut.post)
         gap = gap_at(pairs.word_clip(p), pairs.word_clip(q), cut, len(by_tfgn))
-        clip = fill(_TRANSITION.parts.transition, [gap], None)[0].clip
+        clip = fill(_TRANSITION.parts.transition, [gap], None)[0]
         by_ridge = self.ridge.fill(number, cut.pre, cut.post, len(by_tfgn))
         return np.mean([prediction_of(pairs, p, cut, clip).frames, by_ridge, by_tfgn], axis=0), clip
 

@@ -17,7 +17,7 @@ import numpy as np
 
 import signsplice as ss
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.gap import Cut
+from signsplice.splicing.contracts import Cut
 from signsplice.synth.corpus import Pairs
 from signsplice_paper.clip_methods import prediction_of
 from signsplice_paper.culling import cull

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, bundle_sha256
+from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256
 from signsplice_paper import published
 from signsplice_paper.configs import PaperConfig, config_of
 from signsplice_paper.results import ResultRow

@@ -19,13 +19,13 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
-from signsplice.splicing.gap import Cut, gap_at
-from signsplice.splicing.methods.choice import ChosenMethods, choose, open_learned
-from signsplice.splicing.methods.cut import CUTTERS
-from signsplice.splicing.methods.duration import CLASSICAL_DURATION
-from signsplice.splicing.methods.learned import FLUENT, LearnedDuration
-from signsplice.splicing.methods.learned import NAME as LEARNED
-from signsplice.splicing.passes.filling import fill
+from signsplice.splicing.collisions import fill
+from signsplice.splicing.contracts import Cut, gap_at
+from signsplice.splicing.cutters import CUTTERS
+from signsplice.splicing.durations import CLASSICAL_DURATION
+from signsplice.splicing.learned import FLUENT, LearnedDuration
+from signsplice.splicing.learned import NAME as LEARNED
+from signsplice.splicing.options import Methods, choose, open_learned
 from signsplice.synth.corpus import Pairs
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import GIVEN
@@ -96,7 +96,7 @@ class ClipMethod:
         return sum(networks[name].n_parameters for name, used in in_use.items() if used)
 
     @cached_property
-    def parts(self) -> ChosenMethods:
+    def parts(self) -> Methods:
         """The cutter, transition and duration of these names."""
         cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
         learned_duration = self.cutter == FLUENT or (self.given == "positions" and self.learned)
@@ -104,7 +104,7 @@ class ClipMethod:
         if not isinstance(parts.duration, LearnedDuration):
             return parts
         duration = LearnedDuration(parts.duration.reader, unhurried=False)
-        return ChosenMethods(parts.cutter, parts.transition, duration, parts.bundle)
+        return Methods(parts.cutter, parts.transition, duration, parts.bundle)
 
     def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
         """The splice position and the transition between two words' clips.
@@ -119,7 +119,7 @@ class ClipMethod:
         n_frames = n_true
         if "length" not in self.given:
             n_frames = max(1, round(self.parts.duration.seconds(before, after, cut) * before.fps))
-        return cut, fill(self.parts.transition, [gap_at(before, after, cut, n_frames)], None)[0].clip
+        return cut, fill(self.parts.transition, [gap_at(before, after, cut, n_frames)], None)[0]
 
 
 class ClipAnswers:

@@ -10,8 +10,8 @@ from typing import Any, get_type_hints
 from signsplice.errors import InputError
 from signsplice.formats.json_files import check_type
 from signsplice.motion.number_space import NumberSpace, read_space
-from signsplice.splicing.networks import bundle
-from signsplice.splicing.networks.bundle import BundleConfig, check_fields, described
+from signsplice.splicing import bundle
+from signsplice.splicing.bundle import BundleConfig, check_fields, described
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.splicing.methods.learned import SYSTEM
+from signsplice.splicing.learned import SYSTEM
 from signsplice_paper import bundles, clip_methods, kept_frames, margins, results
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.configs import PaperConfig

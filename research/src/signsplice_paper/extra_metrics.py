@@ -17,7 +17,7 @@ from signsplice.motion.clip import Clip
 from signsplice.motion.number_space import NumberSpace
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import CONTEXT
+from signsplice.splicing.contracts import CONTEXT
 from signsplice_paper.prediction import Prediction
 
 REQUIRED = ("hips", "leftHand", "rightHand")

@@ -32,9 +32,9 @@ from signsplice.formats.reading import read_bytes
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, same_fps, sampled
 from signsplice.motion.number_space import NumberSpace, read_space
-from signsplice.splicing.gap import Cut, gap_at
-from signsplice.splicing.methods.learned import NAME as LEARNED
-from signsplice.splicing.passes.filling import fill
+from signsplice.splicing.collisions import fill
+from signsplice.splicing.contracts import Cut, gap_at
+from signsplice.splicing.learned import NAME as LEARNED
 from signsplice_paper.clip_methods import TRUE_POSITIONS, ClipMethod
 from signsplice_paper.own_clips import OwnWord, Rig, on_rig
 
@@ -97,7 +97,7 @@ def filled(method: ClipMethod, before: Clip, after: Sequence[Clip], cuts: Sequen
         n_frames = max(1, round(parts.duration.seconds(before, clip, cut) * before.fps))
         gaps.append(gap_at(before, clip, cut, n_frames))
     made = fill(parts.transition, gaps, None) if gaps else []
-    return [TrueSplice(cut, one.clip) for cut, one in zip(cuts, made, strict=True)]
+    return [TrueSplice(cut, clip) for cut, clip in zip(cuts, made, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from signsplice.errors import InputError
 from signsplice.formats import skeletons
 from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
 from signsplice.motion.number_space import NumberSpace
-from signsplice.splicing.methods.learned import FLUENT
-from signsplice.splicing.methods.learned import NAME as LEARNED
+from signsplice.splicing.learned import FLUENT
+from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.synth.corpus import draw_splits
 from signsplice.synth.pairs import FILES, HEAD, KINDS, StoredRow, save_row, write_transitions, write_words
 from signsplice.synth.pool import is_whole

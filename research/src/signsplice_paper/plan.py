@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from signsplice.splicing.networks.bundle import BUNDLE_FILE
+from signsplice.splicing.bundle import BUNDLE_FILE
 from signsplice_paper import published
 
 SCALES = ("smoke", "small", "cpu", "paper")

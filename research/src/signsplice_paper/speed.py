@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.formats.atomic import replacing
-from signsplice.splicing.methods.learned import FLUENT
-from signsplice.splicing.methods.learned import NAME as LEARNED
+from signsplice.splicing.learned import FLUENT
+from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import layout, protocol, published
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from signsplice.splicing.networks.bundle import write_bundle
+from signsplice.splicing.bundle import write_bundle
 from signsplice.train.task import Task
 from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.train import graphs, scales, training

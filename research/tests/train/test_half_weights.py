@@ -12,8 +12,8 @@ onnx = pytest.importorskip("onnx")
 from onnx import TensorProto, helper, numpy_helper  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.splicing.networks.bundle import bundle_sha256, write_bundle  # noqa: E402
-from signsplice.splicing.networks.runtime import onnxruntime  # noqa: E402
+from signsplice.splicing.bundle import bundle_sha256, write_bundle  # noqa: E402
+from signsplice.splicing.runtime import onnxruntime  # noqa: E402
 from signsplice_paper.configs import read_config  # noqa: E402
 from signsplice_paper.train.half_weights import FLOAT16, halve_bundle, halved  # noqa: E402
 

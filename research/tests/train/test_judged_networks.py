@@ -11,8 +11,8 @@ import pytest
 
 pytest.importorskip("torch")
 
-from signsplice.splicing.methods.choice import WEIGHTS
-from signsplice.splicing.networks import features
+from signsplice.splicing import word_features as features
+from signsplice.splicing.options import WEIGHTS
 from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train import training

@@ -23,7 +23,7 @@ from signsplice.lexicon.reader import Lexicon, open_lexicon
 from signsplice.motion.cache import CACHE
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.engine import splice
-from signsplice.splicing.methods.choice import open_learned
+from signsplice.splicing.options import open_learned
 
 N_PAIRS, N_SENTENCES, WORDS = 6707 * 6706, 1_000_000, 10
 """What the core-hours are for: all ordered pairs of the paper's dictionary; ten-word sentences."""

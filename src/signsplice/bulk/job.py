@@ -21,7 +21,7 @@ from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.lexicon.reader import Lexicon
 from signsplice.splicing.forms import lexicon_folder, open_lexicon
-from signsplice.splicing.methods.choice import open_learned
+from signsplice.splicing.options import open_learned
 
 JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
 """Names in a folder of shards; ``UNFINISHED`` is there while a run is, or was when it was ended."""

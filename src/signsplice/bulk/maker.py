@@ -13,13 +13,14 @@ from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.entry import Entry
 from signsplice.lexicon.reader import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts
+from signsplice.lexicon.sentence import SentenceToken, parse
 from signsplice.motion.clip import Clip
 from signsplice.splicing import report as reports
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.engine import splice
 from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.result import SpliceResult
+from signsplice.splicing.word import Word, words_of
 
 WORDS_KEPT = 2048
 """Words that a process keeps, with what the networks read of them; the one used longest ago gives way."""
@@ -70,11 +71,9 @@ class FailedSentence:
 class _Sentence:
     """A call of the engine."""
 
-    clips: list[Clip]
+    words: list[Word]
     options: SpliceOptions
     tokens: tuple[SentenceToken, ...]
-    pauses: dict[int, str]
-    brows: dict[int, str]
 
 
 def motion_sha256(clip: Clip) -> str:
@@ -132,16 +131,13 @@ class SentenceMaker:
     def _call(self, recipe: SentenceRecipe) -> _Sentence:
         tokens = tuple(self._tokens(recipe))
         options = recipe.options(self.bundle)
-        options.chosen_methods()  # raises for a method that there is not
-        held = pauses(tokens) if recipe.pauses else {}
-        return _Sentence(self._clips_of(tokens, recipe), options, tokens, held, brows(tokens))
+        options.choose_methods()  # raises for a method that there is not
+        words = words_of(tokens, lambda gloss: self._clip(gloss, recipe.signer), recipe.pauses)
+        return _Sentence(words, options, tokens)
 
     def clips(self, recipe: SentenceRecipe) -> list[Clip]:
         """The clips of a recipe's words, in order."""
-        return self._clips_of(self._tokens(recipe), recipe)
-
-    def _clips_of(self, tokens: Sequence[SentenceToken], recipe: SentenceRecipe) -> list[Clip]:
-        return [self._clip(gloss, recipe.signer) for token in tokens for gloss in token.glosses]
+        return [self._clip(gloss, recipe.signer) for token in self._tokens(recipe) for gloss in token.glosses]
 
     def _tokens(self, recipe: SentenceRecipe) -> list[SentenceToken]:
         """How each gloss of a recipe is signed: as one that the lexicon has, or spelled."""
@@ -185,13 +181,7 @@ class SentenceMaker:
 def _results(calls: Sequence[_Sentence]) -> Sequence[SpliceResult | Exception]:
     """What the engine gives of each call, or why it gives nothing."""
     try:
-        return splice_many(
-            [call.clips for call in calls],
-            [call.options for call in calls],
-            starts=[starts(call.tokens) for call in calls],
-            pauses=[call.pauses for call in calls],
-            brows=[call.brows for call in calls],
-        )
+        return splice_many([call.words for call in calls], [call.options for call in calls])
     except (MemoryError, OSError):
         raise
     except Exception:  # a bug that one sentence brings out; the others are made without it
@@ -200,7 +190,7 @@ def _results(calls: Sequence[_Sentence]) -> Sequence[SpliceResult | Exception]:
 
 def _alone(call: _Sentence) -> SpliceResult | Exception:
     try:
-        return splice(call.clips, call.options, starts(call.tokens), call.pauses, call.brows)
+        return splice(call.words, call.options)
     except (MemoryError, OSError):
         raise
     except Exception as error:

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import format_errors, opened
-from signsplice.splicing.face_rules import RULES
+from signsplice.splicing.faces import RULES
 from signsplice.splicing.options import SpliceOptions
 
 SUFFIXES = (".parquet", ".csv")

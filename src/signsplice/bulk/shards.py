@@ -33,7 +33,7 @@ from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing import report as reports
 from signsplice.splicing.forms import open_lexicon
-from signsplice.splicing.methods.choice import open_learned
+from signsplice.splicing.options import open_learned
 from signsplice.splicing.result import Span
 
 Float32 = NDArray[np.float32]

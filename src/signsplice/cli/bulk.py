@@ -292,7 +292,7 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
             fixed[name] = number(name, fixed[name])
     for ends in zip(*([(name, value) for value in ends] for name, ends in ranges.items()), strict=True):
         SentenceRecipe(("",), **fixed, **{name: dial(name, value) for name, value in ends}).options(None)
-    SentenceRecipe(("",), **fixed).options(None).chosen_methods()  # raises for what is out of range, or unknown
+    SentenceRecipe(("",), **fixed).options(None).choose_methods()  # raises for what is out of range, or unknown
     return ranges, fixed
 
 

@@ -20,7 +20,7 @@ from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.motion.clip import Clip
-    from signsplice.splicing.methods.transition import Transition
+    from signsplice.splicing.contracts import Transition
 
 Measured = tuple[str, Sequence[Any], list[str]]
 """Signature, rows, and the rows as lines of Markdown."""
@@ -59,7 +59,7 @@ def _measures(measure: Callable[..., Measured]) -> click.Command:
 def clips(files: tuple[str, ...], fps: float | None, bundle: str | None, roles: str | None) -> Measured:
     """Transitions on frames hidden from clips."""
     from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
-    from signsplice.splicing.methods.transition import TRANSITIONS
+    from signsplice.splicing.curves import TRANSITIONS
 
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
     loaded = _loaded(files, fps, roles)
@@ -224,7 +224,7 @@ def _loaded(files: tuple[str, ...], fps: float | None, roles: str | None) -> lis
 
 def _learned_transition(bundle: str | None) -> list[Transition]:
     """The learned transition, where there is one; a warning where there is none."""
-    from signsplice.splicing.methods.choice import choose
+    from signsplice.splicing.options import choose
 
     chosen = choose("ends", None, "fixed", bundle)
     warn(chosen.warnings)

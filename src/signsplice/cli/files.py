@@ -116,8 +116,8 @@ def convert(
 
 def _mouthing(clip: Clip, sampa: str) -> Clip:
     """A clip whose mouth says sounds during what a splice keeps of it."""
-    from signsplice.splicing.methods import choice
-    from signsplice.splicing.methods.cut import cut_clips
+    from signsplice.splicing import options as choice
+    from signsplice.splicing.contracts import cut_clips
     from signsplice.synth.mouthing import with_mouthing
 
     (cut,) = cut_clips(choice.choose(None, None, None, None).cutter, [clip, clip])

@@ -36,7 +36,7 @@ from signsplice.errors import InputError
 if TYPE_CHECKING:
     from signsplice.body.capsules import Avatar
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
-    from signsplice.splicing.whole_system import WholeSystem
+    from signsplice.splicing.systems import WholeSystem
 
 _SETTINGS = former_names({"body-sense": "avoid-collisions", "no-body-sense": "no-avoid-collisions"})
 
@@ -161,9 +161,10 @@ def sentence(
     **method_options: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import brows, parse, pauses, signed, spelled, starts
+    from signsplice.lexicon.sentence import parse, signed, spelled
     from signsplice.splicing import engine
-    from signsplice.splicing.face_rules import RULES
+    from signsplice.splicing.faces import RULES
+    from signsplice.splicing.word import words_of
 
     check_outputs(output, report, [roles, avatar, fallback, *_networks(**method_options)])
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
@@ -174,16 +175,14 @@ def sentence(
         for path in (output, report or output):
             check_apart(path, [part.path for part in words.parts])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
-        line = signed(units)
-        clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(line)}
+        clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(signed(units))}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
     clips = {gloss: posed(clip) for gloss, clip in clips.items()}
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
-    held = None if no_pauses else pauses(units)
-    result = engine.splice([clips[gloss] for gloss in line], options, starts(units), held, brows(units))
+    result = engine.splice(words_of(units, clips.__getitem__, not no_pauses), options)
     more = {"units": [asdict(unit) for unit in units], "spelled": spelled(units)}
     deliver(result, output, report, load_ms, signer, more)
 
@@ -200,7 +199,7 @@ def _splice_options(
 ) -> SpliceOptions:
     """``SpliceOptions`` of a call. Raises ``InputError`` for unknown methods, before any file is read."""
     from signsplice.splicing.engine import SpliceOptions
-    from signsplice.splicing.methods.choice import AUTO
+    from signsplice.splicing.options import AUTO
 
     try:
         seconds, duration = float(transition_time), AUTO
@@ -215,7 +214,7 @@ def _splice_options(
         system=None if system is None else _opened(system),
         **others,
     )
-    options.chosen_methods()
+    options.choose_methods()
     return options
 
 
@@ -223,7 +222,7 @@ def _networks(
     bundle: str | None, cutter: str | None = None, transition: str | None = None, system: str | None = None, **_: Any
 ) -> list[str | Path | None]:
     """Folders of the networks that a call may read."""
-    from signsplice.splicing.methods.choice import WEIGHTS
+    from signsplice.splicing.options import WEIGHTS
 
     return [bundle or WEIGHTS, cutter, transition, system]
 
@@ -237,9 +236,9 @@ def _method(name: str | None) -> Any:
 
 def _opened(folder: str) -> WholeSystem:
     """The trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
-    from signsplice.splicing.methods.learned import SYSTEM
-    from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_config
-    from signsplice.splicing.whole_system import open_system
+    from signsplice.splicing.bundle import BUNDLE_FILE, read_config
+    from signsplice.splicing.learned import SYSTEM
+    from signsplice.splicing.systems import open_system
 
     if not (Path(folder) / BUNDLE_FILE).is_file():
         within = sorted(path.parent.name for path in Path(folder).glob(f"*/{BUNDLE_FILE}"))
@@ -267,7 +266,7 @@ def deliver(
     from signsplice.splicing import report as reports
 
     if avatar is not None:
-        from signsplice.splicing.onto_avatar import onto_avatar
+        from signsplice.splicing.engine import onto_avatar
 
         result = onto_avatar(result, avatar)
     began = time.perf_counter()
@@ -306,7 +305,7 @@ def inbetween(
     skin: tuple[str, ...],
 ) -> None:
     """Make frames of a clip anew from those around them; all other frames stay as they are."""
-    from signsplice.splicing.inbetween import inbetween as fill_gaps
+    from signsplice.splicing.engine import inbetween as fill_gaps
 
     check_outputs(output, report, [clip, roles, avatar, *_networks(bundle, transition=transition)])
     signer = _signer(avatar, skin)
@@ -322,7 +321,7 @@ def inbetween(
 @AS_JSON
 def methods(as_json: bool) -> None:
     """List every cutter, transition and duration by name."""
-    from signsplice.splicing.methods.choice import all_methods
+    from signsplice.splicing.options import all_methods
 
     rows = [
         {"kind": kind, "name": method.name, "summary": method.summary, "learned": method.learned, "default": default}

@@ -110,7 +110,7 @@ def _tune(
 ) -> None:
     _check_steps(steps)
     check_extra()
-    from signsplice.splicing.methods.choice import WEIGHTS
+    from signsplice.splicing.options import WEIGHTS
     from signsplice.train import processes, tuning
 
     with processes.joined(device) as process:

@@ -13,10 +13,9 @@ import numpy as np
 
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.gap import Cut, gap_at
-from signsplice.splicing.methods.transition import TRANSITIONS, Transition
-from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, depths
-from signsplice.splicing.passes.filling import fill
+from signsplice.splicing.collisions import TOLERANCE_M, depths, fill
+from signsplice.splicing.contracts import Cut, Transition, gap_at
+from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.seam import DEEP_M
 from signsplice.synth.corpus import Pairs
 
@@ -64,7 +63,7 @@ def compare(
         p, q, pre, post, _, count = pairs.index[number].tolist()
         gap = gap_at(clips[p], clips[q], Cut(pre, post), count)
         for row, (transition, avoid) in zip(found, methods, strict=True):
-            row.append(depths(fill(transition, [gap], avoid)[0].clip, gap.before, gap.after))
+            row.append(depths(fill(transition, [gap], avoid)[0], gap.before, gap.after))
     return [_row(*method, row) for method, row in zip(methods, found, strict=True)]
 
 

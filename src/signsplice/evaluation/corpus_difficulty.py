@@ -16,9 +16,9 @@ from signsplice.evaluation.tables import Progress, counted
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.cut import CUTTERS
-from signsplice.splicing.methods.transition import TRANSITIONS
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import TRANSITIONS
+from signsplice.splicing.cutters import CUTTERS
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign

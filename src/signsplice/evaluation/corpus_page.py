@@ -22,7 +22,7 @@ from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
 from signsplice.rig.info import rig_info
-from signsplice.splicing.methods.cut import CUTTERS
+from signsplice.splicing.cutters import CUTTERS
 from signsplice.synth import notation, pseudo
 from signsplice.synth.corpus import MADE_BY, VERSION, Pairs
 from signsplice.synth.phonology import Sign

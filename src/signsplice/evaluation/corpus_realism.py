@@ -17,7 +17,7 @@ from signsplice.evaluation.tables import Quantity, percentiles
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-from signsplice.splicing.methods.transition import find_transition
+from signsplice.splicing.curves import find_transition
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream

@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter1d
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.passes.face_seams import LIDS, LIMIT_PERCENTILE, largest_step
+from signsplice.splicing.contracts import Cut
+from signsplice.splicing.faces import LIDS, LIMIT_PERCENTILE, largest_step
 
 SIGNATURE = f"face:random,jump-over-{LIMIT_PERCENTILE:g}%-or-even-step,lids-apart"
 LID_COLUMNS = [ARKIT_CHANNELS.index(name) for name in LIDS]

@@ -13,10 +13,8 @@ from signsplice.evaluation.tables import Progress, markdown
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import Transition
-from signsplice.splicing.passes.collision_avoidance import depths
-from signsplice.splicing.passes.filling import fill
+from signsplice.splicing.collisions import depths, fill
+from signsplice.splicing.contracts import Gap, Transition
 from signsplice.splicing.seam import DEEP_M
 
 SHOWN = 8
@@ -157,7 +155,7 @@ def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, 
     transition on one gap.
     """
     before, true, after = window[:SHOWN], window[SHOWN:-SHOWN], window[-SHOWN:]
-    filled = fill(transition, [Gap(before, after, n_frames)], None)[0].clip
+    filled = fill(transition, [Gap(before, after, n_frames)], None)[0]
     whole = concatenate([before, filled, after])
     # Motion is counted from the last frame before to the first after, so that a held pose counts its jumps too.
     ratio = metrics.motion_ratio(whole[SHOWN - 1 : 1 - SHOWN], window[SHOWN - 1 : 1 - SHOWN])

@@ -28,17 +28,16 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
+from signsplice.splicing.contracts import Cut
+from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS
+from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS
+from signsplice.splicing.durations import CLASSICAL_DURATION
+from signsplice.splicing.durations import NATURAL as NATURAL_TEMPO
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.choice import choose
-from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, CUTTERS
-from signsplice.splicing.methods.duration import CLASSICAL_DURATION
-from signsplice.splicing.methods.learned import FLUENT, NAME
-from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, TRANSITIONS
-from signsplice.splicing.passes.free_hand import NATURAL
-from signsplice.splicing.passes.idle_hand import idle_hands
+from signsplice.splicing.idle_hands import NATURAL, idle_hands
+from signsplice.splicing.learned import FLUENT, NAME
+from signsplice.splicing.options import choose
 from signsplice.splicing.seam import DEEP_M
-from signsplice.splicing.tempo import NATURAL as NATURAL_TEMPO
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord

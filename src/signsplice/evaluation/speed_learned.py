@@ -17,9 +17,9 @@ from signsplice.lexicon import shipped
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import splice, stream
-from signsplice.splicing.methods.choice import choose
-from signsplice.splicing.methods.learned import LearnedCutter
-from signsplice.splicing.networks.word_reader import WordReader
+from signsplice.splicing.learned import LearnedCutter
+from signsplice.splicing.options import choose
+from signsplice.splicing.word_features import WordReader
 
 
 def milliseconds(run: Callable[[], object]) -> float:

@@ -28,10 +28,10 @@ from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import active_span, arms
+from signsplice.splicing.contracts import Cut, Cutter, Gap
+from signsplice.splicing.curves import TRANSITIONS
+from signsplice.splicing.cutters import CUTTERS, search_window
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.gap import Cut, Gap
-from signsplice.splicing.methods.cut import CUTTERS, PairCutter, search_window
-from signsplice.splicing.methods.transition import TRANSITIONS
 
 N_LONG = 3000
 N_WORD = 150
@@ -134,7 +134,7 @@ def _forward_by_frame(clip: Clip) -> None:
 def _search(repeats: int) -> dict[str, Any]:
     before, after = _word_clips()
 
-    def cut_anew(cutter: PairCutter) -> Cut:
+    def cut_anew(cutter: Cutter) -> Cut:
         forget([before, after])
         return cutter.cut(before, after)
 

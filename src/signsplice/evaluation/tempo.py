@@ -17,10 +17,10 @@ from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.splicing.durations import CITATION, NATURAL, RUNNING_S
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
-from signsplice.splicing.seam import Seam
-from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S
-from signsplice.splicing.words.pace import contact_frames
+from signsplice.splicing.seam import SeamScore
+from signsplice.splicing.tempo import contact_frames
 from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
@@ -136,7 +136,7 @@ def compare(
 
 def _row(name: str, words: Sequence[IsolatedWord], options: SpliceOptions) -> TempoRow:
     measured: list[_SignMeasurement] = []
-    seams: list[Seam] = []
+    seams: list[SeamScore] = []
     for part in _sentences(words):
         result = splice([word.clip for word in part], options)
         measured += list(_signs(result, part))

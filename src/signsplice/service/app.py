@@ -31,7 +31,7 @@ from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure
 from signsplice.service.worker_process import BusyError
 from signsplice.service.workers import Worker, Workers
 from signsplice.splicing.forms import open_lexicon
-from signsplice.splicing.methods.choice import all_methods
+from signsplice.splicing.options import all_methods
 
 ResultT = TypeVar("ResultT")
 

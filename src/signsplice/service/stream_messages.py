@@ -11,9 +11,9 @@ from signsplice.service.wire import STRICT, Dials, Gloss, Text
 if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.result import Span
-    from signsplice.splicing.seam import Seam
+    from signsplice.splicing.seam import SeamScore as Seam
 else:
-    from signsplice.service.wire import Seam, SentenceToken, Span
+    from signsplice.service.wire import SentenceToken, Span
 
 FRAMES_HEADER = struct.Struct("<4sIII")
 """Header of a binary message of frames: FRAMES_MAGIC, number of the first frame, of frames F, of joints J.

@@ -15,11 +15,10 @@ from pydantic import ConfigDict, Field
 
 from signsplice.formats import WIRE_SUFFIXES
 from signsplice.lexicon import sentence
-from signsplice.splicing import engine, result, seam, tempo
-from signsplice.splicing.methods.choice import AUTO
-from signsplice.splicing.methods.duration import DURATIONS
-from signsplice.splicing.passes.free_hand import FREE_HANDS, TRANSITION
-from signsplice.splicing.tempo import FASTEST_S, SLOWEST_S
+from signsplice.splicing import engine, result, seam
+from signsplice.splicing.durations import DURATIONS, FASTEST_S, SLOWEST_S
+from signsplice.splicing.idle_hands import FREE_HANDS, TRANSITION
+from signsplice.splicing.options import AUTO
 
 FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 """Names of the file formats that the service accepts and sends."""
@@ -27,9 +26,9 @@ PICTURES = ("png", "gif")
 """A contact sheet and a film, which it draws."""
 
 
-def json_type(source: type) -> type:
-    """A dataclass with the name, docstring and fields of ``source``, typed as JSON has them: so the wire cannot drift
-    from the engine.
+def json_type(source: type, name: str = "") -> type:
+    """A dataclass with the name (or another ``name``), docstring and fields of ``source``, typed as JSON has them: so
+    the wire cannot drift from the engine.
 
     Tuples of any length become lists, and a score may be null, since JSON has no NaN. Every field is required: the
     service writes all of them.
@@ -37,11 +36,11 @@ def json_type(source: type) -> type:
     hints = get_type_hints(source, include_extras=True)
     typed = [(field.name, _json_hint(hints[field.name])) for field in fields(source)]
     namespace = {"__doc__": source.__doc__, "__module__": __name__}
-    return make_dataclass(source.__name__, typed, frozen=True, namespace=namespace)
+    return make_dataclass(name or source.__name__, typed, frozen=True, namespace=namespace)
 
 
 def _json_hint(hint: Any) -> Any:
-    if hint == seam.Score:
+    if hint == seam.Number:
         return float | None
     inner = get_args(hint)
     if get_origin(hint) is UnionType:
@@ -52,9 +51,8 @@ def _json_hint(hint: Any) -> Any:
 if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.engine import Span
-    from signsplice.splicing.result import Pause, Remade
-    from signsplice.splicing.seam import Seam
-    from signsplice.splicing.tempo import ReachedTempo
+    from signsplice.splicing.result import Pause, ReachedTempo, Remade
+    from signsplice.splicing.seam import SeamScore as Seam
 
     Format = str
     AnswerFile = str
@@ -66,8 +64,8 @@ else:
     Remade = json_type(result.Remade)
     Pause = json_type(result.Pause)
     Span = json_type(engine.Span)
-    Seam = json_type(seam.Seam)
-    ReachedTempo = json_type(tempo.ReachedTempo)
+    Seam = json_type(seam.SeamScore, "Seam")
+    ReachedTempo = json_type(result.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
     AnswerFile = Literal[(*FORMAT_NAMES, *PICTURES)]
     DurationRule = Literal[(AUTO, *DURATIONS)]

@@ -17,19 +17,19 @@ from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
 from signsplice.lexicon.entry import LETTER_MARK
-from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed, starts
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed
 from signsplice.lexicon.typed import typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
 from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMessage
 from signsplice.service.wire import FORMAT_NAMES, PICTURES, AnswerFile, Dials, SentenceRequest, SpliceRequest
-from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
-from signsplice.splicing.face_rules import RULES
+from signsplice.splicing import options as methods
+from signsplice.splicing.engine import Piece, SpliceOptions, Stream, onto_avatar, splice
+from signsplice.splicing.faces import RULES
 from signsplice.splicing.forms import open_lexicon
-from signsplice.splicing.methods import choice as methods
-from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain
+from signsplice.splicing.word import Word, words_of
 from signsplice.synth.written.files import SUFFIXES as WRITTEN_SUFFIXES
 
 _MOST_WRITTEN_BYTES = 256 << 10
@@ -144,9 +144,9 @@ def splice_glosses(
     ``uploaded``, where there is one. Raises ``InputError``.
     """
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
-    glosses = signed(units)
+    signed(units)  # raises where every word was left out
     avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
-    return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units, avatar)
+    return _answer(words_of(units, _worker.clip, request.pauses), request, file, units, avatar)
 
 
 def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: AnswerFile | None) -> Answer:
@@ -158,7 +158,7 @@ def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, fil
     clips = list[Clip]()
     for name, content in files:
         clips += _clips(name, content, _worker.settings.max_glosses - len(clips))
-    return _answer(clips, request, file, ())
+    return _answer([Word(clip) for clip in clips], request, file, ())
 
 
 def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
@@ -174,19 +174,18 @@ def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
 
 
 def _answer(
-    clips: list[Clip],
+    words: list[Word],
     request: SentenceRequest | SpliceRequest,
     file: AnswerFile | None,
     units: Sequence[SentenceToken],
     avatar: Avatar | None = None,
 ) -> Answer:
-    limit, fps = _worker.settings.max_frames, request.fps or clips[0].fps
-    seconds = sum(clip.seconds for clip in clips) / request.sign_speed
+    limit, fps = _worker.settings.max_frames, request.fps or words[0].clip.fps
+    seconds = sum(word.clip.seconds for word in words) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
-    held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
     avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
-    result = splice(clips, options(request), starts(units), held, brows(units))
+    result = splice(words, options(request))
     if avatar is not None:
         result = onto_avatar(result, avatar)
     glb_has = {"mesh": request.mesh, "whole_face": isinstance(request, SentenceRequest) and request.whole_face}
@@ -281,7 +280,7 @@ def add_word(key: str, word: StreamWord) -> list[dict[str, Any] | bytes]:
     n_frames = clip.seconds / options.sign_speed * (options.fps or clip.fps)
     if n_frames > limit:
         raise InputError(f"{word.gloss} has {n_frames:.0f} frames at this speed and rate, expected at most {limit}")
-    return _messages(opened, opened.stream.push(clip, word.starts, word.pause, word.brow))
+    return _messages(opened, opened.stream.push(Word(clip, word.starts, word.pause, word.brow)))
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:

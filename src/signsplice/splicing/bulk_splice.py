@@ -3,72 +3,64 @@
 A word is read by the networks once, whatever the number of sentences. What is computed frame by frame (curves, what the
 network is shown and answers, poses, collisions, scores) is computed for the seams of many sentences in one go; every
 frame gets the numbers that it would get alone.
+
+A pair of words that comes again is not filled again (``TransitionCache``). The key of a gap is a digest of what a
+transition sees: every number of the frames that the gap shows on either side, the skeleton, the rate, the number of new
+frames, and the passes that fill it, with the file of the transition's network. Which words, cuts and options led to
+these frames does not matter, since they act through them alone. Whatever differs in one bit has another key.
 """
 
 from __future__ import annotations
 
+import hashlib
+import struct
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
 from signsplice.errors import SignspliceError
-from signsplice.motion.clip import Clip
+from signsplice.motion.cache import CACHE
+from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
+from signsplice.splicing.contracts import Gap
 from signsplice.splicing.engine import joined_sentence
-from signsplice.splicing.gap import FilledGap
 from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.passes import Pass, fill, signature
 from signsplice.splicing.result import SpliceResult
-from signsplice.splicing.seam import seam_positions
-from signsplice.splicing.sentence import PlannedWords, SentenceBuilder
-from signsplice.splicing.transition_cache import TransitionCache
+from signsplice.splicing.seam import Seam, seam_positions
+from signsplice.splicing.sentence import Sentence
+from signsplice.splicing.word import Word
 
 _WORDS_AT_ONCE = 256
 """About so many words are worked on together: more take more memory and are hardly faster."""
 Result = SpliceResult | SignspliceError
 T = TypeVar("T")
-
-
-class _Asked(NamedTuple):
-    clips: Sequence[Clip]
-    options: SpliceOptions
-    starts: Collection[int]
-    pauses: Mapping[int, str] | None
-    brows: Mapping[int, str] | None
+_Asked = tuple[Sequence[Clip | Word], SpliceOptions]
 
 
 def splice_many(
-    sentences: Sequence[Sequence[Clip]],
+    sentences: Sequence[Sequence[Clip | Word]],
     options: Sequence[SpliceOptions] | SpliceOptions | None = None,
     transitions: TransitionCache | None = None,
-    starts: Sequence[Collection[int]] | None = None,
-    pauses: Sequence[Mapping[int, str] | None] | None = None,
-    brows: Sequence[Mapping[int, str] | None] | None = None,
 ) -> list[Result]:
     """What ``splice`` gives of each sentence alone, in order; where it raises a ``SignspliceError``, that error.
 
     options: of all sentences, or of each.
     transitions: where those of earlier calls are found.
-    starts, pauses, brows: of each sentence, as in ``splice``.
 
     Clips that are one word should be one object in all sentences: what is computed of a word is kept as long as that
-    object lives. Raises ``ValueError`` where there are not as many options, starts, pauses or brows as sentences.
+    object lives. Raises ``ValueError`` where there are not as many options as sentences.
     """
     if options is None or isinstance(options, SpliceOptions):
         options = [options or SpliceOptions()] * len(sentences)
-    if starts is None:
-        starts = [()] * len(sentences)
     out: list[Result] = []
     block: list[_Asked] = []
-    nothing = [None] * len(sentences)
-    for one in zip(
-        sentences,
-        options,
-        starts,
-        nothing if pauses is None else pauses,
-        nothing if brows is None else brows,
-        strict=True,
-    ):
-        block.append(_Asked(*one))
-        if sum(len(sentence.clips) for sentence in block) >= _WORDS_AT_ONCE:
+    for asked in zip(sentences, options, strict=True):
+        block.append(asked)
+        if sum(len(clips) for clips, _ in block) >= _WORDS_AT_ONCE:
             out += _spliced(block, transitions)
             block = []
     return out + _spliced(block, transitions)
@@ -88,47 +80,151 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
                 done[row] = error
         return made
 
-    builders = each(lambda row: SentenceBuilder(block[row].options), range(len(block)))
-    planned = each(lambda row: builders[row].plan(block[row].clips, *block[row][2:]), builders)
-    filled: dict[int, list[FilledGap]] = {}
-    for rows in _with_same_passes(builders, planned):
+    growing = each(lambda row: Sentence(block[row][1]), range(len(block)))
+    planned = each(lambda row: growing[row].plan(block[row][0]), growing)
+    filled: dict[int, list[Seam]] = {}
+    for rows in _with_same_passes(growing, planned):
         try:
-            filled |= _filled({row: (builders[row], planned[row]) for row in rows}, transitions)
+            filled |= _filled({row: (growing[row], planned[row][1]) for row in rows}, transitions)
         except SignspliceError:  # of some of them
-            filled |= each(lambda row: _filled({row: (builders[row], planned[row])}, transitions)[row], rows)
-    finished = each(lambda row: builders[row].finish(planned[row], filled[row]), filled)
-    windows = [(seam.gap, seam.filled) for seams in finished.values() for seam in seams]
+            filled |= each(lambda row: _filled({row: (growing[row], planned[row][1])}, transitions)[row], rows)
+    finished = each(lambda row: growing[row].finish(*planned[row], filled[row]), filled)
     began = time.perf_counter()
-    positions = iter(seam_positions(windows))
+    positions = iter(seam_positions([seam for seams in finished.values() for seam in seams]))
     seconds = (time.perf_counter() - began) / max(1, len(finished))
     seen = {row: [next(positions) for _ in seams] for row, seams in finished.items()}
 
     def joined(row: int) -> SpliceResult:
-        builders[row].seconds["join"] += seconds
-        return joined_sentence(builders[row], [*builders[row].pieces(finished[row], seen[row]), *builders[row].end()])
+        growing[row].seconds["join"] += seconds
+        return joined_sentence(growing[row], [*growing[row].pieces(finished[row], seen[row]), *growing[row].end()])
 
     done |= each(joined, finished)
     return [done[row] for row in range(len(block))]
 
 
-def _with_same_passes(builders: dict[int, SentenceBuilder], rows: Iterable[int]) -> list[list[int]]:
+def _with_same_passes(sentences: dict[int, Sentence], rows: Iterable[int]) -> list[list[int]]:
     """Sentences whose gaps are filled in the same way."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for row in rows:
-        groups.setdefault(builders[row].gap_passes.signature(id), []).append(row)
+        groups.setdefault(signature(sentences[row].passes, id), []).append(row)
     return list(groups.values())
 
 
 def _filled(
-    sentences: dict[int, tuple[SentenceBuilder, PlannedWords]], transitions: TransitionCache | None
-) -> dict[int, list[FilledGap]]:
-    """The new frames of sentences that are filled in the same way; each takes its gaps' part of the time."""
-    gaps = {row: planned.gaps for row, (_, planned) in sentences.items()}
-    passes = next(builder.gap_passes for builder, _ in sentences.values())
-    asked = [gap for some in gaps.values() for gap in some]
+    sentences: dict[int, tuple[Sentence, Sequence[Seam]]], transitions: TransitionCache | None
+) -> dict[int, list[Seam]]:
+    """The open seams of sentences that are filled in the same way; each takes its gaps' part of the time."""
+    asked = {row: [seam for seam in seams if seam.is_open] for row, (_, seams) in sentences.items()}
+    passes = next(sentence.passes for sentence, _ in sentences.values())
+    seams = [seam for some in asked.values() for seam in some]
     began = time.perf_counter()
-    filled = iter(passes.fill(asked) if transitions is None else transitions.fill(passes, asked))
-    seconds = (time.perf_counter() - began) / max(1, sum(map(len, gaps.values())))
-    for row, (one, _) in sentences.items():
-        one.seconds["transition"] += seconds * len(gaps[row])
-    return {row: [next(filled) for _ in some] for row, some in gaps.items()}
+    filled = iter(fill(passes, seams) if transitions is None else transitions.fill(passes, seams))
+    seconds = (time.perf_counter() - began) / max(1, len(seams))
+    for row, (sentence, _) in sentences.items():
+        sentence.seconds["transition"] += seconds * len(asked[row])
+    return {row: [next(filled) for _ in some] for row, some in asked.items()}
+
+
+MOST_BYTES = 64_000_000
+"""Memory of the frames that are kept by default: about 3,500 transitions of a rig with fingers."""
+_ENTRY_BYTES = 1000
+"""Memory of an entry besides its frames."""
+
+
+class TransitionCache:
+    """The transitions that were used last, as many as ``most_bytes`` of memory hold; in one process.
+
+    hits, misses: gaps that were found, and gaps that had to be filled.
+    """
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self.most_bytes = most_bytes
+        self.hits = self.misses = self.nbytes = 0
+        self._kept: OrderedDict[bytes, _Made] = OrderedDict()
+
+    def fill(self, passes: Sequence[Pass], seams: Sequence[Seam]) -> list[Seam]:
+        """Open seams with their new frames, bit for bit those of ``passes.fill``. Those of transitions whose frames do
+        not follow from what is known of them (``Transition.identity``), and on avatars, are always made anew.
+        """
+        keys = [gap_key(passes, seam.gap) for seam in seams]
+        known: dict[bytes, _Made] = {}
+        asked: dict[bytes | int, int] = {}  # the row of each gap that has to be filled
+        for row, key in enumerate(keys):
+            if key is not None and key in self._kept:
+                self._kept.move_to_end(key)
+                known[key] = self._kept[key]
+            else:
+                asked.setdefault(row if key is None else key, row)
+        made = fill(passes, [seams[row] for row in asked.values()])
+        self.misses += len(made)
+        self.hits += len(seams) - len(made)
+        out = dict(zip(asked.values(), made, strict=True))
+        for row, seam in list(out.items()):
+            if (key := keys[row]) is not None:
+                known[key] = self._keep(key, seam)
+        for row, key in enumerate(keys):
+            if row not in out and key is not None:
+                out[row] = known[key].put_in(seams[row])
+        return [out[row] for row in range(len(seams))]
+
+    def _keep(self, key: bytes, seam: Seam) -> _Made:
+        clip = seam.new_frames
+        compact = unchecked_copy(
+            clip,
+            local_rotations=np.array(clip.local_rotations),  # it may be a view of the frames of many gaps
+            root_positions=np.array(clip.root_positions),
+            translations=None if clip.translations is None else np.array(clip.translations),
+            channels=None,
+        )
+        kept = self._kept[key] = _Made(compact, seam.frame_warnings, seam.depth, seam.peak_m_s)
+        self.nbytes += compact.nbytes + _ENTRY_BYTES
+        while self.nbytes > self.most_bytes:
+            _, oldest = self._kept.popitem(last=False)
+            self.nbytes -= oldest.clip.nbytes + _ENTRY_BYTES
+        return kept
+
+
+class _Made(NamedTuple):
+    """What the passes that batch made of a gap: the fields of its seam."""
+
+    clip: Clip
+    warnings: tuple[str, ...]
+    depth: float | None
+    peak_m_s: float | None
+
+    def put_in(self, seam: Seam) -> Seam:
+        """A planned seam whose gap has the same numbers, with these frames."""
+        before, n_frames = seam.gap.before, len(self.clip)
+        channels = None if before.channels is None else before.channels.forgotten(n_frames)
+        clip = unchecked_copy(self.clip, skeleton=before.skeleton, channels=channels)
+        gap = seam.gap if n_frames == seam.gap.n_frames else replace(seam.gap, n_frames=n_frames)
+        return replace(
+            seam, gap=gap, frames=clip, frame_warnings=self.warnings, depth=self.depth, peak_m_s=self.peak_m_s
+        )
+
+
+def gap_key(passes: Sequence[Pass], gap: Gap) -> bytes | None:
+    """A digest of all that decides the frames of a gap; None where that is not known."""
+    described, skeleton = signature(passes, lambda transition: transition.identity), gap.before.skeleton
+    if any(None in one for one in described) or type(skeleton) is not Skeleton:
+        return None
+    digest = hashlib.blake2b(repr(described).encode(), digest_size=32)
+    digest.update(CACHE.of(skeleton, _skeleton_key))
+    digest.update(struct.pack("<qdqq", gap.n_frames, gap.before.fps, len(gap.before), len(gap.after)))
+    for clip in (gap.before, gap.after):
+        _add_frames(digest, clip)
+    return digest.digest()
+
+
+def _add_frames(digest: hashlib.blake2b, clip: Clip) -> None:
+    for array in (clip.local_rotations, clip.root_positions, clip.translations):
+        digest.update(b"-" if array is None else b"+" + np.ascontiguousarray(array).tobytes())
+
+
+def _skeleton_key(skeleton: Skeleton) -> bytes:
+    """A digest of a skeleton: names, parents, offsets, tips, roles and rest pose."""
+    tips = [(site.joint, site.offset.tobytes()) for site in skeleton.end_sites]
+    roles = None if skeleton.roles is None else sorted(skeleton.roles.items())
+    rest = None if skeleton.rest_pose is None else skeleton.rest_pose.tobytes()
+    what = (skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tobytes(), tips, roles, rest)
+    return hashlib.blake2b(repr(what).encode(), digest_size=32).digest()

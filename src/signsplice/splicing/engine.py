@@ -4,50 +4,50 @@
 
 A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
 those of its aligned clip, bit for bit, and under a tempo slerps between them; only transition frames are new, and the
-arm of a hand that is idle, where it is given more time (``passes.free_hand``).
+arm of a hand that is idle, where it is given more time (``idle_hands``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
 from time import perf_counter
 
+from signsplice.body.capsules import Avatar
+from signsplice.body.retarget import retarget
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate
-from signsplice.splicing.methods.duration import MAX_TRANSITION_S
-from signsplice.splicing.options import SpliceOptions, not_clips
-from signsplice.splicing.result import FaceSources, Piece, Span, SpliceResult
-from signsplice.splicing.sentence import SentenceBuilder
-from signsplice.splicing.tempo import measured_tempo
+from signsplice.motion.clip import Clip, concatenate, unchecked_copy
+from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.rest_pose import with_rest_pose
+from signsplice.splicing.contracts import Cut, Transition, gap_at
+from signsplice.splicing.durations import MAX_TRANSITION_S
+from signsplice.splicing.faces import eased
+from signsplice.splicing.options import SpliceOptions, choose
+from signsplice.splicing.passes import AvoidCollisions, FillGaps, fill
+from signsplice.splicing.result import FaceSources, Piece, Span, SpliceResult, measured_tempo
+from signsplice.splicing.seam import ONE_CLIP, Seam, SeamScore, scored, seam_positions
+from signsplice.splicing.sentence import Sentence
+from signsplice.splicing.word import AlignedWord, FrameMap, Word, check_list
 
 __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult", "Stream", "splice", "stream"]
 
 
-def splice(
-    clips: Iterable[Clip],
-    options: SpliceOptions | None = None,
-    starts: Collection[int] = (),
-    pauses: Mapping[int, str] | None = None,
-    brows: Mapping[int, str] | None = None,
-) -> SpliceResult:
-    """Clips in order joined into one continuous clip.
-
-    Neighbouring letters (clips named fs-A) are one spelled word (``joins.letters``); ``starts``: indices of letters
-    with which another one begins. ``pauses``: the index of each clip that is held at the end of a phrase, with its mark
-    (``passes.pauses``); not where a system splices the words whole. ``brows``: the index of each clip that is part of a
-    question, "raised" or "furrowed" (``face_rules``), where the options have rules for faces.
+def splice(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> SpliceResult:
+    """Clips in order joined into one continuous clip. A ``Word`` in the place of a clip says more of it: where another
+    spelled word begins, at which mark it is held (not where a system splices the words whole), and the brows of its
+    question, where the options have rules for faces. Neighbouring letters (clips named fs-A) are one spelled word.
 
     Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
     nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
     clip.
     """
-    if isinstance(clips, (Clip, str)):
-        raise not_clips(clips)
-    sentence = SentenceBuilder(options or SpliceOptions())
-    return joined_sentence(sentence, [*sentence.add(clips, starts, pauses, brows), *sentence.end()])
+    check_list(clips)
+    sentence = Sentence(options or SpliceOptions())
+    return joined_sentence(sentence, [*sentence.add(clips), *sentence.end()])
 
 
-def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> SpliceResult:
+def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult:
     """All pieces of a sentence joined. Raises ``InputError`` where there is none."""
     tempo, system = sentence.options.tempo, sentence.options.system
     if not pieces:
@@ -78,31 +78,23 @@ def joined_sentence(sentence: SentenceBuilder, pieces: Sequence[Piece]) -> Splic
     )
 
 
-def stream(
-    clips: Iterable[Clip],
-    options: SpliceOptions | None = None,
-    starts: Collection[int] = (),
-    pauses: Mapping[int, str] | None = None,
-    brows: Mapping[int, str] | None = None,
-) -> Iterator[Piece]:
+def stream(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> Iterator[Piece]:
     """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
     bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees two words at a time
     here. It chooses otherwise where a word would be left before it was entered.
 
-    Reads ``clips`` one ahead; without any, nothing comes. ``starts``, ``pauses``, ``brows``: as in ``splice``. Raises
-    as ``splice`` does, at the clip that is wrong.
+    Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
     """
     growing = Stream(options)
-    if isinstance(clips, (Clip, str)):
-        raise not_clips(clips)
-    for index, clip in enumerate(clips):
-        yield from growing.push(clip, index in starts, (pauses or {}).get(index), (brows or {}).get(index))
+    check_list(clips)
+    for clip in clips:
+        yield from growing.push(clip)
     yield from growing.end()
 
 
 class Stream:
-    """A sentence that grows a word at a time: what ``stream`` gives, pushed instead of pulled. It holds one word,
-    however long the sentence.
+    """A sentence that grows a word at a time: what ``stream`` gives, pushed instead of pulled. It holds the last word
+    and its seam, however long the sentence.
 
     cutter, transition: names of the methods that are used.
 
@@ -110,17 +102,93 @@ class Stream:
     """
 
     def __init__(self, options: SpliceOptions | None = None) -> None:
-        self._sentence = SentenceBuilder(options or SpliceOptions())
+        self._sentence = Sentence(options or SpliceOptions())
         self.cutter, self.transition, _ = self._sentence.names
 
-    def push(self, clip: Clip, starts: bool = False, pause: str | None = None, brow: str | None = None) -> list[Piece]:
-        """The pieces that are final now that one more word is known: none for the first. ``starts``: whether a letter
-        begins another spelled word; ``pause``: the mark after the word, if any; ``brow``: of its question, if any.
-        Raises as ``splice`` does; a word that raises is not part of the sentence.
+    def push(self, clip: Clip | Word) -> list[Piece]:
+        """The pieces that are final now that one more word is known: none for the first. Raises as ``splice`` does; a
+        word that raises is not part of the sentence.
         """
-        marks, brows = ({} if text is None else {0: text} for text in (pause, brow))
-        return self._sentence.add([clip], (0,) if starts else (), marks, brows)
+        return self._sentence.add([clip])
 
     def end(self) -> list[Piece]:
         """The rest of the last word; nothing where there was none, or where it was taken already."""
         return self._sentence.end()
+
+
+def inbetween(
+    clip: Clip,
+    gaps: Sequence[tuple[int, int]],
+    transition: str | Transition | None = None,
+    avoid_collisions: bool | None = None,
+    bundle: str | Path | None = None,
+) -> SpliceResult:
+    """The clip with frames [a, b) of every gap made anew from what surrounds them; every other frame unchanged.
+
+    Gaps are half-open frame ranges with at least one frame kept before, between and after them; ``transition``,
+    ``avoid_collisions`` and ``bundle`` as in ``SpliceOptions``. Raises ``InputError`` for other gaps.
+    """
+    # No word is cut and no duration chosen here: those two methods open no network.
+    chosen = choose("ends", transition, "fixed", bundle)
+    clip = with_rest_pose(clip)
+    ranges = _checked(gaps, len(clip))
+    entries = [0, *(stop for _, stop in ranges)]  # where each stretch that is kept begins
+    ends = [*(start for start, _ in ranges), len(clip)]  # and where it ends
+    began = perf_counter()
+    word, planned = AlignedWord(0, clip, clip, FrameMap()), list[Seam]()
+    for k, (start, stop) in enumerate(ranges):
+        cut = Cut(start - 1, stop)
+        gap = gap_at(clip, clip[: ends[k + 1]], cut, stop - start, entry=entries[k])
+        planned.append(Seam(ONE_CLIP, word, word, cut, gap))
+    avoids = chosen.transition.learned if avoid_collisions is None else avoid_collisions
+    planned = fill([FillGaps(chosen.transition), *([AvoidCollisions()] if avoids else [])], planned)
+    transition_s = perf_counter() - began
+    spans: list[Span] = []
+    seams: list[SeamScore] = []
+    pieces: list[Clip] = []
+    for k, (seam, seen) in enumerate(zip(planned, seam_positions(planned), strict=True)):
+        kept, (start, stop), new = (entries[k], ends[k]), ranges[k], seam.new_frames
+        if clip.face is not None:
+            face = eased(clip.face[:start], clip.face[stop:], start - 1, 0, stop - start, clip.fps)
+            new = unchecked_copy(new, face=face)
+        pieces += [clip[kept[0] : kept[1]], new]
+        spans += [Span("sign", 0, clip.name, kept, kept), Span("transition", None, None, None, (start, stop))]
+        seams += [score for score in (scored(seam, seen).score,) if score is not None]
+    kept = entries[-1], len(clip)
+    pieces.append(clip[kept[0] :])
+    spans.append(Span("sign", 0, clip.name, kept, kept))
+    began = perf_counter()
+    joined = concatenate(pieces, name=clip.name)
+    timing = {"harmonize": 0.0, "cut": 0.0, "transition": transition_s, "join": perf_counter() - began}
+    return SpliceResult(
+        clip=joined,
+        spans=tuple(spans),
+        seams=tuple(seams),
+        warnings=(*chosen.warnings, *(f"{clip.name}: {line}" for line in clip_warnings(clip))),
+        cutter="none",
+        transition=chosen.transition.name,
+        timing_ms={part: 1e3 * seconds for part, seconds in timing.items()},
+        bundle=chosen.bundle,
+    )
+
+
+def _checked(gaps: Sequence[tuple[int, int]], n_frames: int) -> list[tuple[int, int]]:
+    """The gaps in order. Raises ``InputError`` where frames do not remain before, between and after them."""
+    at = 0
+    for start, stop in sorted(gaps):
+        if not at < start < stop < n_frames:
+            raise InputError(
+                f"gap {start}:{stop} in {n_frames} frames, expected {at + 1} <= A < B <= {n_frames - 1}: "
+                "frames must remain before, between and after gaps"
+            )
+        at = stop
+    return sorted(gaps)
+
+
+def onto_avatar(result: SpliceResult, avatar: Avatar) -> SpliceResult:
+    """The sentence on an avatar. Spans and seams are those of the sentence before; ``avatar`` says what the hands touch
+    and whether they do there.
+    """
+    done = retarget(result.clip, avatar)
+    found = {"name": avatar.label, "contacts": [asdict(contact) for contact in done.contacts]}
+    return replace(result, clip=done.clip, warnings=(*result.warnings, *done.warnings), avatar=found)

@@ -1,23 +1,175 @@
-"""What one call of the engine wants; mistakes of callers as errors that say what was given and what is expected."""
+"""What one call of the engine wants, and its methods: by name, learned where none is named, classical where no network
+can be read. Mistakes of callers are errors that say what was given and what is expected.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import TypeVar
 
 from signsplice.errors import InputError
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
-from signsplice.splicing.face_rules import check_rules
-from signsplice.splicing.methods import choice as methods
-from signsplice.splicing.methods.choice import ChosenMethods
-from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, Cutter
-from signsplice.splicing.methods.duration import CLASSICAL_DURATION, MAX_TRANSITION_S, Duration
-from signsplice.splicing.methods.learned import NAME
-from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, Transition
-from signsplice.splicing.passes import free_hand
-from signsplice.splicing.tempo import CITATION, seconds_a_sign
-from signsplice.splicing.whole_system import WholeSystem, check_alone
+from signsplice.splicing.bundle import BUNDLE_FILE, NetworkConfig, bundle_sha256
+from signsplice.splicing.contracts import Cutter, Duration, Method, Transition, find
+from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS
+from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS
+from signsplice.splicing.durations import (
+    CITATION,
+    CLASSICAL_DURATION,
+    DURATIONS,
+    MAX_TRANSITION_S,
+    RunningDuration,
+    seconds_a_sign,
+)
+from signsplice.splicing.faces import check_rules
+from signsplice.splicing.idle_hands import FREE_HANDS, TRANSITION
+from signsplice.splicing.learned import FLUENT, NAME, LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
+from signsplice.splicing.systems import WholeSystem, check_alone
+from signsplice.splicing.word_features import WordReader
+
+WEIGHTS = Path(__file__).parent / "weights"
+"""The bundle that ships."""
+AUTO = "auto"
+"""The name of the default duration."""
+_OPEN_AT_ONCE = 4
+MethodT = TypeVar("MethodT", bound=Method)
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedMethods:
+    """What a bundle offers.
+
+    cutters, transitions, durations: by name.
+    sha256: of the bundle; None where there is none.
+    networks: what bundle.json says of each network.
+    """
+
+    cutters: Mapping[str, LearnedCutter] = field(default_factory=dict)
+    transitions: Mapping[str, LearnedTransition] = field(default_factory=dict)
+    durations: Mapping[str, LearnedDuration] = field(default_factory=dict)
+    sha256: str | None = None
+    networks: Mapping[str, NetworkConfig] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Methods:
+    """The methods of a call.
+
+    cutter, transition, duration: what does the work.
+    bundle: sha256 of the bundle whose networks take part; None without networks.
+    warnings: why the defaults are not the learned ones.
+    """
+
+    cutter: Cutter
+    transition: Transition
+    duration: Duration
+    bundle: str | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def open_learned(folder: str | Path | None = None) -> LearnedMethods:
+    """What a bundle offers, by default the one that ships; opened once, as long as it is not written anew.
+
+    Raises ``InputError`` where the folder holds no bundle, another system's, or one whose files are not those that it
+    lists.
+    """
+    folder = Path(WEIGHTS if folder is None else folder).absolute()
+    try:
+        status = (folder / BUNDLE_FILE).stat()
+    except OSError:
+        return _open(folder, bundle_sha256(folder))  # raises, and says what is wrong
+    written = status.st_ino, status.st_mtime_ns, status.st_size
+    return CACHE.recent(_open_as_written, folder, written, most=_OPEN_AT_ONCE)
+
+
+def _open_as_written(folder: Path, written: tuple[int, int, int]) -> LearnedMethods:
+    """``_open`` for a bundle.json of this inode, time and size: another one is another call."""
+    folder = folder.resolve()  # a link may lead elsewhere before the last network is opened
+    return CACHE.recent(_open, folder, bundle_sha256(folder), most=_OPEN_AT_ONCE)
+
+
+def _open(folder: Path, sha256: str) -> LearnedMethods:
+    sessions = open_sessions(folder)
+    sessions.check()
+    reader = WordReader(sessions)
+    reads_words = "word.onnx" in sessions.config.files
+    cutters = [LearnedCutter(reader), LearnedCutter(reader, whole=False)] if reads_words else []
+    return LearnedMethods(
+        {cutter.name: cutter for cutter in cutters},
+        {NAME: LearnedTransition(sessions)} if "bridge.onnx" in sessions.config.files else {},
+        {NAME: LearnedDuration(reader)} if reads_words else {},
+        sha256,
+        sessions.config.networks,
+    )
+
+
+def choose(
+    cutter: str | Cutter | None = None,
+    transition: str | Transition | None = None,
+    duration: str | Duration | None = None,
+    bundle: str | Path | None = None,
+) -> Methods:
+    """The methods of a call: objects as they are, others by name; ``learned`` and None from ``bundle``, by default the
+    one that ships.
+
+    None is the classical default, with one warning, where the bundle that ships cannot be read. Raises ``InputError``
+    for an unknown name, for ``learned`` where there is no such network, and for a bundle that is named and cannot be
+    read.
+    """
+    named = (cutter, transition, None if duration == AUTO else duration)
+    where = Path(WEIGHTS if bundle is None else bundle)
+    own, warnings = LearnedMethods(), tuple[str, ...]()
+    called_for = any(name in (NAME, FLUENT) for name in named if isinstance(name, str))
+    tables: tuple[Mapping[str, Method], ...] = (CUTTERS, TRANSITIONS, DURATIONS)
+    unknown = any(isinstance(name, str) and name not in table for name, table in zip(named, tables, strict=True))
+    if bundle is not None or None in named or unknown:  # the message about an unknown name lists the learned ones too
+        try:
+            own = open_learned(where)
+        except InputError as error:
+            if bundle is not None or called_for:
+                raise
+            warnings = (f"no learned methods, classical ones are used: {error}",)
+    chosen = (
+        _one("cutter", named[0], own.cutters, CUTTERS, CLASSICAL_CUTTER, where),
+        _one("transition", named[1], own.transitions, TRANSITIONS, CLASSICAL_TRANSITION, where),
+        _one("duration", named[2], own.durations, DURATIONS, CLASSICAL_DURATION, where),
+    )
+    networks = [*own.cutters.values(), *own.transitions.values(), *own.durations.values()]
+    return Methods(*chosen, own.sha256 if any(method in networks for method in chosen) else None, warnings)
+
+
+def _one(
+    kind: str,
+    named: str | MethodT | None,
+    own: Mapping[str, MethodT],
+    table: Mapping[str, MethodT],
+    classical: str,
+    where: Path,
+) -> MethodT:
+    if named is None:
+        return own.get(NAME, table[classical])
+    if not isinstance(named, str):
+        return named
+    if named in (NAME, FLUENT) and not own:
+        raise InputError(f"{where}: holds no network for the {kind}; name another bundle, or a classical {kind}")
+    return find(kind, named, {**table, **own})
+
+
+def all_methods() -> list[tuple[str, Method, bool]]:
+    """Every method as (kind, method, whether it is the default), those of the bundle that ships among them."""
+    defaults = choose()
+    own = open_learned() if defaults.bundle is not None else LearnedMethods()
+    tables: tuple[tuple[str, dict[str, Method], Method], ...] = (
+        ("cutter", {**CUTTERS, **own.cutters}, defaults.cutter),
+        ("transition", {**TRANSITIONS, **own.transitions}, defaults.transition),
+        ("duration", {**DURATIONS, **own.durations}, defaults.duration),
+    )
+    return [(kind, method, method is default) for kind, table, default in tables for method in table.values()]
+
 
 _DECIDED_BY_SYSTEM = (
     "cutter", "transition", "duration", "bundle", "transition_time", "tempo", "avoid_collisions", "free_hand",
@@ -29,7 +181,7 @@ class SpliceOptions:
     """What one call wants.
 
     cutter, transition, duration: a name, or an object of that class; None: the learned one, or the classical default
-        where the networks cannot be read (``choice.choose``).
+        where the networks cannot be read (``choose``).
     bundle: folder of the networks; None: those that ship.
     transition_time: length of every transition, seconds, in place of the duration.
     sign_speed: how many times as fast signs play.
@@ -40,7 +192,7 @@ class SpliceOptions:
     free_hand: how much time a hand has that only goes to rest at a seam, or comes from it. "transition": that of the
         transition, which is lengthened where the hand would pass 2.2 m/s, unless the call names a transition or a time;
         "natural": frames of the signs too, as long as the hand rests in them.
-    face_rules: rules by which words without a face of their own have one, some of ``face_rules.RULES``.
+    face_rules: rules by which words without a face of their own have one, some of ``faces.RULES``.
     limits: how many frames a clip may have at the output rate.
     system: a system that splices whole words, in place of cutter, transition, duration and what goes with them.
     fill_misses: whether words for which the system has no splice are joined by the defaults, with a warning; else they
@@ -58,7 +210,7 @@ class SpliceOptions:
     tempo: str | float = CITATION
     fps: float | None = None
     avoid_collisions: bool | None = None
-    free_hand: str = free_hand.TRANSITION
+    free_hand: str = TRANSITION
     face_rules: tuple[str, ...] = ()
     limits: ReadLimits = DEFAULT_LIMITS
     system: WholeSystem | None = None
@@ -74,12 +226,12 @@ class SpliceOptions:
             if value is not None and not least <= value <= most:
                 raise InputError(f"{what} {value:g}{unit}, expected {least:g} to {most:g}{unit}")
         seconds_a_sign(self.tempo)
-        if self.free_hand not in free_hand.FREE_HANDS:
-            raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(free_hand.FREE_HANDS)}")
+        if self.free_hand not in FREE_HANDS:
+            raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(FREE_HANDS)}")
         check_rules(self.face_rules)
         if self.system is not None:
             decided = {field.name: field.default for field in fields(self) if field.name in _DECIDED_BY_SYSTEM}
-            named = [name for name, default in decided.items() if getattr(self, name) not in (default, methods.AUTO)]
+            named = [name for name, default in decided.items() if getattr(self, name) not in (default, AUTO)]
             check_alone(self.system, named, self.fps)
         elif self.fill_misses:
             raise InputError(
@@ -87,36 +239,25 @@ class SpliceOptions:
                 "that has no splice"
             )
 
-    def chosen_methods(self) -> ChosenMethods:
-        """The methods of the call; no network is read for a system whose misses are not filled, which needs none."""
-        if self.system is None or self.fill_misses:
-            return methods.choose(self.cutter, self.transition, self.duration, self.bundle)
-        return methods.choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION)
+    def choose_methods(self) -> Methods:
+        """The methods of the call. Under a tempo transitions take as long as that says, unless the call names a
+        duration. No network is read for a system whose misses are not filled, which needs none.
+        """
+        if self.system is not None and not self.fill_misses:
+            return choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION)
+        methods, seconds = choose(self.cutter, self.transition, self.duration, self.bundle), seconds_a_sign(self.tempo)
+        if seconds is None or self.has_own("duration"):
+            return methods
+        return replace(methods, duration=RunningDuration(seconds))
 
     def has_own(self, kind: str) -> bool:
         """Whether the call names a cutter, transition or duration (``kind``) other than the default."""
-        return getattr(self, kind) not in (None, methods.AUTO, NAME)
+        return getattr(self, kind) not in (None, AUTO, NAME)
 
     @property
     def lengthens(self) -> bool:
         """Whether transitions are lengthened for an idle hand: the call names neither them nor their time."""
         return self.transition_time is None and not (self.has_own("transition") or self.has_own("duration"))
-
-
-_SOURCES = "a file's is load(path), a gloss's open_lexicon(path).clip(gloss)"
-
-
-def not_clips(clips: Clip | str) -> TypeError:
-    """The error for one clip, or a text, in place of the clips of a sentence."""
-    if isinstance(clips, Clip):
-        return TypeError("clips is one Clip, expected a list of them: splice([a, b])")
-    return TypeError(f"clips is the text {clips[:60]!r}, expected a list of Clips; {_SOURCES}")
-
-
-def not_a_clip(clip: object, index: int) -> TypeError:
-    """The error for something else among the clips of a sentence."""
-    what = repr(clip)[:60] if isinstance(clip, str) else f"a {type(clip).__name__}"
-    return TypeError(f"clip {index} is {what}, expected a Clip; {_SOURCES}")
 
 
 def not_options(options: object) -> TypeError:

@@ -13,9 +13,8 @@ from signsplice.body.retarget import Retargeted
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
-from signsplice.splicing.result import Span, SpliceResult
-from signsplice.splicing.seam import Seam
-from signsplice.splicing.tempo import ReachedTempo
+from signsplice.splicing.result import ReachedTempo, Span, SpliceResult
+from signsplice.splicing.seam import SeamScore
 
 VERSION = 1
 _KINDS = {
@@ -114,7 +113,9 @@ def read(path: str | Path, n_frames: int) -> dict[str, Any]:
             check_type(report[name], kind, name)
         absent = dict.fromkeys(("clip", "name", "source", "warp", "remade", "pause"))
         report["spans"] = [_row(Span, row, "spans", absent) for row in report["spans"]]
-        report["seams"] = [_row(Seam, row, "seams", {"warnings": [], "intrusion_mm": None}) for row in report["seams"]]
+        report["seams"] = [
+            _row(SeamScore, row, "seams", {"warnings": [], "intrusion_mm": None}) for row in report["seams"]
+        ]
         if report["version"] != VERSION:
             raise ValueError(f"version {report['version']}, expected {VERSION}")
         for start, stop in (row["output"] for row in report["spans"]):
@@ -131,7 +132,7 @@ def read(path: str | Path, n_frames: int) -> dict[str, Any]:
 
 
 def _row(
-    kind: type[Span] | type[Seam], row: Mapping[str, Any], where: str, defaults: Mapping[str, Any]
+    kind: type[Span] | type[SeamScore], row: Mapping[str, Any], where: str, defaults: Mapping[str, Any]
 ) -> dict[str, Any]:
     filled = {**defaults, **row}
     for name, annotation in get_type_hints(kind, include_extras=True).items():

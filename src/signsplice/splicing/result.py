@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal
 
+import numpy as np
+
 from signsplice.body.clearance import Contact
+from signsplice.lexicon.entry import is_letter
 from signsplice.motion.clip import Clip
-from signsplice.splicing.seam import Seam
-from signsplice.splicing.tempo import ReachedTempo
+from signsplice.splicing.durations import NATURAL, seconds_a_sign
+from signsplice.splicing.seam import SeamScore
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ class Piece:
 
     clip: Clip
     span: Span
-    seam: Seam | None = None
+    seam: SeamScore | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -88,6 +92,21 @@ class FaceSources:
 
     recorded: tuple[int, ...]
     rules: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ReachedTempo:
+    """The tempo of a sentence.
+
+    mode: "citation", "natural", or "seconds" where they were given.
+    asked_seconds: seconds that a sign was to take with its transition; None for "citation".
+    seconds: seconds that a sign takes with the transition to it, the mean of all signs but letters, the first and the
+        last, which begin and end at rest; None where there is no other.
+    """
+
+    mode: Literal["citation", "natural", "seconds"] = "citation"
+    asked_seconds: float | None = None
+    seconds: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +129,7 @@ class SpliceResult:
 
     clip: Clip
     spans: tuple[Span, ...]
-    seams: tuple[Seam, ...]
+    seams: tuple[SeamScore, ...]
     warnings: tuple[str, ...]
     cutter: str
     transition: str
@@ -121,3 +140,17 @@ class SpliceResult:
     system: Mapping[str, Any] | None = None
     avatar: Mapping[str, Any] | None = None
     face: FaceSources | None = None
+
+
+def measured_tempo(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str | float) -> ReachedTempo:
+    """The tempo of a sentence whose ``signs`` have these names and output frames, half-open, in order."""
+    asked = seconds_a_sign(tempo)
+    mode: Literal["citation", "natural", "seconds"] = "seconds"
+    if asked is None:
+        mode = "citation"
+    elif tempo == NATURAL:
+        mode = "natural"
+    inner = list(pairwise(signs))[:-1]
+    frames = [after[1] - before[1] for (_, before), (name, after) in inner if not is_letter(name)]
+    seconds = round(float(np.mean(frames)) / fps, 3) if frames else None
+    return ReachedTempo(mode, asked, seconds)

@@ -1,10 +1,15 @@
-"""The quality of a seam: the row that the report has for each."""
+"""A seam: two words and what lies between them, from its cut to its score.
+
+A seam is frozen and grows by ``replace``: a cut and a gap when it is planned, new frames and edits of the two words by
+the passes (``passes``), a score when it is put out.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -15,10 +20,23 @@ from signsplice.motion.joined import joined
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.rig.stray_frames import JUMP_DEG, JUMP_M_S
-from signsplice.splicing.gap import CONTEXT, Cut, FilledGap, Gap
-from signsplice.splicing.tempo import FAST_M_S
+from signsplice.splicing.contracts import CONTEXT, Cut, Gap, gap_at
+from signsplice.splicing.durations import FAST_M_S
+from signsplice.splicing.word import AlignedWord, Edit, edited
 
-Score = Annotated[float, "NaN where unknown, null in JSON"]
+SeamKind = Literal["signs", "letters", "slid letters", "reformed letters", "system", "one clip"]
+"""signs: two words of which at least one is no letter. letters: two of one spelled word that look different. slid,
+reformed letters: two that look the same, told apart by a slide or by forming the second again. system: made by a system
+that splices words whole. one clip: a gap within one clip.
+"""
+SIGNS: SeamKind = "signs"
+LETTERS: SeamKind = "letters"
+SLID: SeamKind = "slid letters"
+REFORMED: SeamKind = "reformed letters"
+SYSTEM: SeamKind = "system"
+ONE_CLIP: SeamKind = "one clip"
+
+Number = Annotated[float, "NaN where unknown, null in JSON"]
 LEAST_JERK_M_S3 = 10.0
 """Jerk that the frames around a transition are taken to have at least: below that of any seam of the words that ship
 (13 m/s3 and more), above that of people who stand idle (1 to 2 m/s3). After a dead hold any motion would count as
@@ -31,11 +49,8 @@ DEEP_M = 0.005
 
 
 @dataclass(frozen=True)
-class Seam:
-    """The join of two signs.
-
-    This is its row in the public result, with what it scores. While a sentence is made, a seam is a
-    ``joins.join.PlannedSeam``.
+class SeamScore:
+    """How good a seam is: its row in the result and in the report.
 
     before, after: names of the two signs.
     pre_frame: last frame kept of ``before``, counted at the output rate.
@@ -57,85 +72,173 @@ class Seam:
     post_frame: int
     n_transition: int
     seconds: float
-    velocity_jump: Score
-    peak_speed_m_s: Score
-    jerk_ratio: Score
+    velocity_jump: Number
+    peak_speed_m_s: Number
+    jerk_ratio: Number
     warnings: tuple[str, ...] = ()
     intrusion_mm: float | None = None
 
 
-def score(
-    gap: Gap,
-    filled: FilledGap | None,
-    before: str,
-    after: str,
-    cut: Cut,
-    warnings: tuple[str, ...] = (),
-    of_one_clip: bool = False,
-    by_system: bool = False,
-    positions: FloatArray | None = None,
-) -> Seam:
-    """The seam of a gap and its new frames, None where there are none, between the signs of these names; or within one
-    clip, where no transition time was chosen and the feet are the same signer's. ``by_system``: whether a system chose
-    the transition time. ``positions``: of ``seam_positions``, where those are known.
+@dataclass(frozen=True, eq=False)
+class Seam:
+    """Two words of a sentence and what lies between them.
+
+    kind: what joins them.
+    before, after: the words; ``after.entry`` is where this seam enters it.
+    cut: the last frame kept of the one, the first kept of the other, as recorded (``AlignedWord.clip``).
+    gap: the new frames' number, with the retimed frames on either side.
+    warnings: what a user should know, one line each.
+    frames: the new frames; None before any were made, or where there are none.
+    frame_warnings: what a user should know about how they were made, one line each.
+    depth: how deep a hand is in the body in them, m; None where that was not measured.
+    peak_m_s: highest speed of a wrist in and beside them, m/s; None where that was not measured.
+    earlier: edits of ``before`` at the seam by which it is entered.
+    leaving: edits of ``before`` at this seam.
+    entering: edits of ``after`` at this seam.
+    gap_edits: the edits that the gap shows.
+    n_held: how many of the new frames are a pause, in which ``before`` is held; they come first.
+    score: how good it is; None before it is put out.
     """
+
+    kind: SeamKind
+    before: AlignedWord
+    after: AlignedWord
+    cut: Cut
+    gap: Gap
+    warnings: tuple[str, ...] = ()
+    frames: Clip | None = None
+    frame_warnings: tuple[str, ...] = ()
+    depth: float | None = None
+    peak_m_s: float | None = None
+    earlier: tuple[Edit, ...] = ()
+    leaving: tuple[Edit, ...] = ()
+    entering: tuple[Edit, ...] = ()
+    gap_edits: tuple[Edit, ...] = ()
+    n_held: int = 0
+    score: SeamScore | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a transition has to make its frames: there are some, and no system made them."""
+        return self.gap.n_frames > 0 and self.kind != SYSTEM
+
+    @property
+    def new_frames(self) -> Clip:
+        """Its new frames. Raises ``ValueError`` where there are none."""
+        if self.frames is None:
+            raise ValueError(f"no frames between {self.before.clip.name} and {self.after.clip.name}")
+        return self.frames
+
+    @cached_property
+    def retimed_cut(self) -> Cut:
+        """The cut in frames of the retimed words."""
+        return Cut(self.before.frames.last(self.cut.pre), self.after.frames.first(self.cut.post))
+
+    @property
+    def edits(self) -> tuple[Edit, ...]:
+        """All edits of both words so far."""
+        return (*self.earlier, *self.leaving, *self.entering)
+
+    @cached_property
+    def before_clip(self) -> Clip:
+        """The retimed word before, with its edits so far."""
+        return edited(self.before.retimed, (*self.earlier, *self.leaving))
+
+    @cached_property
+    def after_clip(self) -> Clip:
+        """The retimed word after, with its edits so far."""
+        return edited(self.after.retimed, self.entering)
+
+    def with_gap(self, n_frames: int) -> Seam:
+        """The seam with a gap of ``n_frames`` between the words as they are edited now; its frames are those that were
+        there.
+        """
+        gap = gap_at(self.before_clip, self.after_clip, self.retimed_cut, n_frames, self.before.first_frame)
+        return replace(self, gap=gap, gap_edits=self.edits)
+
+
+def planned_seam(
+    kind: SeamKind,
+    before: AlignedWord,
+    after: AlignedWord,
+    cut: Cut,
+    n_frames: int,
+    warnings: tuple[str, ...],
+    arrival_s: float = 0.0,
+    slide_m: float = 0.0,
+) -> Seam:
+    """The seam of two words at a cut of the recorded ones, its gap not filled yet; ``arrival_s`` and ``slide_m``: of
+    the word after.
+    """
+    if cut.pre <= before.entry and before.entry > 0:
+        frame = before.frames.n_left_out + before.entry
+        line = f"{before.clip.name} is left at frame {frame}, where it was entered: only that frame is kept"
+        warnings = (*warnings, line)
+    after = replace(after, entry=cut.post, arrival_s=arrival_s, slide_m=slide_m)
+    retimed = Cut(before.frames.last(cut.pre), after.first_frame)
+    gap = gap_at(before.retimed, after.retimed, retimed, n_frames, before.first_frame)
+    return Seam(kind, before, after, cut, gap, warnings)
+
+
+def scored(seam: Seam, positions: FloatArray) -> Seam:
+    """The finished seam with its score; ``positions``: of ``seam_positions``."""
+    gap, is_one_clip, is_system = seam.gap, seam.kind == ONE_CLIP, seam.kind == SYSTEM
     fps, first = gap.before.fps, min(len(gap.before), CONTEXT)
-    info = rig_info(gap.before.skeleton)
-    joints = info.roles.joints
-    hands, feet = ([joints[role] for role in roles if role in joints] for roles in (_HANDS, _FEET))
-    lines = [*warnings, *(() if filled is None else filled.warnings)]
-    depth = None if filled is None else filled.depth
+    stop, roles = first + gap.n_frames, rig_info(gap.before.skeleton).roles.joints
+    n_hands = sum(role in roles for role in _HANDS)
+    time = "gap" if is_one_clip else "transition time"
+    lines = [*seam.warnings, *seam.frame_warnings]
     jump = speed = jerk = float("nan")
-    stop = first + gap.n_frames
-    if positions is None:
-        (positions,) = seam_positions([(gap, filled)])
-    if hands:
-        wrists = positions[:, : len(hands)]
+    if n_hands:
+        wrists = positions[:, :n_hands]
         jump = metrics.velocity_jump(wrists, first, stop, fps)
         speed = metrics.peak_speed(wrists, first, stop, fps)
         jerk = metrics.jerk_ratio(wrists, first, stop, LEAST_JERK_M_S3 / fps**3)
         if speed > FAST_M_S:
             in_signs = [metrics.peak_speed(part, 0, len(part), fps) for part in (wrists[:first], wrists[stop:])]
-            advice = "" if by_system else _advice(max(in_signs), "gap" if of_one_clip else "transition time")
+            advice = "" if is_system else _advice(max(in_signs), time)
             lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do{advice}")
-    if by_system:
-        window, _ = gap.window(None if filled is None else filled.clip)
+    if is_system:
+        window, _ = gap.window(seam.frames)
         lines += _joint_jumps(window[first - 1 : stop + 1])
-    if feet:
-        slide = float(np.linalg.norm(positions[stop, len(hands) :] - positions[first - 1, len(hands) :], axis=-1).max())
-        if slide > _FOOT_SLIDE_M:
-            why = "it stands elsewhere after the gap" if of_one_clip else "the two clips stand differently"
-            lines.append(f"a foot slides by {100.0 * slide:.0f} cm: {why}")
-    if depth is not None and depth > DEEP_M:
-        other = "gap" if of_one_clip else "transition time"
-        lines.append(f"a hand passes {1e3 * depth:.0f} mm deep through the body; another {other} may help")
-    return Seam(
-        before=before,
-        after=after,
-        pre_frame=cut.pre,
-        post_frame=cut.post,
+    feet = positions[[first - 1, stop], n_hands:]  # (2, F, 3)
+    slide = float(np.linalg.norm(feet[1] - feet[0], axis=-1).max(initial=0.0))
+    if slide > _FOOT_SLIDE_M:
+        why = "it stands elsewhere after the gap" if is_one_clip else "the two clips stand differently"
+        lines.append(f"a foot slides by {100.0 * slide:.0f} cm: {why}")
+    if seam.depth is not None and seam.depth > DEEP_M:
+        lines.append(f"a hand passes {1e3 * seam.depth:.0f} mm deep through the body; another {time} may help")
+    score = SeamScore(
+        before=seam.before.clip.name,
+        after=seam.after.clip.name,
+        pre_frame=seam.cut.pre + seam.before.frames.n_left_out,
+        post_frame=seam.cut.post + seam.after.frames.n_left_out,
         n_transition=gap.n_frames,
         seconds=gap.n_frames / fps,
         velocity_jump=jump,
         peak_speed_m_s=speed,
         jerk_ratio=jerk,
         warnings=tuple(lines),
-        intrusion_mm=None if depth is None else 1e3 * depth,
+        intrusion_mm=None if seam.depth is None else 1e3 * seam.depth,
     )
+    return replace(seam, score=score)
 
 
-def seam_positions(gaps: Sequence[tuple[Gap, FilledGap | None]]) -> list[FloatArray]:
-    """Positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each gap, None where it has
-    none, and up to ``CONTEXT`` frames on either side.
+def seam_positions(seams: Sequence[Seam]) -> list[FloatArray]:
+    """Positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each seam, if it has any, and
+    up to ``CONTEXT`` frames on either side.
     """
     out: dict[int, FloatArray] = {}
-    windows = [(gap.before[-CONTEXT:], *(() if new is None else (new.clip,)), gap.after[:CONTEXT]) for gap, new in gaps]
+    windows = [
+        (seam.gap.before[-CONTEXT:], *(() if seam.frames is None else (seam.frames,)), seam.gap.after[:CONTEXT])
+        for seam in seams
+    ]
     for block in joined(windows):
         info = rig_info(block.clip.skeleton)
         seen = [info.roles.joints[role] for role in (*_HANDS, *_FEET) if role in info.roles.joints]
         positions = kinematics.forward(block.clip, [0, *seen])[1][:, 1:] * info.sizes.unit.metres
         out |= {row: positions[frames] for row, frames in block}
-    return [out[row] for row in range(len(gaps))]
+    return [out[row] for row in range(len(seams))]
 
 
 def _advice(speed_in_signs: float, time: str) -> str:

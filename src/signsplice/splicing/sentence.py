@@ -1,12 +1,12 @@
-"""A sentence that grows: clips become words, words get seams, passes change them, and pieces come out (``stages``).
+"""A sentence that grows: words get seams, passes change them, and pieces come out (``stages``).
 
 Cuts are chosen on words as they were recorded, frames made on words as they are retimed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 from signsplice.body.clearance import Contact
@@ -14,45 +14,23 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference
 from signsplice.splicing import stages
-from signsplice.splicing.face_rules import BLINKS, BROWS, Blinks, released, with_rules
-from signsplice.splicing.gap import FilledGap, Gap
-from signsplice.splicing.joins.join import PlannedSeam
-from signsplice.splicing.options import SpliceOptions, not_a_clip, not_clips, not_options
-from signsplice.splicing.passes.pauses import with_pause
-from signsplice.splicing.passes.seam_pass import Entering, Pass, run, split
-from signsplice.splicing.pieces import OpenWord, last_pieces, scored, sign_piece, transition_piece
-from signsplice.splicing.result import Piece
-from signsplice.splicing.seam import seam_positions
-from signsplice.splicing.tempo import seconds_a_sign
-from signsplice.splicing.words.pace import retimed
-from signsplice.splicing.words.word import SentenceWord
+from signsplice.splicing.faces import BLINKS, BROWS, Blinks, released, with_rules
+from signsplice.splicing.options import SpliceOptions, not_options
+from signsplice.splicing.passes import Entering, Pass, check_order, fill, run
+from signsplice.splicing.pauses import last_kept
+from signsplice.splicing.result import Pause, Piece, Remade, Span
+from signsplice.splicing.seam import Seam, scored, seam_positions
+from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, as_word, check_list, edited
 
 
-@dataclass(frozen=True, eq=False)
-class PlannedWords:
-    """Words that are to be added to a sentence, before any frame is made.
-
-    words: the new words.
-    seams: their seams in order, that of the first new word with the word before it among them.
-    """
-
-    words: Sequence[SentenceWord]
-    seams: Sequence[PlannedSeam]
-
-    @property
-    def gaps(self) -> list[Gap]:
-        """The gaps for which frames have to be made."""
-        return [seam.gap for seam in self.seams if seam.is_open]
-
-
-class SentenceBuilder:
+class Sentence:
     """A sentence while words are added to it; it holds the last word alone, however long the sentence.
 
     seconds: time spent so far by part: "harmonize" (align), "cut", "transition", "join".
     contacts: of each word that was brought to another body, by its index.
     faces: indices of words with a face of their own.
     face_rules: rules by which the others have one.
-    gap_passes, seam_passes: what happens to planned seams, in order.
+    passes: what happens to planned seams, in order.
     """
 
     def __init__(self, options: SpliceOptions, passes: Sequence[Pass] | None = None) -> None:
@@ -60,128 +38,111 @@ class SentenceBuilder:
         if not isinstance(options, SpliceOptions):
             raise not_options(options)
         self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
-        self.methods = stages.chosen_methods(options)
-        self.gap_passes, self.seam_passes = split(stages.passes(options, self.methods) if passes is None else passes)
+        self.planner = stages.Planner(options)
+        self.passes = check_order(stages.passes(options, self.planner.methods) if passes is None else passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
         self.faces: list[int] = []
         self.face_rules, self._blinks = () if options.system is not None else options.face_rules, Blinks()
-        self._aligner, self._planner = stages.word_aligner(options), stages.planner(options, self.methods)
-        self._seconds_a_sign = seconds_a_sign(options.tempo)
         self._n_words = self._n_out = 0
         self._reference: Reference | None = None
-        self._last: OpenWord | None = None
+        self._last: AlignedWord | None = None
+        self._entered_by: Seam | None = None
         self._entering: Entering = ()
 
     @property
     def names(self) -> tuple[str, str, str | None]:
         """Names of what cuts and of what makes the frames, and the sha256 of the bundle that they come from."""
-        system = self.options.system
+        system, methods = self.options.system, self.planner.methods
         if system is not None:
             return system.name, system.name, system.sha256
-        return self.methods.cutter.name, self.methods.transition.name, self.methods.bundle
+        return methods.cutter.name, methods.transition.name, methods.bundle
 
-    def add(
-        self,
-        clips: Iterable[Clip],
-        starts: Collection[int] = (),
-        pauses: Mapping[int, str] | None = None,
-        brows: Mapping[int, str] | None = None,
-    ) -> list[Piece]:
+    def add(self, clips: Iterable[Clip | Word]) -> list[Piece]:
         """The pieces that are final once these words are known too; their seams are chosen together."""
-        planned = self.plan(clips, starts, pauses, brows)
+        words, seams = self.plan(clips)
         began = perf_counter()
-        filled = self.gap_passes.fill(planned.gaps)
-        began = self._count("transition", began)
-        seams = self.finish(planned, filled)
+        filled = fill(self.passes, [seam for seam in seams if seam.is_open])
+        self._count("transition", began)
+        seams = self.finish(words, seams, filled)
         began = perf_counter()
-        positions = seam_positions([(seam.gap, seam.filled) for seam in seams])
+        positions = seam_positions(seams)
         self._count("join", began)
         return self.pieces(seams, positions)
 
-    def plan(
-        self,
-        clips: Iterable[Clip],
-        starts: Collection[int] = (),
-        pauses: Mapping[int, str] | None = None,
-        brows: Mapping[int, str] | None = None,
-    ) -> PlannedWords:
-        """Further words with their seams, before any frame is made. They are no part of the sentence yet. ``starts``,
-        ``pauses``, ``brows``: as in ``splice``, counted from the first of these clips.
+    def plan(self, clips: Iterable[Clip | Word]) -> tuple[list[AlignedWord], list[Seam]]:
+        """Further words and their seams before any frame is made, that of the first with the word before it among them.
+        They are no part of the sentence yet.
         """
-        if isinstance(clips, (Clip, str)):
-            raise not_clips(clips)
-        new = [self._word(clip, self._n_words + k, k in starts, (pauses or {}).get(k)) for k, clip in enumerate(clips)]
-        if self.face_rules:
-            asked = brows or {} if BROWS in self.face_rules else {}
-            new = [with_rules(word, asked.get(k), word.index == 0) for k, word in enumerate(new)]
-        words = new if self._last is None else [self._last.word, *new]
+        check_list(clips)
+        words = [self._align(as_word(clip, n), n) for n, clip in enumerate(clips, self._n_words)]
+        neighbours = words if self._last is None else [self._last, *words]
         began = perf_counter()
-        cuts = self._planner.cuts(words)
+        cuts = self.planner.cuts(neighbours)
         began = self._count("cut", began)
-        seams = self._planner.plan(words, cuts)
+        seams = self.planner.seams(neighbours, cuts)
         self._count("transition", began)
-        return PlannedWords(new, seams)
+        return words, seams
 
-    def finish(self, planned: PlannedWords, filled: Sequence[FilledGap]) -> list[PlannedSeam]:
-        """The seams of planned words after all passes, from the frames that ``gap_passes`` made for their gaps. From
-        here on the words are part of the sentence.
+    def finish(self, words: Sequence[AlignedWord], seams: Sequence[Seam], filled: Sequence[Seam]) -> list[Seam]:
+        """The planned seams after all passes; ``filled``: those that are open, after the passes that batch. From here
+        on the words are part of the sentence.
         """
-        began, new_frames = perf_counter(), iter(filled)
-        seams = [_with_frames(seam, next(new_frames)) if seam.is_open else seam for seam in planned.seams]
-        seams, self._entering = run(self.seam_passes, seams, self._entering)
+        began, open_seams = perf_counter(), iter(filled)
+        seams, self._entering = run(
+            self.passes, [next(open_seams) if seam.is_open else seam for seam in seams], self._entering
+        )
         self._count("transition", began)
-        self._n_words += len(planned.words)
-        self.contacts |= {word.index: word.contacts for word in planned.words if word.contacts}
-        self.faces += [word.index for word in planned.words if word.clip.face is not None]
-        if self._last is None and planned.words:
-            self._last = OpenWord(planned.words[0])
+        self._n_words += len(words)
+        self.contacts |= {word.index: word.contacts for word in words if word.contacts}
+        self.faces += [word.index for word in words if word.clip.face is not None]
+        if self._last is None and words:
+            self._last = words[0]
         return seams
 
-    def pieces(self, seams: Sequence[PlannedSeam], positions: Sequence[FloatArray]) -> list[Piece]:
+    def pieces(self, seams: Sequence[Seam], positions: Sequence[FloatArray]) -> list[Piece]:
         """The pieces of finished words but the last; ``positions`` are ``seam_positions`` of their seams."""
         began, out = perf_counter(), list[Piece]()
         for seam, seen in zip(seams, positions, strict=True):
-            assert self._last is not None, "set by ``finish``"
-            stop = seam.retimed_cut.pre + 1
-            sign = sign_piece(self._last, (*seam.earlier, *seam.leaving), stop, self._n_out)
-            waits = seam.before.held is not None  # a blink for the pause that follows
-            out.append(self._put_out(sign, seam.before.face_by_rules and not waits))
-            if seam.filled is not None:
-                new, held = seam.filled.clip, seam.before.held
-                by_rules = seam.before.face_by_rules and seam.after.face_by_rules
-                out.append(self._put_out(transition_piece(new, self._n_out, seam.n_held, held), by_rules))
-            self._last = OpenWord(seam.after, scored(seam, seen), seam.entering)
+            before, stop = seam.before, seam.retimed_cut.pre + 1
+            sign = _sign_piece(before, self._entered_by, (*seam.earlier, *seam.leaving), stop, self._n_out)
+            waits = before.held is not None  # a blink for the pause that follows
+            out.append(self._put_out(sign, before.face_by_rules and not waits))
+            if seam.frames is not None:
+                by_rules = before.face_by_rules and seam.after.face_by_rules
+                new = _transition_piece(seam.frames, self._n_out, seam.n_held, before.held)
+                out.append(self._put_out(new, by_rules))
+            self._last, self._entered_by = seam.after, scored(seam, seen)
         self._count("join", began)
         return out
 
     def end(self) -> list[Piece]:
         """The rest of the last word."""
-        last, self._last, self._entering = self._last, None, ()
-        if last is None:
+        word, entered_by = self._last, self._entered_by
+        self._last = self._entered_by = None
+        self._entering = ()
+        if word is None:
             return []
         began = perf_counter()
-        pieces, by_rules = last_pieces(last, self._n_out), last.word.face_by_rules
-        if by_rules:
+        pieces = _last_pieces(word, entered_by, self._n_out)
+        if word.face_by_rules:
             pieces[-1] = released(pieces[-1])
-        pieces = [self._put_out(piece, by_rules and piece is pieces[-1], is_last=True) for piece in pieces]
+        pieces = [self._put_out(one, word.face_by_rules and one is pieces[-1], is_last=True) for one in pieces]
         self._count("join", began)
         return pieces
 
-    def _word(self, clip: Clip, index: int, starts: bool, mark: str | None = None) -> SentenceWord:
-        """A clip as a word: aligned to the first one, at the tempo asked for, and held before a ``mark``."""
-        if not isinstance(clip, Clip):
-            raise not_a_clip(clip, index)
+    def _align(self, given: Word, index: int) -> AlignedWord:
+        """A word aligned to the first one, at the tempo asked for, held at the mark after it, and with a face."""
         began = perf_counter()
-        word, first = self._aligner.word(clip, index, self._reference)
+        word, first = self.planner.align(given.clip, index, self._reference)
         began = self._count("harmonize", began)
-        if self._seconds_a_sign is not None:
-            word = retimed(word, self.methods.cutter, self._seconds_a_sign)
-        if mark is not None and self.options.system is None:
-            word = with_pause(word, mark, self.methods.cutter, self.options.sign_speed)
+        word = self.planner.time(word, given)
         self._count("cut", began)
         self._reference = first  # only now: a word that was refused sets nothing
-        warnings = word.warnings if index else (*self.methods.warnings, *word.warnings)
-        return replace(word, starts=starts, warnings=warnings)
+        if not index:
+            word = replace(word, warnings=(*self.planner.methods.warnings, *word.warnings))
+        if self.face_rules:
+            word = with_rules(word, given.brow if BROWS in self.face_rules else None, index == 0)
+        return word
 
     def _count(self, part: str, began: float) -> float:
         """Count the time since ``began`` to a part of the work; the time now."""
@@ -197,6 +158,52 @@ class SentenceBuilder:
         return piece
 
 
-def _with_frames(seam: PlannedSeam, filled: FilledGap) -> PlannedSeam:
-    """A seam with the frames that were made for its gap, which may be more than planned."""
-    return replace(seam, gap=replace(seam.gap, n_frames=len(filled.clip)), filled=filled)
+def _sign_piece(word: AlignedWord, entered_by: Seam | None, edits: Sequence[Edit], stop: int, output: int) -> Piece:
+    """A word from where it is entered to its retimed frame ``stop``, with its ``edits``; ``entered_by``: the seam
+    before it, None before the first word; ``output``: frame of the sentence at which it begins.
+    """
+    start = word.first_frame
+    span = Span(
+        kind="sign",
+        clip=word.index,
+        name=word.clip.name,
+        source=word.frames.source(start, stop),
+        output=(output, output + stop - start),
+        warp=word.frames.warp(start, stop, output),
+        remade=edited_part(edits, word.clip.skeleton.names, (start, stop), output) if edits else None,
+    )
+    score = None if entered_by is None else entered_by.score
+    return Piece(edited(word.retimed, edits)[start:stop], span, score, word.warnings)
+
+
+def _transition_piece(new: Clip, output: int, n_held: int = 0, held: HeldEnd | None = None) -> Piece:
+    """New frames, the first of which is frame ``output`` of the sentence, and of which ``n_held`` are the pause of a
+    word that is ``held``.
+    """
+    pause = Pause(held.mark, (output, output + n_held)) if held is not None and n_held else None
+    return Piece(new, Span("transition", None, None, None, (output, output + len(new)), pause=pause))
+
+
+def _last_pieces(word: AlignedWord, entered_by: Seam | None, output: int) -> list[Piece]:
+    """The rest of a sentence's last word: a sign, and where it is held, the pause with what comes after it."""
+    edits, n_frames = () if entered_by is None else entered_by.entering, len(word.retimed)
+    stop = n_frames if word.held is None else min(word.frames.last(last_kept(word)) + 1, n_frames)
+    sign = _sign_piece(word, entered_by, edits, stop, output)
+    if word.held is None or stop == n_frames:
+        return [sign]
+    n_held = max(0, word.frames.last(word.held.leave) + 1 - stop)
+    return [sign, _transition_piece(edited(word.retimed, edits)[stop:], sign.span.output[1], n_held, word.held)]
+
+
+def edited_part(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:
+    """What a span of a word's retimed ``frames``, the first of which is frame ``output`` of the sentence, says of edits
+    in it; None where it holds none. Several edits are one part, from the first frame to the last.
+    """
+    start, stop = frames
+    inside = [edit for edit in edits if edit.first_frame < stop and edit.stop > start]
+    if not inside:
+        return None
+    joints = sorted({joint for edit in inside for joint in edit.joints})
+    first = max(start, min(edit.first_frame for edit in inside))
+    last = min(stop, max(edit.stop for edit in inside))
+    return Remade(tuple(names[joint] for joint in joints), (first - start + output, last - start + output))

@@ -1,79 +1,54 @@
-"""What becomes of clips on their way to a sentence, in one place: words -> plan -> passes -> pieces.
+"""What becomes of words on their way to a sentence, in one place: words -> plan -> passes -> pieces.
 
-    words    every clip becomes a word: aligned to the first one, brought to the tempo asked for   (``words``),
-             and held where a phrase ends                                                          (``passes.pauses``)
-    plan     every two neighbours get a seam: a cut, and a gap of so many frames                    (``joins``)
-    passes   the gaps are filled, and the seams changed, by the passes below, in this order         (``passes``)
-    pieces   words and new frames are put out in order, edits applied, seams scored                 (``pieces``)
+    words    every clip becomes a word: aligned to the first one, brought to the tempo asked for   (``Planner.align``),
+             and held where a phrase ends                                                          (``Planner.time``)
+    plan     every two neighbours get a seam: a cut, and a gap of so many frames                   (``Planner.seams``)
+    passes   the gaps are filled, and the seams changed, by the passes below, in this order        (``passes``)
+    pieces   words and new frames are put out in order, edits applied, seams scored                (``sentence``)
 
-Every value in between is frozen: a stage takes one and gives another. A new behaviour is a new pass: one file in
-``passes``, one line here.
+Every value in between is frozen: a stage takes one and gives another. A new behaviour is a new pass: one class, one
+line here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from signsplice.splicing.joins.letters import LetterJoin
-from signsplice.splicing.joins.signs import SignJoin
-from signsplice.splicing.joins.systems import SystemJoin
-from signsplice.splicing.methods.choice import ChosenMethods
-from signsplice.splicing.methods.duration import RunningDuration
-from signsplice.splicing.options import SpliceOptions
-from signsplice.splicing.passes.collision_avoidance import AvoidCollisions
-from signsplice.splicing.passes.doubled_letters import ReformLetters, SlideLetters
-from signsplice.splicing.passes.face_seams import EaseFaces
-from signsplice.splicing.passes.filling import FillGaps, Refill
-from signsplice.splicing.passes.free_hand import NATURAL, FreeHands, WristSpeeds
-from signsplice.splicing.passes.letter_blending import MoveFingers
-from signsplice.splicing.passes.pauses import HoldPauses
-from signsplice.splicing.passes.seam_pass import Pass
-from signsplice.splicing.passes.unhurried import LengthenGaps
-from signsplice.splicing.planning import Planner
-from signsplice.splicing.tempo import seconds_a_sign
-from signsplice.splicing.words.word import WordAligner
+from signsplice.body.retarget import align
+from signsplice.errors import FormatError, InputError, SignspliceError
+from signsplice.lexicon.entry import is_letter
+from signsplice.motion.clip import Clip, resample
+from signsplice.rig.align import Reference, reference
+from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.rest_pose import with_rest_pose
+from signsplice.rig.stray_frames import stray_frames, with_ends_held
+from signsplice.splicing.contracts import Cut
+from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, RunningDuration, seconds_a_sign
+from signsplice.splicing.faces import EaseFaces
+from signsplice.splicing.idle_hands import NATURAL, FreeHands, WristSpeeds
+from signsplice.splicing.letters import SLIDE_M, MoveFingers, ReformLetters, SlideLetters, cut_letters, held_until
+from signsplice.splicing.options import Methods, SpliceOptions
+from signsplice.splicing.passes import AvoidCollisions, FillGaps, LengthenGaps, Pass, Refill
+from signsplice.splicing.pauses import HoldPauses, with_pause
+from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, planned_seam
+from signsplice.splicing.systems import NoSpliceError, WholeSystem, misses_message
+from signsplice.splicing.tempo import retimed
+from signsplice.splicing.word import AlignedWord, FrameMap, Word, cut_words
 
 
-def chosen_methods(options: SpliceOptions) -> ChosenMethods:
-    """The cutter, transition and duration of a call; under a tempo transitions take as long as it says, unless the call
-    names a duration.
-    """
-    methods, seconds = options.chosen_methods(), seconds_a_sign(options.tempo)
-    if seconds is None or options.has_own("duration"):
-        return methods
-    return replace(methods, duration=RunningDuration(seconds))
-
-
-def word_aligner(options: SpliceOptions) -> WordAligner:
-    """What makes words of clips."""
-    return WordAligner(options.fps, options.sign_speed, options.limits, options.system)
-
-
-def planner(options: SpliceOptions, methods: ChosenMethods) -> Planner:
-    """What plans the seams of words: one of three joins for every two neighbours."""
-    signs = SignJoin(methods.duration, options.transition_time, options.sign_speed)
-    fallback = f"cutter {methods.cutter.name}, transition {methods.transition.name}"
-    return Planner(
-        cutter=methods.cutter,
-        signs=signs,
-        letters=LetterJoin(signs, options.has_own("duration")),
-        spells=not options.has_own("cutter"),
-        system=None if options.system is None else SystemJoin(options.system),
-        fallback=fallback if options.fill_misses else None,
-    )
-
-
-def passes(options: SpliceOptions, methods: ChosenMethods) -> tuple[Pass, ...]:
-    """What happens to planned seams, in order. Gap passes come first: they see gaps alone."""
-    transition, is_running = methods.transition, isinstance(methods.duration, RunningDuration)
+def passes(options: SpliceOptions, methods: Methods) -> tuple[Pass, ...]:
+    """What happens to planned seams, in order. Those that batch come first: they see gaps alone."""
+    transition = methods.transition
     avoids = transition.learned if options.avoid_collisions is None else options.avoid_collisions
     natural, refill = options.free_hand == NATURAL, Refill(transition, avoids)
     frees_hands = natural or options.lengthens
+    lengthens = isinstance(methods.duration, RunningDuration) and options.transition_time is None
     listed: tuple[tuple[Pass, bool], ...] = (
         # gaps, of many sentences at once
         (FillGaps(transition), True),
         (AvoidCollisions(), avoids),
-        (LengthenGaps(transition, avoids), is_running and options.transition_time is None),
+        (LengthenGaps(refill), lengthens),
         (WristSpeeds(), frees_hands),
         # seams, one after another
         (SlideLetters(refill), True),
@@ -84,3 +59,145 @@ def passes(options: SpliceOptions, methods: ChosenMethods) -> tuple[Pass, ...]:
         (EaseFaces(), True),
     )
     return tuple(one for one, is_wanted in listed if is_wanted)
+
+
+class Planner:
+    """Makes words of clips and plans their seams, as a call's options say.
+
+    options: of the call.
+    methods: its cutter, transition and duration.
+    """
+
+    def __init__(self, options: SpliceOptions) -> None:
+        self.options, self.methods = options, options.choose_methods()
+        self._seconds_a_sign = seconds_a_sign(options.tempo)
+
+    def align(self, clip: Clip, index: int, first: Reference | None) -> tuple[AlignedWord, Reference]:
+        """The word of a clip, and what all words of its sentence are aligned to: ``first``, or this clip where that is
+        None.
+
+        Raises ``LimitError`` for too many frames, ``RigMismatchError`` where rigs have nothing in common.
+        """
+        clip, speed, system = with_rest_pose(clip), self.options.sign_speed, self.options.system
+        fps = first.fps if first else self._output_fps(clip)
+        self.options.limits.check_resampling(clip, fps, speed)
+        stray, held = stray_frames(clip), with_ends_held(clip)
+        to = first or reference(held, fps)
+        if system is not None:
+            to = system.place_reference(held, to, is_first=first is None)
+        aligned = align(held, replace(to, fps=clip.fps))
+        resampled = resample(aligned.clip, fps, speed)
+        step = clip.fps * speed / fps
+        kept = stray.resampled(step, len(resampled))
+        shown, own = resampled, aligned.clip
+        if held is not clip:
+            shown, own = resampled[kept], aligned.clip[stray.start : stray.stop]
+        warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
+        if system is not None:
+            warnings = (*warnings, *system.rate_warnings(clip))
+        frames = FrameMap(n_left_out=kept.start)
+        word = AlignedWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name))
+        if resampled is not aligned.clip:
+            word = replace(word, own=own, own_step=step, own_first=step * kept.start - stray.start)
+        return word, first or to
+
+    def _output_fps(self, clip: Clip) -> float:
+        """The output rate of a sentence that begins with this clip."""
+        system = self.options.system
+        return self.options.fps or (clip.fps if system is None else system.output_fps(clip))
+
+    def time(self, word: AlignedWord, given: Word) -> AlignedWord:
+        """The word at the tempo asked for, and held at the mark after it, where one is ``given``."""
+        if self._seconds_a_sign is not None:
+            word = retimed(word, self.methods.cutter, self._seconds_a_sign)
+        if given.pause is not None and self.options.system is None:
+            word = with_pause(word, given.pause, self.methods.cutter, self.options.sign_speed)
+        return replace(word, starts=given.starts)
+
+    def cuts(self, words: Sequence[AlignedWord]) -> list[Cut]:
+        """The cutter's choice for every two neighbours; none where a system joins them."""
+        return cut_words(self.methods.cutter, words) if self.options.system is None and len(words) > 1 else []
+
+    def seams(self, words: Sequence[AlignedWord], cuts: Sequence[Cut]) -> list[Seam]:
+        """The seams of words in order, one fewer than words; each word is entered by the seam before it. ``cuts``: of
+        the words, by ``cuts``.
+        """
+        if self.options.system is not None:
+            return self._seams_by_system(self.options.system, words)
+        seams: list[Seam] = []
+        for after, chosen in zip(words[1:], cuts, strict=True):
+            seams.append(self._seam(seams[-1].after if seams else words[0], after, chosen))
+        return seams
+
+    def _seams_by_system(self, system: WholeSystem, words: Sequence[AlignedWord]) -> list[Seam]:
+        """The seams as the system makes them. Raises ``SignspliceError`` that names all pairs for which it has none,
+        unless the call's methods join those.
+        """
+        seams: list[Seam] = []
+        misses: list[str] = []
+        for k, word in enumerate(words[1:]):
+            before = seams[-1].after if seams and seams[-1].after.index == words[k].index else words[k]
+            try:
+                seams.append(system.splice_words(before, word))
+            except NoSpliceError as error:
+                if not self.options.fill_misses:
+                    misses.append(f"{before.clip.name} -> {word.clip.name}: {error}")
+                    continue
+                cutter, transition = self.methods.cutter, self.methods.transition
+                seam = self._seam(before, word, cut_words(cutter, [before, word])[0])
+                line = f"{error}: joined by cutter {cutter.name}, transition {transition.name}"
+                seams.append(replace(seam, warnings=(line, *seam.warnings)))
+        if misses:
+            raise SignspliceError(misses_message(misses, len(words) - 1))
+        return seams
+
+    def _seam(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
+        """The seam of two words. Letters of one spelled word are joined as such, unless the user chose a cutter."""
+        spells = not self.options.has_own("cutter")
+        if spells and not after.starts and before.is_letter and after.is_letter and before.held is None:
+            return self._seam_of_letters(before, after, chosen)
+        return self._seam_of_signs(before, after, chosen)
+
+    def _seam_of_signs(
+        self, before: AlignedWord, after: AlignedWord, chosen: Cut, warnings: tuple[str, ...] = ()
+    ) -> Seam:
+        """The seam at the cutter's choice, or at the end of a pause, but never before the frame at which the first word
+        was entered, nor before the last letter of a spelled word was held; with further ``warnings``.
+        """
+        pre = max(chosen.pre if before.held is None else before.held.leave, before.entry)
+        if before.arrival_s and before.held is None:
+            pre = max(pre, held_until(before.clip, before.entry, self.options.sign_speed))
+        cut = Cut(pre, chosen.post)
+        n_frames, lines = self._n_frames(before.clip, after.clip, cut)
+        return planned_seam(SIGNS, before, after, cut, n_frames, (*lines, *warnings))
+
+    def _seam_of_letters(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
+        """The seam of two letters; as that of two signs, with a warning, where no hand is still."""
+        letters = cut_letters(before.clip, after.clip, before.entry, before.arrival_s, self.options.sign_speed)
+        if letters is None:
+            line = f"no still hand is found in {before.clip.name} and {after.clip.name}: they are cut as signs are"
+            return self._seam_of_signs(before, after, chosen, (line,))
+        cut = Cut(max(letters.cut.pre, before.entry), letters.cut.post)
+        if self.options.transition_time is not None or self.options.has_own("duration"):
+            n_frames, warnings = self._n_frames(before.clip, after.clip, cut)
+        else:
+            n_frames, warnings = max(1, round(letters.seconds * before.clip.fps) - 1), letters.warnings
+        kind = SLID if letters.slides else REFORMED if letters.is_doubled else LETTERS
+        slide_m = before.slide_m + SLIDE_M if letters.slides and n_frames else 0.0
+        arrival_s = (n_frames + 1) / after.clip.fps
+        return planned_seam(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
+
+    def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
+        """Number of new frames, by the user's time or the duration, and warnings; the human median where the rig has no
+        known arms.
+        """
+        if self.options.transition_time is not None:
+            return round(self.options.transition_time * before.fps), ()
+        try:
+            seconds = self.methods.duration.seconds(before, after, cut)
+        except FormatError:  # of a network that is damaged
+            raise
+        except InputError:
+            line = f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the distance"
+            return max(1, round(HUMAN_MEDIAN_S * before.fps)), (line,)
+        return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()

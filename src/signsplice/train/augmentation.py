@@ -20,7 +20,7 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.rig.canonical_map import ARM, LEFT, RIGHT
-from signsplice.splicing.networks import gap_features
+from signsplice.splicing import gap_features
 
 STILL, WANDERING = 0.12, 0.18
 """Fractions of the hidden stretches in which the body stands still, and in which the arms wander."""

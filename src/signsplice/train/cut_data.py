@@ -22,8 +22,8 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.rig.canonical_map import ROLES
-from signsplice.splicing.networks import features
-from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
+from signsplice.splicing import word_features as features
+from signsplice.splicing.word_features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream
 from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 

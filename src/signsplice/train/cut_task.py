@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.rig.canonical import FEATURE_FPS
-from signsplice.splicing.networks import features
+from signsplice.splicing import word_features as features
 from signsplice.train.cut_data import CutBatch
 from signsplice.train.networks.cutting import Cutting
 from signsplice.train.processes import mean_counts

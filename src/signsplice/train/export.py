@@ -17,9 +17,9 @@ from torch import Tensor, nn
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import check_place
-from signsplice.splicing.networks.bundle import BUNDLE_FILE
-from signsplice.splicing.networks.features import N_FRAME
-from signsplice.splicing.networks.runtime import onnxruntime
+from signsplice.splicing.bundle import BUNDLE_FILE
+from signsplice.splicing.runtime import onnxruntime
+from signsplice.splicing.word_features import N_FRAME
 from signsplice.train.networks.cutting import ChooseGraph, Cutting, ReadGraph, TimeGraph
 from signsplice.train.prefetch import Dataset
 from signsplice.train.task import Task

@@ -14,9 +14,8 @@ import onnx
 from onnx import ModelProto, NodeProto, helper, numpy_helper
 
 from signsplice.errors import InputError
-from signsplice.splicing.methods.learned import open_sessions
-from signsplice.splicing.networks.bundle import bundle_sha256, read_file, write_bundle
-from signsplice.splicing.networks.sessions import Array, multiplies_in_8_bits
+from signsplice.splicing.bundle import Array, bundle_sha256, multiplies_in_8_bits, read_file, write_bundle
+from signsplice.splicing.learned import open_sessions
 from signsplice.train import provenance
 from signsplice.train.export import check_bundle_folder
 

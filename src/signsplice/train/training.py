@@ -21,10 +21,10 @@ import torch
 from signsplice.errors import InputError
 from signsplice.formats import atomic
 from signsplice.rig.canonical import FEATURE_FPS
-from signsplice.splicing.methods.learned import SYSTEM
-from signsplice.splicing.networks import features
-from signsplice.splicing.networks.bundle import write_bundle
-from signsplice.splicing.networks.runtime import onnxruntime
+from signsplice.splicing import word_features as features
+from signsplice.splicing.bundle import write_bundle
+from signsplice.splicing.learned import SYSTEM
+from signsplice.splicing.runtime import onnxruntime
 from signsplice.train import log as logs
 from signsplice.train import provenance, warm_start
 from signsplice.train.bridge_task import BridgeTask

@@ -25,10 +25,10 @@ from signsplice.motion.clip import Clip, resample
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.stray_frames import stray_frames
-from signsplice.splicing.methods.learned import LearnedTransition, open_sessions
-from signsplice.splicing.methods.transition import find_transition
-from signsplice.splicing.networks import features
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_file, write_bundle
+from signsplice.splicing import word_features as features
+from signsplice.splicing.bundle import BUNDLE_FILE, read_file, write_bundle
+from signsplice.splicing.curves import find_transition
+from signsplice.splicing.learned import LearnedTransition, open_sessions
 from signsplice.train import provenance
 from signsplice.train.bridge_task import BridgeTask
 from signsplice.train.export import check_bundle_folder, product_graphs

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from signsplice.errors import InputError
 from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import format_errors
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, read_config, read_file
+from signsplice.splicing.bundle import BUNDLE_FILE, read_config, read_file
 from signsplice.train import checkpoint, provenance
 from signsplice.train.export import TRANSPOSED
 from signsplice.train.quantization import weights_of

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from signing import marked
 from signsplice.body.arm_ik import move_wrists
 from signsplice.lexicon import Lexicon, shipped
 from signsplice.lexicon.entry import is_letter
@@ -16,10 +17,10 @@ from signsplice.lexicon.sentence import parse, starts
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms, seen_from_trunk
+from signsplice.splicing import letters as doubled_letters
+from signsplice.splicing.collisions import depths
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
-from signsplice.splicing.joins.letters import letter_seam
-from signsplice.splicing.passes import doubled_letters
-from signsplice.splicing.passes.collision_avoidance import depths
+from signsplice.splicing.letters import cut_letters
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +95,7 @@ def test_the_speed_of_signs_is_that_of_letters_too(lexicon: Lexicon) -> None:
 @pytest.mark.parametrize(("speed", "fps"), [(5.0, 30.0), (1.0, 5.0)])
 def test_letters_that_play_fast_or_at_few_frames_are_letters_still(speed: float, fps: float, lexicon: Lexicon) -> None:
     clips = [resample(clip, fps, speed) for clip in letters("ABCDEFGHIKLMNOPQRSTUVWXYZ", lexicon)]
-    assert all(letter_seam(before, after, 0, 0.0, speed) for before, after in pairwise(clips))
+    assert all(cut_letters(before, after, 0, 0.0, speed) for before, after in pairwise(clips))
     seam = splice(letters("MA", lexicon), SpliceOptions(fps=fps, sign_speed=speed)).seams[0]
     assert "cut as signs" not in " ".join(seam.warnings)
 
@@ -108,7 +109,7 @@ def test_spelled_words_are_parted(lexicon: Lexicon) -> None:
     tokens = parse("fs-AN fs-NA HELLO", lexicon)
     clips = [lexicon.clip(gloss) for token in tokens for gloss in token.glosses]
     assert starts(tokens) == [0, 2, 4]
-    parted, joined = splice(clips, starts=starts(tokens)), splice(clips)
+    parted, joined = splice(marked(clips, starts=starts(tokens))), splice(clips)
     assert parted.seams[1].seconds >= 0.25
     assert joined.seams[1].seconds < 0.2
     assert parted.seams[0].seconds == joined.seams[0].seconds < 0.2
@@ -116,11 +117,11 @@ def test_spelled_words_are_parted(lexicon: Lexicon) -> None:
 
 def test_streams_spell_as_splices_do(lexicon: Lexicon) -> None:
     clips = [lexicon.clip("HELLO"), *letters("ANNB", lexicon)]
-    whole = splice(clips, SpliceOptions(cutter="ends"), starts=[3])
+    whole = splice(marked(clips, starts=[3]), SpliceOptions(cutter="ends"))
     growing = Stream(SpliceOptions(cutter="ends"))
-    pieces = [piece for k, clip in enumerate(clips) for piece in growing.push(clip, k == 3)] + growing.end()
+    pieces = [piece for one in marked(clips, starts=[3]) for piece in growing.push(one)] + growing.end()
     assert tuple(piece.span for piece in pieces) == whole.spans
-    pulled = stream(clips, SpliceOptions(cutter="ends"), starts=[3])
+    pulled = stream(marked(clips, starts=[3]), SpliceOptions(cutter="ends"))
     assert tuple(piece.span for piece in pulled) == whole.spans
     spelled = [piece.span.output for piece in stream(letters("ANNA", lexicon))]
     assert spelled == [span.output for span in splice(letters("ANNA", lexicon)).spans]
@@ -188,4 +189,4 @@ def test_a_body_that_sways_moves_no_hand_away_from_its_letter(lexicon: Lexicon) 
         sway = 0.12 * np.sin(7.0 * np.arange(len(clip)) / clip.fps)[:, None] * [0.4, 1.0, 0.3]
         local[:, 0] = rotation.multiply(rotation.exp(sway), local[:, 0])
         swaying.append(replace(clip, local_rotations=local))
-    assert letter_seam(swaying[0], swaying[1], 0, 0.0) == letter_seam(still[0], still[1], 0, 0.0)
+    assert cut_letters(swaying[0], swaying[1], 0, 0.0) == cut_letters(still[0], still[1], 0, 0.0)

@@ -14,12 +14,12 @@ import signsplice as ss
 from signing import word
 from signsplice.errors import InputError
 from signsplice.rig.arms import arms
+from signsplice.splicing import options as methods
 from signsplice.splicing import report
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods import choice as methods
-from signsplice.splicing.methods.duration import travel_widths
-from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, LearnedTransition
-from signsplice.splicing.networks.bundle import BUNDLE_FILE, bundle_sha256
+from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256
+from signsplice.splicing.contracts import Cut
+from signsplice.splicing.durations import travel_widths
+from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition
 
 TINY = GOLDEN / "tiny_bundle"
 CLIPS = [word(gloss).clip for gloss in ("MOTHER", "BOOK", "SEE")]
@@ -34,7 +34,7 @@ def weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def learned_parts(chosen: methods.ChosenMethods) -> tuple[bool, bool, bool]:
+def learned_parts(chosen: methods.Methods) -> tuple[bool, bool, bool]:
     """Whether cutter, transition and duration are networks."""
     return (
         isinstance(chosen.cutter, LearnedCutter),

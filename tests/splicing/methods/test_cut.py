@@ -12,8 +12,8 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import active_span, arms
-from signsplice.splicing.methods import find
-from signsplice.splicing.methods.cut import CUTTERS, VELOCITY_TIME_S
+from signsplice.splicing.contracts import find
+from signsplice.splicing.cutters import CUTTERS, VELOCITY_TIME_S
 
 NAMES = list(CUTTERS)
 

@@ -8,9 +8,8 @@ import pytest
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods import find
-from signsplice.splicing.methods.duration import DURATIONS, travel_widths
+from signsplice.splicing.contracts import Cut, find
+from signsplice.splicing.durations import DURATIONS, travel_widths
 
 PRE, POST = 43, 12
 """Frames of the first and the fifth word of the sentence in which both hands move fast."""

@@ -27,12 +27,12 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import ARM
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Cut, Gap
-from signsplice.splicing.methods.choice import WEIGHTS
-from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
-from signsplice.splicing.methods.transition import find_transition
-from signsplice.splicing.networks.sessions import Array, Sessions
-from signsplice.splicing.networks.word_reader import REST_FRAMES, WordReader
+from signsplice.splicing.bundle import Array, Sessions
+from signsplice.splicing.contracts import Cut, Gap
+from signsplice.splicing.curves import find_transition
+from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
+from signsplice.splicing.options import WEIGHTS
+from signsplice.splicing.word_features import REST_FRAMES, WordReader
 from signsplice.synth import planner
 from signsplice.synth.signer import RESTS, STANDARD
 

@@ -13,7 +13,7 @@ from signsplice.evaluation.strokes import keeps_stroke, stroke
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.methods.choice import open_learned
+from signsplice.splicing.options import open_learned
 from signsplice.synth import planner
 from signsplice.synth.signer import RESTS, STANDARD
 

@@ -13,8 +13,8 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import TRANSITIONS, fade_times, find_transition
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import TRANSITIONS, fade_times, find_transition
 
 NAMES = list(TRANSITIONS)
 

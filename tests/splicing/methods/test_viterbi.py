@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from signsplice.splicing.methods.viterbi import SeamScores, best_path
+from signsplice.splicing.learned import SeamScores, best_path
 
 
 def random_seams(seed: int, sizes: list[tuple[int, ...]]) -> list[SeamScores]:

@@ -14,9 +14,9 @@ import pytest
 from onnx import TensorProto, helper
 
 from signsplice.errors import InputError
-from signsplice.splicing.methods import choice as methods
-from signsplice.splicing.methods.learned import open_sessions
-from signsplice.splicing.networks.external_data import names_other_files
+from signsplice.splicing import options as methods
+from signsplice.splicing.bundle import names_other_files
+from signsplice.splicing.learned import open_sessions
 
 WEIGHTS = methods.WEIGHTS
 

@@ -13,9 +13,10 @@ from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ROLES
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import find_transition
-from signsplice.splicing.networks import features, gap_features
+from signsplice.splicing import gap_features
+from signsplice.splicing import word_features as features
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import find_transition
 
 RNG = np.random.default_rng(7)
 

@@ -17,7 +17,7 @@ from conftest import GOLDEN
 from signsplice.errors import FormatError
 from signsplice.lexicon import shipped
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.methods.learned import open_sessions
+from signsplice.splicing.learned import open_sessions
 
 Change = Callable[[Any], None]
 

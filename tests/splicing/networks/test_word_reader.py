@@ -10,8 +10,8 @@ from conftest import GOLDEN
 from signing import word
 from signsplice.body.retarget import align
 from signsplice.rig.align import reference
-from signsplice.splicing.methods.learned import open_sessions
-from signsplice.splicing.networks.word_reader import WordReader
+from signsplice.splicing.learned import open_sessions
+from signsplice.splicing.word_features import WordReader
 
 TINY = GOLDEN / "tiny_bundle"
 

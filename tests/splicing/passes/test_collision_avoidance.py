@@ -18,9 +18,9 @@ from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods.transition import find_transition
-from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, avoid_collisions, turn_elbow
+from signsplice.splicing.collisions import TOLERANCE_M, avoid_collisions, turn_elbow
+from signsplice.splicing.contracts import Gap
+from signsplice.splicing.curves import find_transition
 
 CM = 0.01
 ASIDE = (-25.0, -25.0, 25.0)

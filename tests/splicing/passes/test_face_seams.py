@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 import signsplice as ss
+from signing import marked
 from signsplice.bulk.maker import motion_sha256
 from signsplice.evaluation.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 from signsplice.motion.clip import Clip, concatenate, resample, sampled
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report
 from signsplice.splicing.bulk_splice import splice_many
-from signsplice.splicing.passes.face_seams import LIDS, eased, largest_step
+from signsplice.splicing.faces import LIDS, eased, largest_step
 
 PLAIN = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed")
 
@@ -81,7 +82,7 @@ def test_source_frames_keep_their_faces_bit_for_bit(
     words: dict[str, Clip], options: ss.SpliceOptions, pauses: dict[int, str] | None
 ) -> None:
     clips = [with_random_face(words[gloss], k) for k, gloss in enumerate(("HELLO", "DEAF", "SIGN"))]
-    result = ss.splice(clips, options, pauses=pauses)
+    result = ss.splice(marked(clips, pauses=pauses), options)
     for span in result.spans:
         if span.clip is not None and span.source is not None:
             shown, source = face_of(result.clip)[slice(*span.output)], face_of(clips[span.clip])
@@ -91,7 +92,7 @@ def test_source_frames_keep_their_faces_bit_for_bit(
     most = max(largest_step(face_of(clip)) for clip in clips)
     assert max(steps[part.start - 1 : part.stop].max() for part in inside) <= most
     assert report.describe(result)["face"] == {"recorded": [0, 1, 2], "rules": []}
-    bodies = ss.splice([replace(clip, face=None) for clip in clips], options, pauses=pauses)
+    bodies = ss.splice(marked([replace(clip, face=None) for clip in clips], pauses=pauses), options)
     assert np.array_equal(bodies.clip.local_rotations, result.clip.local_rotations)
     assert "face" not in report.describe(bodies)
 

@@ -25,12 +25,11 @@ from signsplice.rig.align import reference
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
 from signsplice.splicing import stages
+from signsplice.splicing.collisions import TOLERANCE_M
+from signsplice.splicing.contracts import Cut
 from signsplice.splicing.engine import joined_sentence
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M
-from signsplice.splicing.passes.free_hand import FASTEST_M_S, NATURAL, FreeHands
-from signsplice.splicing.passes.idle_hand import idle_hands, is_approached
-from signsplice.splicing.sentence import SentenceBuilder
+from signsplice.splicing.idle_hands import FASTEST_M_S, NATURAL, FreeHands, idle_hands, is_approached
+from signsplice.splicing.sentence import Sentence
 from signsplice.synth import planner
 from signsplice.synth.signer import RESTS, STANDARD
 
@@ -121,8 +120,8 @@ def test_a_hand_that_signs_on_both_sides_is_not_idle() -> None:
         result = spliced(line)
         assert all(span.remade is None for span in result.spans)
         options = ss.SpliceOptions(free_hand=NATURAL)
-        passes = stages.passes(options, stages.chosen_methods(options))
-        sentence = SentenceBuilder(options, [one for one in passes if not isinstance(one, FreeHands)])
+        passes = stages.passes(options, options.choose_methods())
+        sentence = Sentence(options, [one for one in passes if not isinstance(one, FreeHands)])
         without = joined_sentence(sentence, [*sentence.add(clips(line)), *sentence.end()])
         np.testing.assert_array_equal(result.clip.local_rotations, without.clip.local_rotations)
 

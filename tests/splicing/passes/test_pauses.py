@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import signsplice as ss
-from signing import word
+from signing import marked, word
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
@@ -19,10 +19,10 @@ from signsplice.motion.clip import Clip, concatenate, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.arms import arms
 from signsplice.splicing.bulk_splice import splice_many
+from signsplice.splicing.contracts import Cut, Cutter
+from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.cut import CUTTERS, PairCutter
-from signsplice.splicing.passes.pauses import LONGER, PAUSES_S, _braking
+from signsplice.splicing.pauses import LONGER, PAUSES_S, _braking
 from signsplice.splicing.result import Span
 
 GLOSSES = ("HELLO", "FRIEND", "MOTHER", "BOOK", "THANK-YOU")
@@ -64,7 +64,7 @@ def wrist_speeds(clip: Clip) -> FloatArray:
 
 @pytest.mark.parametrize("cutter", ["learned", *CUTTERS])
 def test_kept_frames_are_the_clips_and_every_span_rebuilds_the_output(cutter: str) -> None:
-    result = splice(clips(), SpliceOptions(cutter=cutter), pauses=MARKS)
+    result = splice(marked(clips(), pauses=MARKS), SpliceOptions(cutter=cutter))
     assert np.array_equal(rebuilt(result, clips()), result.clip.local_rotations)
     assert [span.kind for span in result.spans] == ["sign", "transition"] * len(GLOSSES)
     assert [span.name for span in result.spans if span.kind == "sign"] == list(GLOSSES)
@@ -75,7 +75,7 @@ def test_kept_frames_are_the_clips_and_every_span_rebuilds_the_output(cutter: st
 
 
 def test_the_report_names_each_pause_at_the_beginning_of_a_transition() -> None:
-    result = splice(clips(), pauses=MARKS)
+    result = splice(marked(clips(), pauses=MARKS))
     assert [span.pause.mark for span in paused(result) if span.pause] == list(MARKS.values())
     for span in paused(result):
         assert span.kind == "transition"
@@ -92,9 +92,9 @@ def test_the_report_names_each_pause_at_the_beginning_of_a_transition() -> None:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_stream_and_many_at_once_make_the_same_frames(way: str) -> None:
-    whole = splice(clips(), WAYS[way], pauses=MARKS)
-    pieces = list(stream(clips(), WAYS[way], pauses=MARKS))
-    (many,) = splice_many([clips()], WAYS[way], pauses=[MARKS])
+    whole = splice(marked(clips(), pauses=MARKS), WAYS[way])
+    pieces = list(stream(marked(clips(), pauses=MARKS), WAYS[way]))
+    (many,) = splice_many([marked(clips(), pauses=MARKS)], WAYS[way])
     assert isinstance(many, SpliceResult)
     for clip in (concatenate([piece.clip for piece in pieces]), many.clip):
         assert np.array_equal(clip.local_rotations, whole.clip.local_rotations)
@@ -106,7 +106,7 @@ def test_a_stream_and_many_at_once_make_the_same_frames(way: str) -> None:
 def test_a_word_is_held_alike_whatever_comes_next() -> None:
     holds = []
     for after in ("BOOK", "MOTHER"):
-        result = splice(clips("HELLO", after), pauses={0: "."})
+        result = splice(marked(clips("HELLO", after), pauses={0: "."}))
         (span,) = paused(result)
         assert span.pause is not None
         holds.append(result.clip.local_rotations[: span.pause.frames[1]])
@@ -117,7 +117,7 @@ def test_a_word_is_held_alike_whatever_comes_next() -> None:
 def test_a_pause_lasts_as_its_mark_says_and_a_fifth_of_the_sign(mark: str) -> None:
     """THANK-YOU and BOOK end in a hold: none of the time is needed to come to a stand."""
     for gloss in ("THANK-YOU", "BOOK"):
-        result = splice(clips("HELLO", gloss, "MOTHER"), pauses={1: mark})
+        result = splice(marked(clips("HELLO", gloss, "MOTHER"), pauses={1: mark}))
         (span,), sign = paused(result), result.spans[2]
         assert span.pause is not None
         wanted = PAUSES_S[mark] * 30.0 + LONGER * (sign.output[1] - sign.output[0])
@@ -125,7 +125,7 @@ def test_a_pause_lasts_as_its_mark_says_and_a_fifth_of_the_sign(mark: str) -> No
 
 
 def test_hands_stand_at_the_end_of_a_pause_and_stay_up_between_phrases() -> None:
-    result = splice(clips("HELLO", "MOTHER", "FATHER", "BOOK"), pauses={0: ".", 1: "!", 2: "."})
+    result = splice(marked(clips("HELLO", "MOTHER", "FATHER", "BOOK"), pauses={0: ".", 1: "!", 2: "."}))
     speeds, lift = wrist_speeds(result.clip), arms(result.clip).lift.max(axis=1)
     for span in paused(result):
         assert span.pause is not None
@@ -135,7 +135,7 @@ def test_hands_stand_at_the_end_of_a_pause_and_stay_up_between_phrases() -> None
 
 def test_a_pause_has_no_more_jerk_than_the_sign_before_it() -> None:
     for gloss in ("MOTHER", "DOG", "COFFEE", "SORRY", "WALK"):
-        result = splice(clips(gloss, "BOOK"), pauses={0: ","})
+        result = splice(marked(clips(gloss, "BOOK"), pauses={0: ","}))
         (span,) = paused(result)
         assert span.pause is not None
         steps = np.abs(np.diff(wrist_speeds(result.clip)))
@@ -145,7 +145,7 @@ def test_a_pause_has_no_more_jerk_than_the_sign_before_it() -> None:
 
 def test_after_the_last_mark_hands_come_down_as_in_the_clip() -> None:
     clip = clips("BOOK")[0]
-    plain, held = splice([clip]), splice([clip], pauses={0: "."})
+    plain, held = splice([clip]), splice(marked([clip], pauses={0: "."}))
     assert [span.kind for span in plain.spans] == ["sign"]
     assert [span.kind for span in held.spans] == ["sign", "transition"]
     n = 20
@@ -155,14 +155,14 @@ def test_after_the_last_mark_hands_come_down_as_in_the_clip() -> None:
 
 
 def test_no_pause_changes_nothing() -> None:
-    held = splice(clips(), pauses={})
+    held = splice(marked(clips(), pauses={}))
     assert np.array_equal(held.clip.local_rotations, splice(clips()).clip.local_rotations)
     assert paused(held) == []
 
 
 def test_pauses_are_no_part_of_the_tempo() -> None:
     options = SpliceOptions(tempo="natural")
-    plain, held = splice(clips(), options).tempo, splice(clips(), options, pauses=MARKS).tempo
+    plain, held = splice(clips(), options).tempo, splice(marked(clips(), pauses=MARKS), options).tempo
     assert plain.seconds is not None
     assert held.seconds == pytest.approx(plain.seconds, abs=0.15)
 
@@ -170,7 +170,7 @@ def test_pauses_are_no_part_of_the_tempo() -> None:
 def test_a_spelled_word_is_held_at_its_last_letter(words: Mapping[str, Clip]) -> None:
     with ss.open_lexicon() as lexicon:
         spelled = [lexicon.clip(f"fs-{letter}") for letter in "ANA"]
-    result = splice([*spelled, words["HELLO"]], pauses={2: ","})
+    result = splice(marked([*spelled, words["HELLO"]], pauses={2: ","}))
     (span,) = paused(result)
     assert span.output[0] == result.spans[4].output[1]
     assert np.array_equal(rebuilt(result, [*spelled, words["HELLO"]])[:, :1], result.clip.local_rotations[:, :1])
@@ -179,21 +179,21 @@ def test_a_spelled_word_is_held_at_its_last_letter(words: Mapping[str, Clip]) ->
 def test_letters_beside_a_pause_are_two_words() -> None:
     with ss.open_lexicon() as lexicon:
         spelled = [lexicon.clip(f"fs-{letter}") for letter in "AB"]
-    plain, held = splice(spelled), splice(spelled, pauses={0: "."})
+    plain, held = splice(spelled), splice(marked(spelled, pauses={0: "."}))
     assert held.seams[0].n_transition > plain.seams[0].n_transition + 10
 
 
 def test_rigs_without_arms_and_short_clips_are_held_too() -> None:
     some = [random_clip(0)] * 2
     options = SpliceOptions("ends", "slerp", transition_time=0.2)
-    result = splice(some, options, pauses={0: ".", 1: ","})
+    result = splice(marked(some, pauses={0: ".", 1: ","}), options)
     assert len(paused(result)) == 2
     assert np.array_equal(rebuilt(result, some), result.clip.local_rotations)
     short = [clip[:2] for clip in some]
-    assert paused(splice(short, options, pauses={0: "."})) == [], "too few frames"
+    assert paused(splice(marked(short, pauses={0: "."}), options)) == [], "too few frames"
 
 
-class LateCutter(PairCutter):
+class LateCutter(Cutter):
     """Enters every word shortly before its end, after it was held."""
 
     name, summary = "late", "shortly before the end"
@@ -208,14 +208,14 @@ class LateCutter(PairCutter):
 @pytest.mark.parametrize("last", [1, 2, 11, 12, 13])
 def test_a_word_that_is_entered_late_keeps_a_frame_at_least(last: int) -> None:
     some = clips("HELLO", "BOOK", "MOTHER")
-    result = splice(some, SpliceOptions(cutter=LateCutter(last)), pauses={1: ",", 2: "."})
+    result = splice(marked(some, pauses={1: ",", 2: "."}), SpliceOptions(cutter=LateCutter(last)))
     np.testing.assert_allclose(rebuilt(result, some), result.clip.local_rotations, atol=1e-9)
     assert [span.name for span in result.spans if span.kind == "sign"] == ["HELLO", "BOOK", "MOTHER"]
 
 
 def test_a_mark_that_is_none_is_refused() -> None:
     with pytest.raises(InputError, match=r"pause ';' after BOOK, expected one of , \. \? !"):
-        splice(clips("BOOK"), pauses={0: ";"})
+        splice(marked(clips("BOOK"), pauses={0: ";"}))
 
 
 @settings(max_examples=50, deadline=None)

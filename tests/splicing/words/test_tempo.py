@@ -26,21 +26,29 @@ from signsplice.motion.clip import Clip, concatenate, resample, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.stray_frames import with_ends_held
 from signsplice.splicing import report as reports
+from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
+from signsplice.splicing.cutters import CUTTERS
+from signsplice.splicing.durations import RUNNING_S, seconds_a_sign
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
-from signsplice.splicing.gap import Cut, Gap
-from signsplice.splicing.methods.cut import CUTTERS, Cutter
-from signsplice.splicing.methods.transition import GapTransition
-from signsplice.splicing.passes.filling import fill
-from signsplice.splicing.passes.unhurried import LengthenGaps
-from signsplice.splicing.tempo import RUNNING_S, measured_tempo, seconds_a_sign
-from signsplice.splicing.words.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retimed
-from signsplice.splicing.words.word import FrameMap, SentenceWord
+from signsplice.splicing.passes import LengthenGaps, Refill
+from signsplice.splicing.result import measured_tempo
+from signsplice.splicing.seam import SIGNS, Seam
+from signsplice.splicing.tempo import (
+    CONTACT_S,
+    MOST,
+    PEAKS,
+    contact_frames,
+    pace,
+    prominent_peaks,
+    retimed,
+)
+from signsplice.splicing.word import AlignedWord, FrameMap
 
 CUTTER = CUTTERS["pose-velocity"]
 
 
-def at_tempo(clip: Clip, seconds: float) -> SentenceWord:
-    return retimed(SentenceWord(0, clip, clip, FrameMap()), CUTTER, seconds)
+def at_tempo(clip: Clip, seconds: float) -> AlignedWord:
+    return retimed(AlignedWord(0, clip, clip, FrameMap()), CUTTER, seconds)
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +121,7 @@ def test_a_first_word_that_the_cutter_fails_on_is_refused_and_leaves_no_trace(se
     assert growing.end()[0].clip.fps == 30.0
 
 
-class Flicker(GapTransition):
+class Flicker(Transition):
     """Goes to and fro between the last frame before and the first frame after."""
 
     name, summary = "flicker", "for tests"
@@ -125,9 +133,10 @@ class Flicker(GapTransition):
 
 def test_no_transition_is_lengthened_past_the_longest(sentence: list[Clip]) -> None:
     rest, raised = sentence[0][:9], sentence[0][len(sentence[0]) // 2 :]
-    gaps, flicker = [Gap(rest, raised, 200)], Flicker()
-    (made,) = LengthenGaps(flicker, avoids=False).change_all(gaps, fill(flicker, gaps, False))
-    assert len(made.clip) == 300
+    refill, gap = Refill(Flicker(), avoids=False), Gap(rest, raised, 200)
+    before, after = (AlignedWord(0, clip, clip, FrameMap()) for clip in (rest, raised))
+    filled = refill.fill(Seam(SIGNS, before, after, Cut(len(rest) - 1, 0), gap))
+    assert len(LengthenGaps(refill).change(filled).new_frames) == 300
 
 
 def test_naming_a_default_is_choosing_nothing(sentence: list[Clip]) -> None:

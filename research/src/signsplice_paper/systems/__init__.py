@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.splicing.networks.sessions import Sessions
+from signsplice.splicing.bundle import Sessions
 from signsplice_paper.configs import read_config
 from signsplice_paper.systems.splicers import DECODINGS, OneNetworkSystem, PaperSystem, TwoNetworkSystem
 

@@ -20,11 +20,11 @@ from signsplice.motion.clip import Clip, bone_translations
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import ORIGIN, Placement
-from signsplice.splicing.gap import Cut, Gap
-from signsplice.splicing.methods.cut import PairCutter
-from signsplice.splicing.methods.transition import GapTransition
-from signsplice.splicing.networks.bundle import bundle_sha256
-from signsplice.splicing.whole_system import SystemSplice, WholeSystem, is_near
+from signsplice.splicing.bundle import bundle_sha256
+from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
+from signsplice.splicing.seam import Seam
+from signsplice.splicing.systems import WholeSystem, is_near
+from signsplice.splicing.word import AlignedWord
 from signsplice.synth.corpus import EXTENT
 from signsplice.synth.signer import STATURE_CM, skeleton, stature
 from signsplice_paper.systems import open_bundle
@@ -36,7 +36,7 @@ _ANKLES = np.array([0.0, 7.0, -1.0])
 _FACTS = ("scale", "optimiser", "split", "seed", "corpus")
 
 
-class ClipSplicer(PairCutter, GapTransition, WholeSystem):
+class ClipSplicer(Cutter, Transition, WholeSystem):
     """A trained system that runs whole, as in the paper (``SpliceOptions.system``); also a cutter, and a transition if
     it sees only culled frames.
     """
@@ -51,15 +51,15 @@ class ClipSplicer(PairCutter, GapTransition, WholeSystem):
         self.place = ORIGIN if is_moved else None
         self.facts = {name: getattr(config, name) for name in _FACTS} | {"token_bias": system.token_bias}
 
-    def splice_words(self, before: Clip, after: Clip) -> SystemSplice:
-        """The system's positions, its number of frames, and its frames."""
-        found = self.system.predict(self._numbers(before), self._numbers(after))
+    def splice_words(self, before: AlignedWord, after: AlignedWord) -> Seam:
+        """The seam at the system's positions, with its number of frames, and its frames."""
+        found = self.system.predict(self._numbers(before.clip), self._numbers(after.clip))
         if found.pre is None or found.post is None or not len(found.frames):
-            return SystemSplice(found.pre, found.post)
-        made = self._clip(found.frames, before[: found.pre + 1], after[found.post :])
+            return self.filled_seam(before, after, found.pre, found.post)
+        made = self._clip(found.frames, before.clip[: found.pre + 1], after.clip[found.post :])
         endless = len(made) == self.system.most_frames and self.system.frames_by == "generator"
         line = f"{self.name} stopped after {len(made)} frames, the most that it makes: it gave no sign of an end"
-        return SystemSplice(found.pre, found.post, made, (line,) if endless else ())
+        return self.filled_seam(before, after, found.pre, found.post, made, (line,) if endless else ())
 
     def stands(self, first: Clip) -> Placement | None:
         """Where the synthetic signer stands, for a first clip that stands elsewhere or faces another way."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.splicing.networks.sessions import Array, Sessions
+from signsplice.splicing.bundle import Array, Sessions
 from signsplice_paper.configs import PaperConfig, RunConfig
 from signsplice_paper.culling import check, cull
 from signsplice_paper.prediction import N_NUMBERS, Prediction

@@ -16,8 +16,8 @@ import torch
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
-from signsplice.splicing.networks.bundle import write_bundle
-from signsplice.splicing.networks.runtime import onnxruntime
+from signsplice.splicing.bundle import write_bundle
+from signsplice.splicing.runtime import onnxruntime
 from signsplice.synth.corpus import Pairs
 from signsplice.train import checkpoint, provenance
 from signsplice.train import log as logs

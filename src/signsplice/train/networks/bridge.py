@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.rig.canonical_map import ROLES
-from signsplice.splicing.networks.gap_features import N_CONTEXT, N_TOKEN
+from signsplice.splicing.gap_features import N_CONTEXT, N_TOKEN
 
 MAX_DEVIATIONS = 5.0
 """Inputs are clamped to this many standard deviations from the mean."""

@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.splicing.networks.features import N_FRAME, N_WORD, PHASES
+from signsplice.splicing.word_features import N_FRAME, N_WORD, PHASES
 from signsplice.train.networks.bridge import BridgeConfig, RotaryLayer, rope_angles, standardised
 
 

@@ -7,20 +7,16 @@ of rest, and the arms would drop between the words.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 
-from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods import Method
+from signsplice.splicing.contracts import Cut, Cutter
 
 WINDOW_S = 0.3
 WINDOW_FRACTION = 0.3
@@ -28,47 +24,8 @@ VELOCITY_TIME_S = 0.15
 """Velocities are weighed against positions by the distance covered in this time, half of a usual transition."""
 
 
-class Cutter(Method, ABC):
-    """Chooses where clips of one skeleton and rate are joined.
-
-    own_rate: whether it is shown every clip at the rate and speed at which that was recorded, in place of the output's:
-        a word is then cut at the same moment whatever the output is.
-    """
-
-    own_rate: ClassVar[bool] = False
-
-    @abstractmethod
-    def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
-        """The splice positions of aligned clips in order, one fewer than clips."""
-
-
-def cut_clips(cutter: Cutter, clips: Sequence[Clip]) -> list[Cut]:
-    """A cutter's choice for aligned clips in order. Raises ``InputError`` for a wrong number of cuts, and for frames
-    that the clips do not have.
-    """
-    cuts = cutter.cut_all(clips)
-    if len(cuts) != len(clips) - 1:
-        raise InputError(f"cutter {cutter.name} chose {len(cuts)} cuts for {len(clips)} clips")
-    for cut, (before, after) in zip(cuts, pairwise(clips), strict=True):
-        if not (0 <= cut.pre < len(before) and 0 <= cut.post < len(after)):
-            raise InputError(f"cutter {cutter.name} chose {cut} for clips of {len(before)} and {len(after)} frames")
-    return cuts
-
-
-class PairCutter(Cutter):
-    """A cutter that looks at two clips at a time: only ``cut`` is left to write."""
-
-    @abstractmethod
-    def cut(self, before: Clip, after: Clip) -> Cut:
-        """The splice position of two aligned clips."""
-
-    def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
-        """The splice position of every two neighbours."""
-        return [self.cut(before, after) for before, after in pairwise(clips)]
-
-
 @dataclass(frozen=True)
-class RuleCutter(PairCutter):
+class RuleCutter(Cutter):
     """A cutter that follows a rule: (before, after) -> splice position."""
 
     name: str
@@ -142,7 +99,7 @@ def search_window(n_frames: int, fps: float) -> int:
     return max(1, int(min(WINDOW_S * fps, WINDOW_FRACTION * n_frames)))
 
 
-CUTTERS: dict[str, PairCutter] = {
+CUTTERS: dict[str, Cutter] = {
     cutter.name: cutter
     for cutter in (
         RuleCutter("ends", "no search: the last frame of one clip, the first of the next", _ends),
@@ -152,4 +109,4 @@ CUTTERS: dict[str, PairCutter] = {
     )
 }
 CLASSICAL_CUTTER = "pose-velocity"
-"""Used where no network can be read; the default is learned (``choice.choose``)."""
+"""Used where no network can be read; the default is learned (``options.choose``)."""

@@ -27,8 +27,7 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.motion.joined import joined
 from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
-from signsplice.splicing.gap import FilledGap, Gap
-from signsplice.splicing.passes.seam_pass import GapPass
+from signsplice.splicing.contracts import Gap, Transition, fill_gaps
 
 TOLERANCE_M = 0.003
 """A touch may press this deep, m."""
@@ -99,17 +98,15 @@ def avoid_all_collisions(
     return out
 
 
-@dataclass(frozen=True)
-class AvoidCollisions(GapPass):
-    """Hands are led around head, trunk and each other (see above)."""
-
-    def change_all(self, gaps: Sequence[Gap], filled: Sequence[FilledGap]) -> list[FilledGap]:
-        """The frames with hands led around the body, and how deep a hand still is in it."""
-        asked = [(one.clip, gap.before, gap.after) for one, gap in zip(filled, gaps, strict=True)]
-        return [
-            replace(one, clip=new.clip, depth=new.depth, peak_m_s=None)
-            for one, new in zip(filled, avoid_all_collisions(asked), strict=True)
-        ]
+def fill(transition: Transition, gaps: Sequence[Gap], avoids: bool | None = None) -> list[Clip]:
+    """The frames that a transition makes for every gap, with hands led around the body where ``avoids`` is true; None:
+    where the transition is learned. Raises as ``contracts.fill_gaps`` does.
+    """
+    made = fill_gaps(transition, gaps)
+    if not (transition.learned if avoids is None else avoids):
+        return made
+    asked = [(new, gap.before, gap.after) for new, gap in zip(made, gaps, strict=True)]
+    return [cleared.clip for cleared in avoid_all_collisions(asked)]
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> FloatArray:

@@ -1,6 +1,6 @@
-"""Transitions: the frames between two signs.
+"""The classical transitions: curves over the gap between two signs.
 
-Every classical transition is a curve over the gap. Time runs from 0 at the last frame before to T = (n + 1) / fps at
+Time runs from 0 at the last frame before to T = (n + 1) / fps at
 the first frame after; the n frames between are new. Each joint follows a rotation vector x(t) in the frame of its pose
 a before: x(0) = 0, x(T) = d = log(a^-1 b), pose(t) = a exp(x(t)), by the short side. The root's position (and bone
 lengths, where a file animates them) follows the same curve. Boundary velocities are those of the one frame step
@@ -18,7 +18,6 @@ and gains.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -29,43 +28,11 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
 from signsplice.motion.curves import minimum_jerk
-from signsplice.splicing.gap import Gap
-from signsplice.splicing.methods import Method, find
+from signsplice.splicing.contracts import Gap, Transition, find
 
 AGREEING_FADE_S = 0.4
 OPPOSING_FADE_S = 0.2
 MONOTONE = 3.0
-
-
-class Transition(Method, ABC):
-    """Makes the frames between clips of one skeleton and rate. It sees what a gap shows of both clips, nothing else."""
-
-    @abstractmethod
-    def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
-        """For every gap its ``n_frames`` >= 1 new frames."""
-
-    @property
-    def identity(self) -> str | None:
-        """What decides its frames besides a gap: two transitions of one identity fill a gap alike. None, as by default:
-        that is not known, and its frames are not kept for other sentences (``transition_cache``).
-        """
-        return None
-
-    def warnings(self, gap: Gap) -> tuple[str, ...]:
-        """What a user should know about how a gap is filled; nothing by default."""
-        return ()
-
-
-class GapTransition(Transition):
-    """A transition that fills one gap at a time: only ``between`` is left to write."""
-
-    @abstractmethod
-    def between(self, gap: Gap) -> Clip:
-        """The new frames of one gap."""
-
-    def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
-        """The new frames of every gap."""
-        return [self.between(gap) for gap in gaps]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +58,7 @@ Curve = Callable[[CurveProblem], FloatArray]
 
 
 @dataclass(frozen=True)
-class CurveTransition(GapTransition):
+class CurveTransition(Transition):
     """A transition that follows a curve.
 
     curve: CurveProblem -> displacements (n, K, 3) at the new frames.
@@ -109,10 +76,6 @@ class CurveTransition(GapTransition):
     def identity(self) -> str | None:
         """Its name, where it is one of ``TRANSITIONS``."""
         return self.name if TRANSITIONS.get(self.name) is self else None
-
-    def between(self, gap: Gap) -> Clip:
-        """The new frames of one gap."""
-        return self.fill([gap])[0]
 
     def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
         """The new frames of every gap; gaps of one length are one problem of the curve."""
@@ -324,7 +287,7 @@ def fade_times(
     return np.asarray(np.minimum(seconds, np.maximum(least, MONOTONE * length / np.maximum(speed, 1e-12))))
 
 
-TRANSITIONS: dict[str, GapTransition] = {
+TRANSITIONS: dict[str, Transition] = {
     transition.name: transition
     for transition in (
         CurveTransition("hold", "keeps the last pose (a baseline)", _hold),
@@ -339,9 +302,9 @@ TRANSITIONS: dict[str, GapTransition] = {
     )
 }
 CLASSICAL_TRANSITION = "hermite"
-"""Used where no network can be read; the default is learned (``choice.choose``)."""
+"""Used where no network can be read; the default is learned (``options.choose``)."""
 
 
-def find_transition(name: str) -> GapTransition:
+def find_transition(name: str) -> Transition:
     """The transition of that name. Raises ``InputError`` that lists the existing names."""
     return find("transition", name, TRANSITIONS)

@@ -2,27 +2,29 @@
 
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]: the system chooses pre, post and the number of frames O, and makes them
 
-Each seam is made from its two words as they are. Where two seams of a word cross (it would be left before the frame at
-which it is entered), or a system finds no position, there is no splice of that pair.
+A system gives seams with their frames, each from its two words as they are. Where two seams of a word cross (it would
+be left before the frame at which it is entered), or a system finds no position, there is no splice of that pair.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from signsplice.errors import InputError
+from signsplice.errors import InputError, SignspliceError
 from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference, is_same_skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import Placement, placement
-from signsplice.splicing.methods import Method
+from signsplice.splicing.contracts import Cut, Method, gap_at
+from signsplice.splicing.seam import SYSTEM, Seam
+from signsplice.splicing.word import AlignedWord
 
 FPS_TOLERANCE = 1e-3
 """Rates that differ by a smaller fraction are one: frame times in files are rounded."""
@@ -32,19 +34,8 @@ system learned from words where they were recorded.
 """
 
 
-@dataclass(frozen=True, eq=False)
-class SystemSplice:
-    """What a system makes of two words.
-
-    pre, post: last frame kept of the one, first frame kept of the other; None where the system found none.
-    frames: the frames between, on the words' skeleton; None where there are none.
-    warnings: what a user should know, one line each.
-    """
-
-    pre: int | None
-    post: int | None
-    frames: Clip | None = None
-    warnings: tuple[str, ...] = ()
+class NoSpliceError(SignspliceError):
+    """A system has no splice of two words; the message says why."""
 
 
 class WholeSystem(Method, ABC):
@@ -62,12 +53,70 @@ class WholeSystem(Method, ABC):
     place: Placement | None = None
 
     @abstractmethod
-    def splice_words(self, before: Clip, after: Clip) -> SystemSplice:
-        """The splice of two words at the system's rate, on one skeleton, from all of their frames."""
+    def splice_words(self, before: AlignedWord, after: AlignedWord) -> Seam:
+        """The seam of two words at the system's rate, on one skeleton, with its frames (``filled_seam``). Raises
+        ``NoSpliceError`` where the system has none.
+        """
+
+    def filled_seam(
+        self,
+        before: AlignedWord,
+        after: AlignedWord,
+        pre: int | None,
+        post: int | None,
+        frames: Clip | None = None,
+        warnings: tuple[str, ...] = (),
+    ) -> Seam:
+        """The seam of two words whose last frame kept is ``pre`` and first frame kept ``post``, None where the system
+        found none, with new ``frames`` between them, None where there are none. Raises ``NoSpliceError`` where a
+        position is missing, or the word before would be left before it is entered.
+        """
+        if pre is None or post is None:
+            lacks = {
+                (True, True): "neither position",
+                (True, False): "no prePosition",
+                (False, True): "no postPosition",
+            }
+            raise NoSpliceError(f"{self.name} finds {lacks[pre is None, post is None]}")
+        if pre < before.entry:
+            left, entered = (frame + before.frames.n_left_out for frame in (pre, before.entry))
+            raise NoSpliceError(
+                f"{self.name} leaves the first word at frame {left}, before its entry at frame {entered}"
+            )
+        cut = Cut(pre, post)
+        gap = gap_at(before.clip, after.clip, cut, 0 if frames is None else len(frames), before.entry)
+        return Seam(SYSTEM, before, replace(after, entry=post), cut, gap, warnings, frames)
 
     def stands(self, first: Clip) -> Placement | None:
         """Where a sentence that begins with this clip is signed; None: where the clip stands."""
         return None
+
+    def knows_rate(self, fps: float) -> bool:
+        """Whether it takes frames at this rate."""
+        return self.fps is None or abs(fps - self.fps) <= FPS_TOLERANCE * self.fps
+
+    def output_fps(self, first: Clip) -> float:
+        """The rate of a sentence: the first clip's, where it knows that, else its own."""
+        return first.fps if self.knows_rate(first.fps) else float(self.fps or first.fps)
+
+    def rate_warnings(self, clip: Clip) -> tuple[str, ...]:
+        """A line about a clip that is brought to the rate that it knows."""
+        if self.knows_rate(clip.fps):
+            return ()
+        return (f"{clip.name}: {clip.fps:g} fps, brought to the {self.fps:g} that {self.name} knows",)
+
+    def place_reference(self, clip: Clip, to: Reference, is_first: bool) -> Reference:
+        """What a clip is aligned to: the place of all words that the system learned from; where there is none, the
+        first clip's, or where a clip was recorded if that is the same body and place (``NEAR_M``, ``NEAR_DEG``).
+        """
+        if self.place is not None:
+            return replace(to, placement=self.place)
+        if is_first:
+            place = self.stands(clip)
+            return to if place is None else replace(to, placement=place)
+        if is_same_skeleton(clip.skeleton, to.skeleton) and is_near(clip, to.placement):
+            return replace(to, placement=placement(clip))
+        return to
 
     def described(self) -> dict[str, Any]:
         """The report's ``system``."""
@@ -85,41 +134,10 @@ def check_alone(system: WholeSystem, named: Sequence[str], fps: float | None) ->
         raise InputError(
             f"{system.name} runs whole: it chooses positions, number of frames and frames itself; leave out {some}"
         )
-    if fps is not None and not knows_rate(system, fps):
+    if fps is not None and not system.knows_rate(fps):
         raise InputError(
             f"SpliceOptions.fps {fps:g}, but {system.name} knows only {system.fps:g}; leave out SpliceOptions.fps"
         )
-
-
-def knows_rate(system: WholeSystem, fps: float) -> bool:
-    """Whether a system takes frames at this rate."""
-    return system.fps is None or abs(fps - system.fps) <= FPS_TOLERANCE * system.fps
-
-
-def output_fps(system: WholeSystem, first: Clip) -> float:
-    """The rate of a sentence: the first clip's, where the system knows it, else the system's."""
-    return first.fps if knows_rate(system, first.fps) else float(system.fps or first.fps)
-
-
-def rate_warnings(system: WholeSystem, clip: Clip) -> tuple[str, ...]:
-    """A line about a clip that is brought to the rate that the system knows."""
-    if knows_rate(system, clip.fps):
-        return ()
-    return (f"{clip.name}: {clip.fps:g} fps, brought to the {system.fps:g} that {system.name} knows",)
-
-
-def placed_reference(system: WholeSystem, clip: Clip, to: Reference, is_first: bool) -> Reference:
-    """What a clip is aligned to: the place of all words that the system learned from; where there is none, the first
-    clip's, or where a clip was recorded if that is the same body and place (``NEAR_M``, ``NEAR_DEG``).
-    """
-    if system.place is not None:
-        return replace(to, placement=system.place)
-    if is_first:
-        place = system.stands(clip)
-        return to if place is None else replace(to, placement=place)
-    if is_same_skeleton(clip.skeleton, to.skeleton) and is_near(clip, to.placement):
-        return replace(to, placement=placement(clip))
-    return to
 
 
 def is_near(clip: Clip, place: Placement) -> bool:

@@ -1,19 +1,23 @@
-"""How long a transition takes."""
+"""How long a transition takes, by rule, and the tempos that a call may ask for."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import Arms, active_span, arms
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods import Method
-from signsplice.splicing.tempo import FAST_M_S, RUNNING_S
+from signsplice.splicing.contracts import Cut, Duration
 
+CITATION, NATURAL = "citation", "natural"
+RUNNING_S = 0.70
+"""Seconds a sign takes in running signing, the transition to it included."""
+FASTEST_S, SLOWEST_S = 0.4, 1.5
+FAST_M_S = 2.5
+"""Peaks of isolated words reach 1.7 to 2.5 m/s; a transition beyond that is faster than any sign."""
 HUMAN_MEDIAN_S = 0.25
 """Median of 621 transitions between two signs, annotated in motion capture of Czech Sign Language (5 and 95 %: 0.16 and
 0.48 s).
@@ -29,19 +33,26 @@ _PEAK_OVER_MEAN = 1.875
 """Of a minimum-jerk movement from rest to rest."""
 
 
+def seconds_a_sign(tempo: str | float) -> float | None:
+    """Seconds that a sign takes with its transition at a tempo: "natural", or the seconds themselves; None for
+    "citation". Raises ``InputError`` for anything else.
+    """
+    if tempo == CITATION:
+        return None
+    try:
+        seconds = RUNNING_S if tempo == NATURAL else float(tempo)
+    except (TypeError, ValueError):
+        seconds = float("nan")
+    if isinstance(tempo, bool) or not FASTEST_S <= seconds <= SLOWEST_S:
+        raise InputError(
+            f"tempo {tempo!r}, expected {CITATION}, {NATURAL} or {FASTEST_S:g} to {SLOWEST_S:g} seconds a sign"
+        )
+    return seconds
+
+
 def most_frames(fps: float) -> int:
     """The number of frames of the longest transition."""
     return round(MAX_TRANSITION_S * fps)
-
-
-class Duration(Method, ABC):
-    """Chooses how long the transition between two clips of one skeleton and rate takes."""
-
-    @abstractmethod
-    def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
-        """Seconds that the new frames take: their number over the rate. Raises ``InputError`` where the rig's arms are
-        not known by name.
-        """
 
 
 @dataclass(frozen=True)
@@ -136,4 +147,4 @@ DURATIONS: dict[str, Duration] = {
     )
 }
 CLASSICAL_DURATION = "tempo"
-"""Used where no network can be read; the default is learned (``choice.choose``)."""
+"""Used where no network can be read; the default is learned (``options.choose``)."""

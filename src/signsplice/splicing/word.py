@@ -1,26 +1,68 @@
-"""A word of a sentence as data: its clip, which of its frames are shown when, and what the seams beside it edit."""
+"""A word of a sentence as data: as a caller gives it, and as it stands in the sentence.
+
+``Word`` is what a caller knows: a clip, and how the line was typed. ``AlignedWord`` is its clip aligned to the first
+one, with which of its frames are shown when. What the seams beside it change is an ``Edit``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from signsplice.body.clearance import Contact
-from signsplice.body.retarget import align
-from signsplice.formats.limits import ReadLimits
-from signsplice.lexicon.entry import is_letter
+from signsplice.lexicon.sentence import SentenceToken, brows, pauses, starts
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations, resample, unchecked_copy
-from signsplice.rig.align import Reference, reference
-from signsplice.rig.inspection import clip_warnings
-from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames, with_ends_held
-from signsplice.splicing.gap import Cut
-from signsplice.splicing.methods.cut import Cutter, cut_clips
-from signsplice.splicing.whole_system import WholeSystem, output_fps, placed_reference, rate_warnings
+from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
+from signsplice.splicing.contracts import Cut, Cutter, cut_clips
+
+
+@dataclass(frozen=True, eq=False)
+class Word:
+    """A word or letter of a sentence as a caller gives it.
+
+    clip: its motion; the clip's name is its gloss, that of a letter fs- and the letter.
+    starts: whether a letter begins another spelled word; letters that do not go on with the one before.
+    pause: the mark after it at which it is held, one of ``pauses.PAUSES_S``; None: it is not held.
+    brow: the brows of the question that it is part of, "raised" or "furrowed" (``faces``); None: it is in none.
+    """
+
+    clip: Clip
+    starts: bool = False
+    pause: str | None = None
+    brow: str | None = None
+
+
+def words_of(tokens: Sequence[SentenceToken], clip_of: Callable[[str], Clip], has_pauses: bool = True) -> list[Word]:
+    """The words that sign the tokens of a line (``lexicon.sentence.parse``); ``clip_of``: gloss -> clip, such as
+    ``Lexicon.clip``. ``has_pauses``: whether words are held at the marks of the line.
+    """
+    begins, held, asked = set(starts(tokens)), pauses(tokens) if has_pauses else {}, brows(tokens)
+    glosses = [gloss for token in tokens for gloss in token.glosses]
+    return [Word(clip_of(gloss), k in begins, held.get(k), asked.get(k)) for k, gloss in enumerate(glosses)]
+
+
+def check_list(clips: object) -> None:
+    """Raise ``TypeError`` for one clip, or a text, in place of the clips of a sentence."""
+    if isinstance(clips, (Clip, Word)):
+        raise TypeError(f"clips is one {type(clips).__name__}, expected a list of them: splice([a, b])")
+    if isinstance(clips, str):
+        raise TypeError(f"clips is the text {clips[:60]!r}, expected a list of Clips; {_SOURCES}")
+
+
+def as_word(clip: object, index: int) -> Word:
+    """The word that is given as such, or as its clip alone. Raises ``TypeError`` for anything else."""
+    if isinstance(clip, Clip):
+        return Word(clip)
+    if isinstance(clip, Word) and isinstance(clip.clip, Clip):
+        return clip
+    what = repr(clip)[:60] if isinstance(clip, str) else f"a {type(clip).__name__}"
+    raise TypeError(f"clip {index} is {what}, expected a Clip; {_SOURCES}")
+
+
+_SOURCES = "a file's is load(path), a gloss's open_lexicon(path).clip(gloss)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +114,7 @@ class FrameMap:
     """Which frame of a word's clip each frame of the retimed word shows.
 
     A word's frames are counted three times: in its whole clip at the output rate, in the recorded one without the
-    stray frames at its ends (``SentenceWord.clip``), and in the retimed one.
+    stray frames at its ends (``AlignedWord.clip``), and in the retimed one.
 
     sources: (T,) the recorded frame that each retimed frame shows, rising from 0; between two frames it is their
         slerp. None where every frame shows the recorded frame of its own number.
@@ -122,7 +164,7 @@ class HeldEnd:
 
 
 @dataclass(frozen=True, eq=False)
-class SentenceWord:
+class AlignedWord:
     """A word of a sentence, aligned to the first one. What comes after planning is an ``Edit`` at one of its seams.
 
     index: its number in the sentence.
@@ -176,8 +218,8 @@ class SentenceWord:
         return int(np.clip(round((own_frame - self.own_first) / self.own_step), 0, len(self.clip) - 1))
 
 
-def cut_words(cutter: Cutter, words: Sequence[SentenceWord]) -> list[Cut]:
-    """A cutter's choice for words in order, in frames of ``SentenceWord.clip``. Raises as ``cut_clips`` does."""
+def cut_words(cutter: Cutter, words: Sequence[AlignedWord]) -> list[Cut]:
+    """A cutter's choice for words in order, in frames of ``AlignedWord.clip``. Raises as ``cut_clips`` does."""
     if not cutter.own_rate:
         return cut_clips(cutter, [word.clip for word in words])
     cuts = cut_clips(cutter, [word.own or word.clip for word in words])
@@ -185,51 +227,3 @@ def cut_words(cutter: Cutter, words: Sequence[SentenceWord]) -> list[Cut]:
         Cut(before.nearest_frame(cut.pre), after.nearest_frame(cut.post))
         for cut, (before, after) in zip(cuts, pairwise(words), strict=True)
     ]
-
-
-@dataclass(frozen=True)
-class WordAligner:
-    """Makes words of clips.
-
-    fps: the output rate; None: the first clip's, or the rate that the system knows.
-    sign_speed: how many times as fast signs play.
-    limits: how many frames a clip may have at the output rate.
-    system: the system that splices the words whole; None where none does.
-    """
-
-    fps: float | None
-    sign_speed: float
-    limits: ReadLimits
-    system: WholeSystem | None = None
-
-    def word(self, clip: Clip, index: int, first: Reference | None) -> tuple[SentenceWord, Reference]:
-        """The word of a clip, and what all words are aligned to: ``first``, or this clip where that is None.
-
-        Raises ``LimitError`` for too many frames, ``RigMismatchError`` where rigs have nothing in common.
-        """
-        clip = with_rest_pose(clip)
-        fps = first.fps if first else self._output_fps(clip)
-        self.limits.check_resampling(clip, fps, self.sign_speed)
-        stray, held = stray_frames(clip), with_ends_held(clip)
-        to = first or reference(held, fps)
-        if self.system is not None:
-            to = placed_reference(self.system, held, to, is_first=first is None)
-        aligned = align(held, replace(to, fps=clip.fps))
-        resampled = resample(aligned.clip, fps, self.sign_speed)
-        step = clip.fps * self.sign_speed / fps
-        kept = stray.resampled(step, len(resampled))
-        shown, own = resampled, aligned.clip
-        if held is not clip:
-            shown, own = resampled[kept], aligned.clip[stray.start : stray.stop]
-        warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
-        if self.system is not None:
-            warnings = (*warnings, *rate_warnings(self.system, clip))
-        frames = FrameMap(n_left_out=kept.start)
-        word = SentenceWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name))
-        if resampled is not aligned.clip:
-            word = replace(word, own=own, own_step=step, own_first=step * kept.start - stray.start)
-        return word, first or to
-
-    def _output_fps(self, clip: Clip) -> float:
-        """The output rate of a sentence that begins with this clip."""
-        return self.fps or (clip.fps if self.system is None else output_fps(self.system, clip))

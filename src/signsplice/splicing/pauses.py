@@ -1,7 +1,7 @@
 """Pauses: a word that ends a phrase is held in its last posture, and the hands go on from there, not from rest.
 
 A pause is the word's own time, slowed to a stand: ``with_pause`` holds the word, whatever comes after it, so that a
-stream makes the same frames. The word is left at the end of its pause (``joins.signs``), and transitions begin there.
+stream makes the same frames. The word is left at the end of its pause, and transitions begin there.
 ``HoldPauses`` then counts the frames of the pause as new ones: what is kept of a sign stays bit for bit what its clip
 has, and readers of a report copy it as before.
 
@@ -20,13 +20,12 @@ from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate, sampled
 from signsplice.rig.info import rig_info
-from signsplice.splicing.gap import Cut, FilledGap
-from signsplice.splicing.joins.held_letters import held_until
-from signsplice.splicing.joins.join import PlannedSeam
-from signsplice.splicing.methods.cut import Cutter, cut_clips
-from signsplice.splicing.passes.seam_pass import SeamPass
-from signsplice.splicing.words.pace import pace
-from signsplice.splicing.words.word import FrameMap, HeldEnd, SentenceWord
+from signsplice.splicing.contracts import Cut, Cutter, cut_clips
+from signsplice.splicing.letters import held_until
+from signsplice.splicing.passes import Pass
+from signsplice.splicing.seam import Seam
+from signsplice.splicing.tempo import pace
+from signsplice.splicing.word import AlignedWord, FrameMap, HeldEnd
 
 PAUSES_S = {",": 0.2, ".": 0.5, "?": 0.5, "!": 0.5}
 """How long a word is held before its mark, beside ``LONGER``."""
@@ -36,12 +35,12 @@ _MOST_LONGER_S = 0.3
 _BRAKE_S = 0.1
 """Time in which a hand that never stands still is brought to a stand, and set going again."""
 _STILL = 0.2
-"""Intensity (``words.pace``) below which hands and fingers stand."""
+"""Intensity (``tempo.pace``) below which hands and fingers stand."""
 _DRIFT = 0.05
 """Fraction of the way through a pause that is made evenly, so that no frame of it is the one before."""
 
 
-def with_pause(word: SentenceWord, mark: str, cutter: Cutter, speed: float) -> SentenceWord:
+def with_pause(word: AlignedWord, mark: str, cutter: Cutter, speed: float) -> AlignedWord:
     """A word held before a mark, one of ``PAUSES_S``, when signs play ``speed`` times as fast; the word itself where it
     has too few frames. Raises ``InputError`` for another mark.
     """
@@ -96,14 +95,14 @@ def _last_posture(clip: Clip, left: int, entered: int) -> tuple[int, int]:
 
 
 @dataclass(frozen=True)
-class HoldPauses(SeamPass):
+class HoldPauses(Pass):
     """The last pass: frames of a pause are new frames of the seam after it."""
 
-    def concerns(self, seam: PlannedSeam) -> bool:
+    def concerns(self, seam: Seam) -> bool:
         """Whether the word before is held, with or without new frames after it."""
         return seam.before.held is not None
 
-    def change(self, seam: PlannedSeam) -> PlannedSeam:
+    def change(self, seam: Seam) -> Seam:
         """The seam with the pause before its new frames; the seam itself where its word is entered after the pause."""
         before, stop = seam.before_clip, seam.retimed_cut.pre + 1
         cut = Cut(last_kept(seam.before), seam.cut.post)
@@ -112,12 +111,10 @@ class HoldPauses(SeamPass):
         if first >= stop:
             return seam
         held = before[first:stop]
-        made = (
-            FilledGap(held) if seam.filled is None else replace(seam.filled, clip=concatenate([held, seam.made.clip]))
-        )
-        return replace(seam.with_gap(len(made.clip)), filled=made, n_held=stop - first)
+        new = held if seam.frames is None else concatenate([held, seam.frames])
+        return replace(seam.with_gap(len(new)), frames=new, n_held=stop - first)
 
 
-def last_kept(word: SentenceWord) -> int:
+def last_kept(word: AlignedWord) -> int:
     """The recorded frame up to which a held word is kept before its pause: at least the one at which it is entered."""
     return word.entry if word.held is None else max(word.held.kept, word.entry)

@@ -2,6 +2,10 @@
 
 ``BundleConfig`` is bundle.json, read and checked in one place. A bundle of another system, as the paper's are, has more
 in it, which ``stored`` keeps.
+
+ONNX graphs that name other files for their weights: those files are in no bundle's hash.
+
+A bundle's ONNX networks as onnxruntime sessions, each opened and checked when first run, on one thread.
 """
 
 from __future__ import annotations
@@ -10,16 +14,22 @@ import hashlib
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any, get_type_hints
 
-from signsplice.errors import InputError
+import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto
+from numpy.typing import NDArray
+
+from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.json_files import check_type, read_json
-from signsplice.formats.reading import read_bytes
+from signsplice.formats.reading import as_format_error, format_errors, read_bytes
 
 BUNDLE_FILE = "bundle.json"
 VERSION = 1
@@ -182,3 +192,139 @@ def read_file(folder: Path, config: BundleConfig, name: str) -> bytes:
             f"{path}: is not the file that {BUNDLE_FILE} lists (its sha256 differs); export the system anew"
         )
     return content
+
+
+_FIELDS = {
+    "Model": {7: "Graph", 20: "Training", 25: "Function"},
+    "Training": {1: "Graph", 2: "Graph"},
+    "Function": {7: "Node", 11: "Attribute"},
+    "Graph": {1: "Node", 5: "Tensor", 15: "SparseTensor"},
+    "Node": {5: "Attribute"},
+    "Attribute": {5: "Tensor", 6: "Graph", 10: "Tensor", 11: "Graph", 22: "SparseTensor", 23: "SparseTensor"},
+    "SparseTensor": {1: "Tensor", 2: "Tensor"},
+    "Tensor": {13: "Entry", 14: ""},
+    "Entry": {},
+}
+"""Message of ONNX -> field number -> message in that field; "" for a number. Only what leads to a tensor's
+``external_data`` (13) and ``data_location`` (14); from onnx.proto3, https://github.com/onnx/onnx.
+"""
+_EXTERNAL = 1
+"""``data_location`` of a tensor that lies in another file."""
+
+
+def names_other_files(graph: bytes) -> bool:
+    """Whether a tensor of an ONNX file lies in another file, in whatever graph, node or function of it.
+
+    Raises ``google.protobuf.message.DecodeError`` where the bytes are no such file.
+    """
+    model = _model_class()()
+    model.ParseFromString(graph)
+    return _has_external_tensor(model)
+
+
+def _has_external_tensor(message: Any) -> bool:
+    for known, values in message.ListFields():
+        if known.message_type is None:
+            if _EXTERNAL in values:
+                return True
+        elif known.message_type.name == "Entry" or any(map(_has_external_tensor, values)):
+            return True
+    return False
+
+
+def _model_class() -> Any:
+    """The class of ONNX's ModelProto, with the fields of ``_FIELDS`` alone; protobuf passes over the others."""
+    file = descriptor_pb2.FileDescriptorProto(name="onnx_tensors.proto", package="tensors")
+    for name, fields in _FIELDS.items():
+        message = file.message_type.add(name=name)
+        for number, kind in fields.items():
+            holds = {"type": FieldDescriptorProto.TYPE_INT32}
+            if kind:
+                holds = {"type": FieldDescriptorProto.TYPE_MESSAGE, "type_name": f".tensors.{kind}"}
+            label = FieldDescriptorProto.LABEL_REPEATED
+            message.field.add(name=f"field_{number}", number=number, label=label, **holds)
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName("tensors.Model"))
+
+
+Array = NDArray[Any]
+
+
+class Sessions:
+    """The networks of a bundle by file name without ``.onnx``.
+
+    folder: the bundle.
+    config: its bundle.json.
+    seconds: time that the networks have run, in all.
+    """
+
+    def __init__(self, folder: Path, config: BundleConfig) -> None:
+        self.folder, self.config = folder, config
+        self.seconds = 0.0
+        self._sessions: dict[str, tuple[Any, list[str], list[str]]] = {}
+
+    def check(self) -> None:
+        """Read every file once. Raises ``InputError`` where one is missing or is not the one that was written."""
+        for name in self.config.files:
+            read_file(self.folder, self.config, name)
+
+    def run(self, name: str, inputs: Mapping[str, Array], **shapes: tuple[int | None, ...]) -> dict[str, Array]:
+        """The outputs of a network by name; inputs that it does not have are left out.
+
+        shapes: of outputs that the caller relies on, None for any length; their numbers must be finite. Raises
+        ``FormatError`` where the network cannot be opened or run, or an output is another.
+        """
+        session, takes, gives = self._session(name)
+        began = time.perf_counter()
+        try:
+            outputs = dict(zip(gives, session.run(gives, {key: inputs[key] for key in takes}), strict=True))
+            for key, shape in shapes.items():
+                _check_output(key, outputs[key], shape)
+        except Exception as error:
+            raise as_format_error(error, str(self.folder / f"{name}.onnx"), "network") from error
+        self.seconds += time.perf_counter() - began
+        return outputs
+
+    def _session(self, name: str) -> tuple[Any, list[str], list[str]]:
+        if name not in self._sessions:
+            from signsplice.splicing.runtime import onnxruntime
+
+            file, content = str(self.folder / f"{name}.onnx"), read_file(self.folder, self.config, f"{name}.onnx")
+            options = onnxruntime.SessionOptions()
+            options.intra_op_num_threads = options.inter_op_num_threads = 1
+            options.log_severity_level = 4  # what goes wrong is said once, by the error raised
+            # 8-bit weights become 32-bit ones when the graph is opened. Otherwise onnxruntime rounds the inputs to 8
+            # bits too, on each kind of processor in its own way.
+            options.add_session_config_entry("session.disable_quant_qdq", "1")
+            with format_errors(file, "network"):
+                if multiplies_in_8_bits(content):
+                    raise FormatError(
+                        "multiplies in 8 bits, and so makes other sentences on other processors; "
+                        "`signsplice export` writes the same weights for 32 bits",
+                        file=file,
+                    )
+                if names_other_files(content):
+                    raise FormatError(
+                        "keeps weights in other files, which no hash of the bundle covers; export the system anew, "
+                        "each network in one file",
+                        file=file,
+                    )
+                session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+            takes = [entry.name for entry in session.get_inputs()]
+            self._sessions[name] = (session, takes, [entry.name for entry in session.get_outputs()])
+        return self._sessions[name]
+
+
+def multiplies_in_8_bits(content: bytes) -> bool:
+    """Whether a graph rounds the inputs of its products to 8 bits, as bundles of version 0.3 did."""
+    return b"DynamicQuantizeLinear" in content
+
+
+def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None:
+    """Raise ``ValueError`` where an output is no array of finite numbers of this shape."""
+    found = np.shape(output) if isinstance(output, np.ndarray) and output.dtype.kind == "f" else None
+    if found is None or len(found) != len(shape) or any(n not in (None, m) for n, m in zip(shape, found, strict=True)):
+        raise ValueError(f"output {name} has shape {found}, expected {shape}")
+    if not np.isfinite(output).all():
+        raise ValueError(f"output {name} is not finite")

@@ -1,4 +1,12 @@
-"""The learned cutter, duration and transition: a bundle's networks behind the classes of the classical methods.
+"""The best cuts of a whole sentence, by dynamic programming (Viterbi 1967).
+
+A cutter that scores every pair of frames for every seam cannot take the best pair of each seam alone: a word must not
+be left before it was entered. The best sentence is found over the frames at which words are entered, in time linear in
+the number of words.
+
+Where a word is left and entered beside its strokes: these stay whole, and ways from and to rest are left out.
+
+The learned cutter, duration and transition: a bundle's networks behind the classes of the classical methods.
 
 Two words are seen on the canonical humanoid at 30 frames a second (``features``); the networks' answers go back to the
 clips' own joints and rate.
@@ -7,7 +15,7 @@ clips' own joints and rate.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -24,17 +32,98 @@ from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.rig.canonical_map import ARM, ROLES
 from signsplice.rig.info import rig_info
 from signsplice.rig.metrics import is_keyed
-from signsplice.splicing.gap import Cut, Gap
-from signsplice.splicing.methods.cut import Cutter
-from signsplice.splicing.methods.duration import HUMAN_MEDIAN_S, Duration, travel_law
-from signsplice.splicing.methods.strokes import outside_strokes
-from signsplice.splicing.methods.transition import GapTransition, find_transition
-from signsplice.splicing.methods.viterbi import SeamScores, best_path
-from signsplice.splicing.networks import features, gap_features
-from signsplice.splicing.networks.bundle import read_config
-from signsplice.splicing.networks.gap_features import MAX_GAP_FRAMES, MIN_GAP_FRAMES, N_CONTEXT
-from signsplice.splicing.networks.sessions import Sessions
-from signsplice.splicing.networks.word_reader import WordReader, WordReading
+from signsplice.splicing import gap_features, word_features
+from signsplice.splicing.bundle import Sessions, read_config
+from signsplice.splicing.contracts import Cut, Cutter, Duration, Gap, Transition
+from signsplice.splicing.curves import find_transition
+from signsplice.splicing.durations import HUMAN_MEDIAN_S, travel_law
+from signsplice.splicing.gap_features import MAX_GAP_FRAMES, MIN_GAP_FRAMES, N_CONTEXT
+from signsplice.splicing.word_features import WordReader, WordReading
+
+_TOO_EARLY = 1e6
+"""Cost of every frame that a word is left too early: larger than any score, but finite, so that there is an answer."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeamScores:
+    """The scores of a seam.
+
+    scores: (P, Q) of leaving the word before at frame ``leaves_from`` + row, and entering the word after at frame
+        ``enters_from`` + column.
+    leaves_from, enters_from: first frames of rows and columns.
+    """
+
+    scores: FloatArray
+    leaves_from: int
+    enters_from: int = 0
+
+
+def best_path(seams: Sequence[SeamScores], least: int = 1) -> list[tuple[int, int]]:
+    """The frames (left, entered) of every seam whose scores have the largest sum, among all with at least ``least``
+    frames between entering and leaving a word; of a word that is too short for that, as many as it has.
+    """
+    sums_so_far, entered_from = np.zeros(1), 0  # best sum by the frame at which the word before was entered
+    back: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+    for seam in seams:
+        latest = seam.leaves_from + np.arange(len(seam.scores)) - least
+        kept, entered = _best_entry(sums_so_far, latest - entered_from)
+        sums = seam.scores + kept[:, None]  # (P, Q)
+        rows = sums.argmax(axis=0)
+        sums_so_far, entered_from = sums[rows, np.arange(sums.shape[1])], seam.enters_from
+        back.append((rows, entered))
+    chosen: list[tuple[int, int]] = []
+    column = int(sums_so_far.argmax()) if back else 0
+    for seam, (rows, entered) in zip(reversed(seams), reversed(back), strict=True):
+        row = int(rows[column])
+        chosen.append((seam.leaves_from + row, seam.enters_from + column))
+        column = int(entered[row])
+    return chosen[::-1]
+
+
+def _best_entry(sums: FloatArray, latest: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
+    """The best sum no later than each of ``latest``, and the frame of entering that it belongs to."""
+    running = np.maximum.accumulate(sums)
+    improves = np.concatenate([[True], sums[1:] > running[:-1]])
+    where = np.maximum.accumulate(np.where(improves, np.arange(len(sums)), 0))
+    at = np.minimum(latest, len(sums) - 1)
+    missing = np.maximum(-at, 0)  # frames before the word's first one, at which it cannot be entered
+    at = np.maximum(at, 0)
+    return np.where(missing > 0, sums[0], running[at]) - _TOO_EARLY * missing, np.where(missing > 0, 0, where[at])
+
+
+BELOW, NEXT_BELOW = 0.015, 0.03
+"""How far below the end of its stroke, arm lengths (0.8 cm), a hand is still kept, and in the next frame beside it,
+where movements are too slow to be told from holds: a hand that is farther below in a thirtieth of a second falls. Of
+the words that ship, twice as many transitions dip by over 3 cm at 0.02, and at 0.01 one stroke in a hundred loses a
+frame.
+"""
+_BESIDE = 2
+"""Frames beside a stroke that are kept, unless a hand is below it there."""
+
+
+def outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tuple[int, int]:
+    """A cut, frames at ``FEATURE_FPS``, moved outwards until it leaves both words' strokes whole, then inwards, as far
+    as these, past frames in which a hand has begun to sink or still rises: a transition that ends in them goes down
+    first, below both signs.
+    """
+    pre, post = cut
+    if p.stroke is not None:
+        last, end = p.first + p.stroke[1], p.first + len(p.features) - 1
+        pre = last + _n_raised(p, range(last, min(max(pre, last + _BESIDE), end) + 1))
+    if q.stroke is not None:
+        first = q.first + q.stroke[0]
+        post = first - _n_raised(q, range(first, max(min(post, first - _BESIDE), q.first) - 1, -1))
+    return pre, post
+
+
+def _n_raised(word: WordReading, frames: range) -> int:
+    """How many of a word's frames, away from its stroke, lie before the last at which both hands are still as high as
+    in the first.
+    """
+    heights = word.wrists[np.array(frames) - word.first, :, 1]  # (n, 2)
+    below = (heights[0] - heights).max(axis=1)
+    return int(np.flatnonzero(below <= np.where(np.arange(len(below)) == 1, NEXT_BELOW, BELOW))[-1])
+
 
 SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
@@ -55,9 +144,9 @@ def open_sessions(folder: str | Path) -> Sessions:
     config = read_config(folder)
     if config.system != SYSTEM:
         raise InputError(f"{folder}: is a bundle of {config.system!r}, expected one of {SYSTEM!r}")
-    if config.features != features.VERSION:
+    if config.features != word_features.VERSION:
         raise InputError(
-            f"{folder}: was made for features {config.features}, and these are {features.VERSION}; train it anew"
+            f"{folder}: was made for features {config.features}, and these are {word_features.VERSION}; train it anew"
         )
     return Sessions(folder, config)
 
@@ -170,12 +259,14 @@ class LearnedDuration(Duration):
 
 def _travel(leaving: NDArray[np.float32], entering: NDArray[np.float32], clip: Clip) -> float:
     """Distance of the hand that goes farther between two frames' features (N_FRAME,), in shoulder widths."""
-    distances = np.linalg.norm(features.wrist_positions(entering) - features.wrist_positions(leaving), axis=-1)
+    distances = np.linalg.norm(
+        word_features.wrist_positions(entering) - word_features.wrist_positions(leaving), axis=-1
+    )
     sizes = rig_info(clip.skeleton).sizes
     return float(distances.max()) * sizes.arm_length / sizes.shoulder_width
 
 
-class LearnedTransition(GapTransition):
+class LearnedTransition(Transition):
     """The limited Hermite curve, its arms corrected by a network that sees the gap and eight frames on either side.
 
     End poses and end velocities stay those of the curve. Fingers, trunk, neck, head and joints without a role, gaps of

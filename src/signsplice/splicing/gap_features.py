@@ -1,6 +1,6 @@
 """The features of gaps, for the network that makes transitions, and what its answer becomes on the clip.
 
-A gap is seen at ``FEATURE_FPS`` frames a second with ``N_CONTEXT`` frames of the signs on either side (``features``).
+A gap is seen at ``FEATURE_FPS`` frames a second with ``N_CONTEXT`` frames of the signs on either side.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, mirrored_deltas
 from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
-from signsplice.splicing.networks import features
-from signsplice.splicing.networks.features import CanonicalTrajectory, MomentFrames
+from signsplice.splicing import word_features
+from signsplice.splicing.word_features import CanonicalTrajectory, MomentFrames
 
 N_CONTEXT = 8
 """Frames of each sign that the network which makes transitions sees."""
 MIN_GAP_FRAMES, MAX_GAP_FRAMES = 2, 45
 """Fewest and most frames, at ``FEATURE_FPS``, of the transitions that it makes."""
-N_TOKEN = 2 * features.N_FRAME + 8
+N_TOKEN = 2 * word_features.N_FRAME + 8
 
 
 def gap_frames(seconds: float) -> int:
@@ -69,7 +69,7 @@ def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> Gap
     part[:N_CONTEXT, 0] = part[N_CONTEXT : N_CONTEXT + n_gap, 1] = part[N_CONTEXT + n_gap :, 2] = 1.0
     length = np.full(len(times), seconds)
     codes = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
-    return GapMoments(n_gap, seconds, features.frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
+    return GapMoments(n_gap, seconds, word_features.frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
 
 
 def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -80,10 +80,10 @@ def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: N
     """
     out = np.empty((len(whole.positions), N_TOKEN), np.float32)
     spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
-    own = features.frame_features(whole, spacing, starts, out[:, : features.N_FRAME])
+    own = word_features.frame_features(whole, spacing, starts, out[:, : word_features.N_FRAME])
     last = np.repeat(starts + N_CONTEXT - 1, [len(gap.spacing) for gap in gaps])
-    np.subtract(own, own[last], out=out[:, features.N_FRAME : 2 * features.N_FRAME])
-    out[:, 2 * features.N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
+    np.subtract(own, own[last], out=out[:, word_features.N_FRAME : 2 * word_features.N_FRAME])
+    out[:, 2 * word_features.N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
     return out
 
 
@@ -123,14 +123,16 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
     low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, found, strict=True)])
     alpha = np.concatenate([gap.frames.alpha for gap in found])
     mixed = np.concatenate([start + gap.frames.mixed for start, gap in zip(starts[:-1], found, strict=True)])
-    whole = features.sampled(motion, MomentFrames(low, alpha, mixed))
+    whole = word_features.sampled(motion, MomentFrames(low, alpha, mixed))
     steps = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1)  # of each joint from frame to frame (S - 1, 12)
     stretches = list(pairwise(starts.tolist()))
     paths = [steps[start : stop - 1].sum(axis=0) for start, stop in stretches]
     mirror = [bool(path[0] > path[len(TIPS) // 2]) for path in paths]
     if any(mirror):
         rows = np.concatenate([np.arange(*ends) for ends, flip in zip(stretches, mirror, strict=True) if flip])
-        part = features.mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
+        part = word_features.mirrored(
+            CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role)
+        )
         whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
     tokens = gap_tokens(whole, found, starts[:-1])
     paths = [np.roll(path, len(TIPS) // 2) if flip else path for path, flip in zip(paths, mirror, strict=True)]

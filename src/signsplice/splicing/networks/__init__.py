@@ -1,1 +1,0 @@
-"""Bundles, sessions and features: what a network sees and says."""

@@ -1,1 +1,0 @@
-"""What may change a planned seam."""
