@@ -46,9 +46,9 @@ HERE = Path(__file__).resolve().parent
 HOMES = {
     "shipped": ("signsplice.lexicon:shipped", "signsplice:open_lexicon"),
     "parse": ("signsplice.lexicon.sentence:parse",),
-    "starts": ("signsplice.lexicon.sentence:starts",),
     "describe": ("signsplice.splicing.report:describe",),
     "Stream": ("signsplice.splicing.engine:Stream", "signsplice:Stream"),
+    "Word": ("signsplice.splicing.word:Word",),
     "splice_many": ("signsplice.splicing.bulk_splice:splice_many", "signsplice:splice_many"),
 }
 """Where documented names lie that ``import signsplice`` does not have; the first module that has the name is used."""
@@ -243,11 +243,11 @@ def written(name: str, result: Any) -> None:
     Path(f"{name}.json").write_text(json.dumps([found("describe")(result), of_motion(result.clip)], indent=1))
 
 
-def glossed(text: str) -> tuple[list[Any], Any]:
-    """Clips of a typed line, and where spelled words begin."""
+def glossed(text: str) -> list[Any]:
+    """The words of a typed line, each with whether it begins another spelled word; none is held at a mark."""
     words = found("shipped")()
     tokens = found("parse")(text, words)
-    return [words.clip(gloss) for token in tokens for gloss in token.glosses], found("starts")(tokens)
+    return [found("Word")(words.clip(gloss), k == 0) for token in tokens for k, gloss in enumerate(token.glosses)]
 
 
 def python_splices(name: str) -> None:
@@ -256,9 +256,8 @@ def python_splices(name: str) -> None:
 
     for n, options in enumerate(OPTIONS):
         chosen, sentences = ss.SpliceOptions(**options), [glossed(line) for line in LINES]
-        written(f"python/splice-{n}", ss.splice(sentences[n % 4][0], chosen, sentences[n % 4][1]))
-        clips, starts = zip(*sentences, strict=True)
-        for row, result in enumerate(found("splice_many")(clips, chosen, starts=starts)):
+        written(f"python/splice-{n}", ss.splice(sentences[n % 4], chosen))
+        for row, result in enumerate(found("splice_many")(sentences, chosen)):
             written(f"python/many-{n}-{row}", result)
     written("python/inbetween", ss.inbetween(ss.load("in/NAME.bvh"), [(20, 26), (40, 48)]))
 
@@ -276,10 +275,9 @@ def python_streams(name: str) -> None:
 
     for n, options in enumerate(OPTIONS):
         for row, text in enumerate(LINES):
-            clips, starts = glossed(text)
-            write(f"stream-{n}-{row}", list(ss.stream(clips, ss.SpliceOptions(**options), starts)))
+            write(f"stream-{n}-{row}", list(ss.stream(glossed(text), ss.SpliceOptions(**options))))
     stream = found("Stream")()
-    pieces = [piece for clip in glossed(LINES[0])[0] for piece in stream.push(clip)]
+    pieces = [piece for gloss in LINES[0].split() for piece in stream.push(found("shipped")().clip(gloss))]
     write("stream-pushed", pieces + stream.end())
 
 
