@@ -93,8 +93,10 @@ def measure_tree(source: Path) -> dict[str, object]:
     }
 
 
-def visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]]]:
-    """Calls into each file of the package, and changes from file to file, while two words are joined."""
+def visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]], set[str]]:
+    """Calls into each file of the package, changes from file to file, and the public classes of the splicing room whose
+    methods run or of which objects are made, while two words are joined.
+    """
     import signsplice as ss
     from signsplice.lexicon import shipped
 
@@ -106,11 +108,15 @@ def visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]]]:
     ss.splice(warm, wanted)
     calls: Counter[str] = Counter()
     changes: Counter[tuple[str, str]] = Counter()
+    types: set[str] = set()
     last = ""
 
     def watch(frame: FrameType, event: str, _: object) -> None:
         nonlocal last
         name = frame.f_code.co_filename
+        if event == "call" and "self" in frame.f_code.co_varnames[:1]:
+            kinds = type(frame.f_locals.get("self")).__mro__
+            types.update(kind.__name__ for kind in kinds if kind.__module__.startswith("signsplice.splicing"))
         if event == "call" and name.startswith(folder):
             name = name.removeprefix(folder)
             calls[name] += 1
@@ -123,18 +129,19 @@ def visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]]]:
         ss.splice(words, wanted)
     finally:
         sys.setprofile(None)
-    return calls, changes
+    return calls, changes, {name for name in types if not name.startswith("_")}
 
 
 def measure_splices() -> dict[str, object]:
     """Files and changes of file of a splice of two words, by kind of methods."""
     out: dict[str, object] = {}
     for name, options in SPLICES.items():
-        calls, changes = visits(options)
+        calls, changes, types = visits(options)
         out[f"splice, {name}: files"] = len(calls)
         out[f"splice, {name}: changes of file"] = sum(changes.values())
+        out[f"splice, {name}: types of splicing"] = len(types)
         if os.environ.get("DETAIL"):
-            print(name, *calls.most_common(), sep="\n  ", file=sys.stderr)
+            print(name, *calls.most_common(), *sorted(types), sep="\n  ", file=sys.stderr)
             print(*changes.most_common(60), sep="\n  ", file=sys.stderr)
     return out
 
