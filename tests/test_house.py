@@ -25,17 +25,17 @@ FLOORS = {
     "body": 3,
     "formats": 4,
     "render": 5,
-    "lexicon": 5,
     "synth": 5,
-    "splicing": 6,
-    "evaluation": 7,
-    "service": 7,
-    "bulk": 7,
-    "train": 8,
-    "paper": 10,
-    "paper train": 11,
-    "paper cli": 12,
-    "paper __main__": 13,
+    "lexicon": 6,
+    "splicing": 7,
+    "evaluation": 8,
+    "service": 8,
+    "bulk": 8,
+    "train": 9,
+    "paper": 11,
+    "paper train": 12,
+    "paper cli": 13,
+    "paper __main__": 14,
 }
 """Imports run down only. What is not named here (the command line, the demo) lies on top of the product."""
 
@@ -51,7 +51,7 @@ SPLICING_FLOORS = {
 }
 """The same within splicing. What is not named here (stages, sentence, engine, report) lies on top of these."""
 
-TOP = 9
+TOP = 10
 PAPER = "signsplice_paper"
 MODULES = sorted(path for source in SOURCES for path in source.rglob("*.py"))
 
@@ -293,6 +293,18 @@ def test_a_splice_imports_no_torch_and_no_plotting() -> None:
         "print(sorted(heavy & set(sys.modules)))"
     )
     assert heavy.strip() == "[]"
+
+
+def test_the_engine_loads_no_database_and_a_lexicon_no_signer() -> None:
+    code = "import sys, signsplice.splicing.engine; print({'sqlite3', 'rapidfuzz'} & set(sys.modules))"
+    assert in_a_fresh_process(code).strip() == "set()"
+    code = (
+        "import sys, signsplice as ss\n"
+        "words = ss.open_lexicon()\n"
+        "words.clip('I'), 'NOTHING' in words\n"
+        "print(sorted(name for name in sys.modules if name.startswith('signsplice.synth')))"
+    )
+    assert in_a_fresh_process(code).strip() == "[]"
 
 
 def test_a_classical_splice_opens_no_network() -> None:

@@ -8,7 +8,7 @@ import pytest
 import signsplice as ss
 from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon import sentence as lines
-from signsplice.lexicon.reader import shipped
+from signsplice.lexicon.lexicon import shipped
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report

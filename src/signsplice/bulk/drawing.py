@@ -12,8 +12,8 @@ import pyarrow as pa
 from signsplice.bulk.recipes import ROWS, SentenceRecipe, batch_of
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats.reading import read_bytes
-from signsplice.lexicon.entry import LETTER_MARK
-from signsplice.lexicon.reader import Lexicon
+from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.lexicon import Lexicon
 from signsplice.lexicon.sentence import SentenceToken, parse, pauses
 
 _TILE = 100

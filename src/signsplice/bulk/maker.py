@@ -11,8 +11,8 @@ from typing import Any
 from signsplice.body.retarget import retarget
 from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.errors import InputError, SignspliceError
-from signsplice.lexicon.entry import Entry
-from signsplice.lexicon.reader import Lexicon
+from signsplice.lexicon.gloss import Entry
+from signsplice.lexicon.lexicon import Lexicon
 from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts
 from signsplice.motion.clip import Clip
 from signsplice.splicing import report as reports
@@ -125,8 +125,8 @@ class SentenceMaker:
     def _reason(self, error: Exception) -> str:
         """Why there is no sentence, in one line that does not hang on where the lexicon lies."""
         text = " ".join(str(error).splitlines())
-        for words in (self.words, *self.words.parts):
-            text = text.replace(f"{words.where}: ", "")
+        for where in (self.words.where, *(source.path for source in self.words.sources)):
+            text = text.replace(f"{where}: ", "")
         return text[:500] if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text[:500]}"
 
     def _call(self, recipe: SentenceRecipe) -> _Sentence:

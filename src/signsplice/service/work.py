@@ -16,9 +16,9 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
-from signsplice.lexicon.entry import LETTER_MARK
-from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed, starts
-from signsplice.lexicon.typed import typed_words
+from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.lexicon import open_lexicon
+from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed, starts, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
@@ -26,7 +26,6 @@ from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMes
 from signsplice.service.wire import FORMAT_NAMES, PICTURES, AnswerFile, Dials, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.face_rules import RULES
-from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.lexicon.entry import is_letter
+from signsplice.lexicon.gloss import is_letter
 
 CITATION, NATURAL = "citation", "natural"
 RUNNING_S = 0.70

@@ -11,7 +11,7 @@ import pytest
 
 from signsplice.body.arm_ik import move_wrists
 from signsplice.lexicon import Lexicon, shipped
-from signsplice.lexicon.entry import is_letter
+from signsplice.lexicon.gloss import is_letter
 from signsplice.lexicon.sentence import parse, starts
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.lexicon.entry import LETTER_MARK
+from signsplice.lexicon.gloss import LETTER_MARK
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
