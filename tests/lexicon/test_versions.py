@@ -17,7 +17,7 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.motion.clip import Clip
 
 VERSION_1 = Path(__file__).parent / "version-1"
-"""Three words, written by version 0.9: I (ME), YOU and fs-A, in 16 bits."""
+"""Three words, written by version 0.5: I (ME), YOU and fs-A, in 16 bits."""
 CARD = {"card": b"\0\1" * 40, "language": b"ase", "owned": b"[]"}
 
 
