@@ -18,8 +18,8 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.lexicon.frames import FRAMES
-from signsplice.lexicon.index import INDEX
-from signsplice.lexicon.reader import SHIPPED, Lexicon
+from signsplice.lexicon.lexicon import SHIPPED, Lexicon
+from signsplice.lexicon.store import INDEX, Index
 from signsplice.motion.clip import Clip
 
 _PROBES = ("HELLO", "SIGN", "I")
@@ -51,7 +51,8 @@ def flips(file: str, n: int, seed: int = 0) -> Counter[str]:
     """
     counts, rng = Counter[str](), random.Random(seed)
     with tempfile.TemporaryDirectory() as folder, Lexicon(SHIPPED) as true:
-        spans = [(at.start, at.start + at.n_bytes, entry.gloss) for entry, at in true._index.words()]
+        words = Index(SHIPPED / INDEX).words()
+        spans = [(at.start, at.start + at.n_bytes, entry.gloss) for entry, at in words]
         said = facts(true)
         path = Path(shutil.copytree(SHIPPED, Path(folder) / "words")) / file
         for _ in range(n):

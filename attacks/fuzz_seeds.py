@@ -22,7 +22,7 @@ from signsplice import formats, lexicon
 from signsplice.bulk import recipes
 from signsplice.bulk.job import BulkOptions, prepare
 from signsplice.bulk.shards import make_shard
-from signsplice.lexicon.reader import SHIPPED
+from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.face import ARKIT_CHANNELS, Face

@@ -36,7 +36,7 @@ from signsplice.errors import SignspliceError
 from signsplice.formats import live_link
 from signsplice.formats import roles as roles_files
 from signsplice.formats.avatar import read_avatar
-from signsplice.lexicon import glosses, sentence
+from signsplice.lexicon import recordings, sentence
 from signsplice.motion import kinematics
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
@@ -338,8 +338,8 @@ TARGETS = {
                lambda path: reports.read(path, N_REPORTED), _use_report),
         Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(clip()))], fuzz_mutators.of_text,
                _put_as("case.csv"), lambda path: live_link.with_face(clip(), path), use_clip),
-        Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"), glosses.read,
-               lambda _: None),
+        Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"),
+               recordings.read_table, lambda _: None),
     )
 }  # fmt: skip
 """Name -> what is fuzzed."""

@@ -201,8 +201,10 @@ def content(folder: Path) -> dict[str, Content]:
 
 def in_bytes(path: Path) -> bytes:
     """A file's bytes; of a checkpoint its step and weights, of a snapshot its weights: equal objects that are pickled
-    may differ in bytes.
+    may differ in bytes. None of an unfinished file.
     """
+    if path.name.startswith("."):
+        return b""
     if path.parent.name == "snapshots":
         weights = torch.load(path, weights_only=True)
         return b"".join(weights[name].numpy().tobytes() for name in sorted(weights))

@@ -14,7 +14,6 @@ from click.testing import CliRunner, Result
 import signsplice as ss
 from signsplice import lexicon
 from signsplice.cli.commands import app
-from signsplice.splicing import forms, written_words
 from signsplice.synth import notation
 from signsplice.synth.written import files
 from signsplice.synth.written.compiler import compile_sign
@@ -75,7 +74,7 @@ def test_a_refused_sign_is_a_failure_only_on_request(folder: Path, flags: tuple[
 def test_a_folder_may_hold_both_clips_and_sigml(folder: Path) -> None:
     shutil.copy(TEN, folder / "clips" / "ten.sigml")
     (folder / "clips" / "glosses.csv").write_text("file,synonyms\nHELLO.bvh,HI\n")
-    built = written_words.build(["clips"], "lex")
+    built = lexicon.build(["clips"], "lex")
     assert (built.n_words, built.left_out) == (12, ())
     with ss.open_lexicon("lex") as words:
         assert words.entry("HI").gloss == "HELLO"
@@ -84,10 +83,10 @@ def test_a_folder_may_hold_both_clips_and_sigml(folder: Path) -> None:
 
 def test_a_sign_that_is_not_understood_is_left_out_or_read_in_part(folder: Path) -> None:
     Path("odd.txt").write_text(f"A\t{code(KING + ' mime')}\nB\t{code(KING)}\n", encoding="utf-8")
-    built = written_words.build(["odd.txt"], "lex")
+    built = lexicon.build(["odd.txt"], "lex")
     assert built.n_words == 1
     assert "hammime" in built.left_out[0]
-    built = written_words.build(["odd.txt"], "lex", lenient=True)
+    built = lexicon.build(["odd.txt"], "lex", lenient=True)
     assert (built.n_words, built.left_out) == (2, ())
     assert built.warnings == (
         "odd.txt: A: symbol 11: hammime is left out: stands for a mimed action, which is not made",
@@ -182,7 +181,7 @@ def test_a_sentence_falls_back_on_written_signs_before_it_spells(folder: Path) -
 
 
 def test_a_word_of_the_lexicon_is_preferred_to_a_written_one_and_forms_stay(folder: Path) -> None:
-    with written_words.with_fallback((), "table.csv") as words, forms.open_lexicon() as shipped:
+    with ss.open_lexicon(fallback="table.csv") as words, ss.open_lexicon() as shipped:
         assert words.entry("HELLO").sha256 == shipped.entry("HELLO").sha256
         assert words.entry("2-GIVE-1").gloss == "2-GIVE-1"
         assert "monarch" in words
@@ -190,7 +189,7 @@ def test_a_word_of_the_lexicon_is_preferred_to_a_written_one_and_forms_stay(fold
         assert words.clip("monarch").name == "MONARCH"
         assert "MONARCH" not in list(words)
     run("lexicon", "build", "clips", "-o", "lex")
-    with written_words.with_fallback(("lex",), "table.csv") as words:
+    with ss.open_lexicon("lex", fallback="table.csv") as words:
         assert "2-GIVE-1" not in words
         assert words.entry("MONARCH").source == "table.csv"
 

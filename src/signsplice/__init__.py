@@ -12,10 +12,9 @@ if TYPE_CHECKING:
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError
     from signsplice.formats import load, save
     from signsplice.formats.avatar import read_avatar
-    from signsplice.lexicon.reader import Lexicon
+    from signsplice.lexicon.lexicon import Lexicon, open_lexicon
     from signsplice.motion.clip import Clip, Skeleton
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, inbetween, splice, stream
-    from signsplice.splicing.forms import open_lexicon
     from signsplice.synth.written.signing import sign
 
 _HOMES = {
@@ -23,10 +22,9 @@ _HOMES = {
     "errors": ("FormatError", "InputError", "RigMismatchError", "SignspliceError"),
     "formats": ("load", "save"),
     "formats.avatar": ("read_avatar",),
-    "lexicon.reader": ("Lexicon",),
+    "lexicon.lexicon": ("Lexicon", "open_lexicon"),
     "motion.clip": ("Clip", "Skeleton"),
     "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "inbetween", "splice", "stream"),
-    "splicing.forms": ("open_lexicon",),
     "synth.written.signing": ("sign",),
 }
 

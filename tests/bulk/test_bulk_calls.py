@@ -15,7 +15,7 @@ from signsplice.bulk import recipes
 from signsplice.cli.commands import app
 from signsplice.formats import load
 from signsplice.lexicon import building, shipped
-from signsplice.lexicon.reader import SHIPPED
+from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.splicing.engine import splice
 
 

@@ -30,7 +30,7 @@ from signsplice.bulk.shards import ShardResult, make_shard, poses
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import npz
 from signsplice.formats.json_files import read_json
-from signsplice.lexicon.reader import SHIPPED
+from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward

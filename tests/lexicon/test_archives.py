@@ -15,9 +15,9 @@ from signsplice import lexicon
 from signsplice.cli.lexicon import lexicon as commands
 from signsplice.errors import InputError
 from signsplice.formats import live_link, load, save
-from signsplice.lexicon import preparing
-from signsplice.lexicon.archives import RECIPES, find_recipe
+from signsplice.lexicon import folder as folders
 from signsplice.lexicon.folder import reasons
+from signsplice.lexicon.recordings import RECIPES, find_recipe
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import Face
 
@@ -182,7 +182,7 @@ def test_a_build_that_goes_on_reads_a_face_that_has_changed(
             raise KeyboardInterrupt
         return load(path, *given, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(preparing, "load", stopped)
+    monkeypatch.setattr(folders, "load", stopped)
     with pytest.raises(KeyboardInterrupt):
         lexicon.build(folder, tmp_path / "lex", recipe="flat")
     monkeypatch.undo()
@@ -213,7 +213,7 @@ def test_a_build_that_was_stopped_goes_on_and_reads_what_has_changed(
             raise KeyboardInterrupt
         return load(path)
 
-    monkeypatch.setattr(preparing, "load", counted)
+    monkeypatch.setattr(folders, "load", counted)
     with pytest.raises(KeyboardInterrupt):
         lexicon.build(archive, tmp_path / "lex", recipe="studiogalt")
     assert not (tmp_path / "lex").exists()

@@ -18,7 +18,7 @@ from conftest import ROOT, random_clip
 from signsplice import lexicon
 from signsplice.errors import InputError
 from signsplice.formats import save
-from signsplice.lexicon.index import IndexWriter
+from signsplice.lexicon.builder import Builder
 from signsplice.motion.clip import Clip
 
 
@@ -105,7 +105,7 @@ def test_a_full_disk_changes_nothing(target: Path, where: str, monkeypatch: pyte
     if where == "frames":
         monkeypatch.setattr(Path, "open", lambda path, mode: (FullFile if mode == "wb" else open_file)(path, mode))
     else:
-        monkeypatch.setattr(IndexWriter, "finish", fail_in_sqlite)
+        monkeypatch.setattr(Builder, "finish", fail_in_sqlite)
     with pytest.raises(InputError, match=r"lex: cannot be written \(.*(No space|disk is full).*\)"):
         write(target, *(f"WORD{n}" for n in range(20)))
     monkeypatch.undo()

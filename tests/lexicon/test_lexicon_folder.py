@@ -14,7 +14,6 @@ from signsplice import lexicon
 from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.lexicon import folder as folders
-from signsplice.lexicon import preparing
 from signsplice.motion import rotation
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
@@ -148,7 +147,7 @@ def test_broken_clips_stop_a_build_or_are_skipped(clips: Path, tmp_path: Path) -
 def test_check_and_build_name_what_a_clip_leaves_out(
     clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preparing, "load", lambda path, limits, face: replace(load(path, limits), left_out=("a mesh",)))
+    monkeypatch.setattr(folders, "load", lambda path, limits, face: replace(load(path, limits), left_out=("a mesh",)))
     path = clips / "hello.bvh"
     line = f"{path}: a mesh left out: a clip holds the motion of joints and faces"
     assert line in folders.check(clips).warnings

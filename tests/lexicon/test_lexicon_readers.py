@@ -18,7 +18,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice import lexicon
-from signsplice.lexicon import Lexicon, reader
+from signsplice.lexicon import Lexicon, store
 
 N_WORDS = 12
 CLIPS = [random_clip(seed, n_frames=8, n_joints=4) for seed in range(N_WORDS)]
@@ -47,14 +47,14 @@ def test_a_lexicon_that_is_replaced_while_it_is_opened_is_the_new_one(
 ) -> None:
     write(tmp_path / "lex", 1)
     versions = [2]
-    step: Callable[..., object] = getattr(reader, before)
+    step: Callable[..., object] = getattr(store, before)
 
     def replaced_before(*arguments: object) -> object:
         if versions:
             write(tmp_path / "lex", versions.pop())
         return step(*arguments)
 
-    monkeypatch.setattr(reader, before, replaced_before)
+    monkeypatch.setattr(store, before, replaced_before)
     with lexicon.open(tmp_path / "lex") as lex:
         assert version_of(lex) == 2
 

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from signsplice.errors import InputError
 from signsplice.lexicon import shipped
-from signsplice.lexicon.function_words import without_copula
-from signsplice.lexicon.sentence import SentenceToken, parse, spelled
+from signsplice.lexicon.sentence import SentenceToken, parse, spelled, without_copula
 
 TABLE = Path(__file__).with_name("newcomers.csv")
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "lexicon.md"

@@ -31,7 +31,7 @@ from serving import (
     workers_of,
 )
 from signsplice.lexicon import building
-from signsplice.lexicon.reader import SHIPPED
+from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion.clip import Clip
 from signsplice.service import work
 from signsplice.service.metrics import Metrics

@@ -9,7 +9,7 @@ import signsplice as ss
 from signing import marked
 from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon import sentence as lines
-from signsplice.lexicon.reader import shipped
+from signsplice.lexicon.lexicon import shipped
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
@@ -42,7 +42,8 @@ def blinks(face: Face) -> list[int]:
 )
 def test_brows_follow_the_marks_of_a_line(line: str, expected: dict[int, str]) -> None:
     with shipped() as lexicon:
-        assert lines.brows(lines.parse(line, lexicon)) == expected
+        glosses = lines.line_glosses(lines.parse(line, lexicon))
+    assert {k: gloss.brow for k, gloss in enumerate(glosses) if gloss.brow is not None} == expected
 
 
 def test_brows_are_up_through_a_question_and_back_at_its_end(sentence: list[Clip]) -> None:

@@ -12,8 +12,8 @@ import pytest
 from signing import marked
 from signsplice.body.arm_ik import move_wrists
 from signsplice.lexicon import Lexicon, shipped
-from signsplice.lexicon.entry import is_letter
-from signsplice.lexicon.sentence import parse, starts
+from signsplice.lexicon.gloss import is_letter
+from signsplice.lexicon.sentence import parse
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms, seen_from_trunk
@@ -21,6 +21,7 @@ from signsplice.splicing import letters as doubled_letters
 from signsplice.splicing.collisions import depths
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.letters import cut_letters
+from signsplice.splicing.word import words_of
 
 
 @pytest.fixture(scope="module")
@@ -107,9 +108,9 @@ def test_letters_that_are_never_seen_still_are_named(lexicon: Lexicon) -> None:
 
 def test_spelled_words_are_parted(lexicon: Lexicon) -> None:
     tokens = parse("fs-AN fs-NA HELLO", lexicon)
-    clips = [lexicon.clip(gloss) for token in tokens for gloss in token.glosses]
-    assert starts(tokens) == [0, 2, 4]
-    parted, joined = splice(marked(clips, starts=starts(tokens))), splice(clips)
+    words = words_of(tokens, lexicon.clip)
+    assert [word.starts for word in words] == [True, False, True, False, True]
+    parted, joined = splice(words), splice([word.clip for word in words])
     assert parted.seams[1].seconds >= 0.25
     assert joined.seams[1].seconds < 0.2
     assert parted.seams[0].seconds == joined.seams[0].seconds < 0.2

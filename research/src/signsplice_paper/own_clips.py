@@ -15,7 +15,7 @@ from signsplice.errors import InputError
 from signsplice.formats import load
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
-from signsplice.lexicon.folder import Source, find_sources
+from signsplice.lexicon.recordings import WordFile, find_word_files
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton, resample
@@ -130,9 +130,9 @@ def read_words(
     return rig, words, warnings
 
 
-def _drawn(choice: ClipChoice, named: Collection[str] | None) -> list[Source]:
+def _drawn(choice: ClipChoice, named: Collection[str] | None) -> list[WordFile]:
     """The files of the words that are chosen, in order."""
-    sources, faults = find_sources(choice.folder)
+    sources, faults = find_word_files(choice.folder)
     if faults:
         more = (
             f" (and {len(faults) - 1} more: `signsplice lexicon check {quote(str(choice.folder))}`)"

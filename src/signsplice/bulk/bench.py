@@ -19,7 +19,7 @@ from signsplice.bulk.maker import SentenceMaker
 from signsplice.bulk.run import Progress, run
 from signsplice.bulk.shards import make_shard
 from signsplice.errors import MissingExtraError
-from signsplice.lexicon.reader import Lexicon, open_lexicon
+from signsplice.lexicon.lexicon import Lexicon, open_lexicon
 from signsplice.motion.cache import CACHE
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.engine import splice

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,9 @@ import pyarrow as pa
 from signsplice.bulk.recipes import ROWS, SentenceRecipe, batch_of
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats.reading import read_bytes
-from signsplice.lexicon.entry import LETTER_MARK
-from signsplice.lexicon.reader import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, parse, pauses
+from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.lexicon import Lexicon
+from signsplice.lexicon.sentence import SentenceToken, line_glosses, parse
 
 _TILE = 100
 """Pairs come in squares of so many words by as many, so that pairs near one another are of few words."""
@@ -106,11 +107,11 @@ def lines(
 
 def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
     """The tokens of a line as ``SentenceRecipe.glosses`` has them, each with the mark at which it is held."""
-    held, n_glosses = pauses(units), 0
+    glosses = iter(line_glosses(units))
     for unit in filter(lambda one: one.glosses, units):
-        n_glosses += len(unit.glosses)
+        *_, last = islice(glosses, len(unit.glosses))
         letters = "".join(gloss.removeprefix(LETTER_MARK) for gloss in unit.glosses)
-        yield (LETTER_MARK + letters if unit.spelled else unit.glosses[0]) + held.get(n_glosses - 1, "")
+        yield (LETTER_MARK + letters if unit.spelled else unit.glosses[0]) + (last.pause or "")
 
 
 def pairs(

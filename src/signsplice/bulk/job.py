@@ -19,8 +19,7 @@ from signsplice.bulk import recipes
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
-from signsplice.lexicon.reader import Lexicon
-from signsplice.splicing.forms import lexicon_folder, open_lexicon
+from signsplice.lexicon.lexicon import Lexicon, lexicon_folder, open_lexicon
 from signsplice.splicing.options import open_learned
 
 JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
@@ -229,7 +228,7 @@ _KINDS: dict[Any, Any] = {
 def hash_of_words(words: Lexicon) -> str:
     """Hash of all that a splice reads of a lexicon: glosses, synonyms, signers, rates and motions."""
     digest = hashlib.sha256()
-    for entry in (entry for part in words.parts for entry in part.entries()):
+    for entry in (entry for source in words.sources for entry in source.entries()):
         digest.update(json.dumps([entry.gloss, entry.kind, entry.synonyms, entry.signer, entry.sha256]).encode())
     return digest.hexdigest()
 

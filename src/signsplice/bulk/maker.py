@@ -11,8 +11,8 @@ from typing import Any
 from signsplice.body.retarget import retarget
 from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.errors import InputError, SignspliceError
-from signsplice.lexicon.entry import Entry
-from signsplice.lexicon.reader import Lexicon
+from signsplice.lexicon.gloss import Entry
+from signsplice.lexicon.lexicon import Lexicon
 from signsplice.lexicon.sentence import SentenceToken, parse
 from signsplice.motion.clip import Clip
 from signsplice.splicing import report as reports
@@ -68,7 +68,7 @@ class FailedSentence:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sentence:
+class _SentenceCall:
     """A call of the engine."""
 
     words: list[Word]
@@ -105,7 +105,7 @@ class SentenceMaker:
         Errors of the machine (no memory, no disk) are raised, since they say nothing about a recipe.
         """
         made: list[MadeSentence | FailedSentence | None] = [None] * len(recipes)
-        calls: dict[int, _Sentence] = {}
+        calls: dict[int, _SentenceCall] = {}
         for row, recipe in enumerate(recipes):
             try:
                 calls[row] = self._call(recipe)
@@ -124,16 +124,16 @@ class SentenceMaker:
     def _reason(self, error: Exception) -> str:
         """Why there is no sentence, in one line that does not hang on where the lexicon lies."""
         text = " ".join(str(error).splitlines())
-        for words in (self.words, *self.words.parts):
-            text = text.replace(f"{words.where}: ", "")
+        for where in (self.words.where, *(source.path for source in self.words.sources)):
+            text = text.replace(f"{where}: ", "")
         return text[:500] if isinstance(error, SignspliceError) else f"unexpected {type(error).__name__}: {text[:500]}"
 
-    def _call(self, recipe: SentenceRecipe) -> _Sentence:
+    def _call(self, recipe: SentenceRecipe) -> _SentenceCall:
         tokens = tuple(self._tokens(recipe))
         options = recipe.options(self.bundle)
         options.choose_methods()  # raises for a method that there is not
         words = words_of(tokens, lambda gloss: self._clip(gloss, recipe.signer), recipe.pauses)
-        return _Sentence(words, options, tokens)
+        return _SentenceCall(words, options, tokens)
 
     def clips(self, recipe: SentenceRecipe) -> list[Clip]:
         """The clips of a recipe's words, in order."""
@@ -178,7 +178,7 @@ class SentenceMaker:
         return self._bodies[signer]
 
 
-def _results(calls: Sequence[_Sentence]) -> Sequence[SpliceResult | Exception]:
+def _results(calls: Sequence[_SentenceCall]) -> Sequence[SpliceResult | Exception]:
     """What the engine gives of each call, or why it gives nothing."""
     try:
         return splice_many([call.words for call in calls], [call.options for call in calls])
@@ -188,7 +188,7 @@ def _results(calls: Sequence[_Sentence]) -> Sequence[SpliceResult | Exception]:
         return [_alone(call) for call in calls]
 
 
-def _alone(call: _Sentence) -> SpliceResult | Exception:
+def _alone(call: _SentenceCall) -> SpliceResult | Exception:
     try:
         return splice(call.words, call.options)
     except (MemoryError, OSError):

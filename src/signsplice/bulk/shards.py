@@ -25,6 +25,7 @@ from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, Sent
 from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.formats import FORMATS, encode, live_link, npz, save
 from signsplice.formats.atomic import replacing
+from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, tip_positions
@@ -32,7 +33,6 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing import report as reports
-from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.options import open_learned
 from signsplice.splicing.result import Span
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from signsplice.bulk.run import Progress
-    from signsplice.lexicon.reader import Lexicon
+    from signsplice.lexicon.lexicon import Lexicon
 
 _DIALS = {
     "--transition-time": "auto|RULE|SECONDS",
@@ -140,7 +140,7 @@ def recipes(
     check_output(output, [lines])
     ranges, fixed = _ranges(dials)
     with open_words(*lexicons) as opened:
-        check_apart(output, [part.path for part in opened.parts])
+        check_apart(output, [source.path for source in opened.sources])
         _check_signers(opened, signers)
         if lines is not None:
             if count is not None or words is not None or ranges or len(signers) > 1:
@@ -233,7 +233,7 @@ def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str
         atomic.check_writable(path)
     _require_extra()
     from signsplice.bulk import bench as benches
-    from signsplice.lexicon.reader import SHIPPED
+    from signsplice.lexicon.lexicon import SHIPPED
 
     found = benches.measure(lexicon or str(SHIPPED), count, memory, lambda what: note([f"measuring {what}"]), seed)
     figures, page = json.dumps(found, indent=2) + "\n", benches.page(found)
@@ -259,7 +259,7 @@ def _run(
     from signsplice.bulk import drawing
     from signsplice.bulk.job import BulkOptions
     from signsplice.bulk.run import run
-    from signsplice.splicing.forms import DEFAULT, lexicon_folder
+    from signsplice.lexicon.lexicon import DEFAULT, lexicon_folder
 
     if keep_words < 2:
         raise InputError(f"--keep-words {keep_words}, expected 2 or more")

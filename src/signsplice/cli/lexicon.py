@@ -88,7 +88,7 @@ def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool,
     They are data/dictionaries/NGT/Glosses of github.com/upf-gti/performs (Apache-2.0, whose licence file is beside
     them). None ships here. No signer has checked the motion.
     """
-    from signsplice.splicing.written_words import is_written
+    from signsplice.lexicon.folder import is_written
 
     if not Path(folder).is_dir() or not is_written(folder):
         raise InputError(
@@ -102,11 +102,11 @@ def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool,
 def _build(inputs: tuple[str, ...], output: str, strict: bool, all_warnings: str | None, **others: Any) -> None:
     """Build a lexicon and print what became of it."""
     from signsplice.formats import atomic
+    from signsplice.lexicon import build as build_lexicon
     from signsplice.lexicon.folder import reasons
-    from signsplice.splicing import written_words
 
     with progress(f"building {Path(output).name}") as advance:
-        built = written_words.build(inputs, output, progress=advance, **others)
+        built = build_lexicon(inputs, output, progress=advance, **others)
     if all_warnings:
         atomic.write(all_warnings, "".join(f"{line}\n" for line in built.warnings))
     if len(built.warnings) <= _MOST_WARNINGS:
@@ -183,7 +183,7 @@ def check(path: str, page: str | None, roles: str | None) -> None:
     The exit status is 1 where there is one; what else `inspect` names is warned of.
     """
     from signsplice.lexicon import folder
-    from signsplice.lexicon.index import INDEX
+    from signsplice.lexicon.store import INDEX
 
     joint_of = read_roles(roles)
     if (Path(path) / INDEX).exists():
@@ -224,13 +224,9 @@ def open_words(*paths: str | None, fallback: str | None = None) -> Lexicon:
     """The lexicons at paths as one, by default the one that ships, with the forms of its signs, and with the written
     signs of ``fallback`` for words that all of them lack.
     """
-    from signsplice.splicing.forms import open_lexicon
+    from signsplice.lexicon import open_lexicon
 
-    if fallback is not None:
-        from signsplice.splicing.written_words import with_fallback
-
-        return with_fallback(paths, fallback)
-    return open_lexicon(*paths)  # type: ignore[arg-type]
+    return open_lexicon(*paths, fallback=fallback)
 
 
 COMMANDS = (lexicon,)

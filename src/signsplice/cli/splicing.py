@@ -173,7 +173,7 @@ def sentence(
     began = time.perf_counter()
     with open_words(*lexicons, fallback=fallback) as words:
         for path in (output, report or output):
-            check_apart(path, [part.path for part in words.parts])
+            check_apart(path, [source.path for source in words.sources])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(signed(units))}
     if roles is not None:

@@ -1,8 +1,8 @@
 """Files and folders that are written whole or not at all, also when a process is killed, a disk full or power fails.
 
-What is unfinished lies beside its place, under a hidden name that ``_TEMPORARY`` matches, locked by the process that
-writes it. The lock ends with the process, so that the next one that writes there recognises what a kill left behind,
-and removes it. What is finished is flushed to disk before it is renamed, and its folder after that.
+Unfinished output lies beside its place under a hidden name, locked by the process that writes it. The lock ends with
+the process, so the next process that writes there removes what a kill left. Finished output is flushed to disk, then
+renamed.
 """
 
 from __future__ import annotations
@@ -11,11 +11,10 @@ import errno
 import os
 import re
 import shutil
-import stat
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from signsplice.errors import InputError
@@ -26,11 +25,8 @@ except ImportError:  # no Unix: nothing is locked, and so nothing is swept
     fcntl = None  # type: ignore[assignment]
 
 _TEMPORARY = re.compile(r"\.signsplice-[0-9a-f]{16}(\..*)?", re.DOTALL)
-_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
-_NO_EXCHANGE = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EPERM)
-"""Errors of systems and file systems that cannot exchange two paths."""
-_NO_SYNC = (errno.EINVAL, errno.ENOTSUP)
-"""Errors of file systems that cannot flush a folder."""
+_NO_SYNC = (errno.EACCES, errno.EPERM, errno.EINVAL, errno.ENOTSUP, errno.EBADF)
+"""Errors of what may be written but not read, and of systems and file systems that cannot flush a folder."""
 _WAIT_S = 5.0
 """How long to wait for a folder that another process is writing: children of a killed one take a moment to end."""
 
@@ -50,7 +46,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
             yield path
             return
         mode = path.stat().st_mode & 0o777 if path.exists() else None
-        with _temporary(path.parent, lambda new: _make_file(new, mode), path.suffix) as temporary:
+        private = 0o666 if mode is None else mode | 0o600  # as private as the file that it replaces
+        with _temporary(path.parent, lambda new: new.touch(private, exist_ok=False), path.suffix) as temporary:
             yield temporary
             if mode is not None:
                 os.chmod(temporary, mode)
@@ -70,32 +67,27 @@ def check_writable(path: str | Path) -> None:
     missing or not writable.
     """
     path = Path(path)
-    try:
-        kind = path.lstat().st_mode
-    except OSError:
-        kind = stat.S_IFREG  # nothing is there; the folder is checked below
-    if stat.S_ISDIR(kind):
-        raise InputError(f"{path}: is a folder, expected a file name to write to")
-    if stat.S_ISLNK(kind):
+    if os.path.islink(path):
         raise InputError(f"{path}: is a link, which would be replaced; name the file that it leads to, or a new file")
-    if not stat.S_ISREG(kind):
-        raise InputError(f"{path}: is {_special(kind)}, which would be replaced; name a file")
-    if not path.parent.is_dir():
+    if os.path.isdir(path):
+        raise InputError(f"{path}: is a folder, expected a file name to write to")
+    if os.path.exists(path) and not os.path.isfile(path):
+        kind = "pipe" if path.is_fifo() else "socket" if path.is_socket() else "device"
+        raise InputError(f"{path}: is a {kind}, which would be replaced; name a file")
+    _check_parent(path, path.parent)
+
+
+def _check_parent(path: Path, parent: Path) -> None:
+    if not parent.is_dir():
         raise InputError(f"{path}: folder {path.parent} does not exist; make it first")
-    if not os.access(path.parent, os.W_OK):
+    if not os.access(parent, os.W_OK):
         raise InputError(f"{path}: folder {path.parent} is not writable")
 
 
-def _special(mode: int) -> str:
-    if stat.S_ISFIFO(mode):
-        return "a pipe"
-    return "a socket" if stat.S_ISSOCK(mode) else "a device"
-
-
-def put_file(made: Path, target: Path) -> None:
+def put_file(temporary: Path, target: Path) -> None:
     """Rename a finished file to ``target`` so that it is still there, whole, after power has failed."""
-    _sync(made)
-    os.replace(made, target)
+    _sync(temporary)
+    os.replace(temporary, target)
     _sync(target.parent)
 
 
@@ -111,14 +103,20 @@ def replacing_folder(path: str | Path, hint: str = "nothing was left there half-
     if target.exists() and not target.is_dir():
         raise InputError(f"{path}: is a file, expected a folder or a new name")
     try:
-        _recover(target)
+        waiting = _recover(target)
         with _temporary(target.parent, os.mkdir) as temporary:
             yield temporary
-            for parent, _, names in os.walk(temporary, topdown=False):
-                for name in names:
-                    _sync(Path(parent, name))
-                _sync(Path(parent))
-            _put_folder(temporary, target)
+            for written in (*temporary.rglob("*"), temporary):
+                _sync(written)
+            if not target.exists():
+                os.rename(temporary, target)
+            elif not _exchange(temporary, target):
+                os.rename(target, waiting)
+                try:
+                    os.rename(temporary, target)
+                finally:
+                    _recover(target)
+            _sync(target.parent)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); {hint}") from error
 
@@ -143,8 +141,8 @@ def check_nothing_else(folder: Path, files: Collection[str], what: str) -> None:
     """Raise ``InputError`` where ``folder`` holds something beside ``files``, relative paths, and their folders."""
     known = {Path(file) for file in files}
     folders = {parent for file in known for parent in file.parents}
-    found = {path.relative_to(folder): path.is_dir() and not path.is_symlink() for path in folder.rglob("*")}
-    others = sorted(path for path, is_dir in found.items() if path not in (folders if is_dir else known))
+    there = {path.relative_to(folder): path.is_dir() and not path.is_symlink() for path in folder.rglob("*")}
+    others = sorted(path for path, is_dir in there.items() if path not in (folders if is_dir else known))
     if others:
         raise InputError(
             f"{folder}: holds {others[0]} beside its {what}, which would be lost; move it or choose a name"
@@ -158,13 +156,9 @@ def check_place(path: str | Path) -> None:
     path = Path(path)
     if path.is_symlink():
         raise InputError(f"{path}: is a link, which would be replaced; name the folder that it leads to, or a new one")
-    parent = path.resolve().parent
-    if not parent.is_dir():
-        raise InputError(f"{path}: folder {path.parent} does not exist; make it first")
     if os.path.ismount(path):
         raise InputError(f"{path}: is a mount point, which cannot be replaced; name a folder within it")
-    if not os.access(parent, os.W_OK):
-        raise InputError(f"{path}: folder {path.parent} is not writable")
+    _check_parent(path, path.resolve().parent)
 
 
 @contextmanager
@@ -173,175 +167,123 @@ def resumable_folder(path: Path) -> Iterator[bool]:
     there already. It is removed when the block succeeds; when it fails, it stays, and the next call continues there.
     Raises ``InputError`` where another process is in it.
     """
-    lock, was_there = None, False
-    while True:
-        try:
-            path.mkdir(parents=True)
-            was_there = False
-        except FileExistsError:
-            was_there = True
-        with suppress(FileNotFoundError):  # removed since by another process that has finished
-            lock = _lock(path, _WAIT_S)
-            break
-    try:
+    was_there = False
+
+    def make() -> Path:
+        nonlocal was_there
+        was_there = path.exists()
+        path.mkdir(parents=True, exist_ok=True)
+        return path
+
+    with _claimed(make):
         yield was_there
         _remove(path)
-    finally:
-        _unlock(lock)
 
 
-def _put_folder(made: Path, target: Path) -> None:
-    """Put a finished folder in the place of ``target``; what was there is then at ``made``, or gone.
-
-    Where two folders cannot be exchanged in one step, a kill may leave nothing at ``target``: ``_recover`` brings it
-    back.
-    """
-    if not target.exists():
-        os.rename(made, target)
-    elif not _exchange(made, target):
-        old = _old(target)
-        os.rename(target, old)
-        try:
-            os.rename(made, target)
-        except OSError:
-            os.rename(old, target)
-            raise
-        _remove(old)
-    _sync(target.parent)
-
-
-def _exchange(one: Path, other: Path) -> bool:
+def _exchange(path: Path, other: Path) -> bool:
     """Exchange two paths in one step; False where the system or the file system cannot."""
     if sys.platform != "linux":
         return False
     import ctypes
 
-    try:
-        rename = ctypes.CDLL(None, use_errno=True).renameat2
-    except AttributeError:
-        return False
-    if rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), _RENAME_EXCHANGE) == 0:
-        return True
-    code = ctypes.get_errno()
-    if code in _NO_EXCHANGE:
-        return False
-    raise OSError(code, os.strerror(code), str(other))
+    rename, here, exchange = getattr(ctypes.CDLL(None), "renameat2", None), -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    return rename is not None and rename(here, os.fsencode(path), here, os.fsencode(other), exchange) == 0
 
 
-def _old(target: Path) -> Path:
-    """Where a folder waits while another takes its place in two steps."""
-    return target.with_name(f".signsplice-old-{target.name}")
-
-
-def _recover(target: Path) -> None:
-    """Undo the first of two steps where a kill has prevented the second."""
-    old = _old(target)
-    if old.exists():
-        if target.exists():
-            _remove(old)
-        else:
-            os.rename(old, target)
-
-
-# --- temporary files and folders
+def _recover(target: Path) -> Path:
+    """Where a folder waits while another takes its place in two steps. What waits there is brought back where a kill or
+    an error has prevented the second step, else removed.
+    """
+    waiting = target.with_name(f".signsplice-old-{target.name}")
+    if waiting.exists() and not target.exists():
+        os.rename(waiting, target)
+    _remove(waiting)
+    return waiting
 
 
 @contextmanager
 def _temporary(parent: Path, make: Callable[[Path], object], suffix: str = "") -> Iterator[Path]:
-    """A new temporary path, locked and made by ``make``. Whatever is there at the end is removed, and so is what killed
+    """A new temporary path, made by ``make`` and locked. Whatever is there at the end is removed, and so is what killed
     processes have left in the folder.
     """
-    sweep(parent)
-    while True:
+
+    def new() -> Path:
         path = parent / f".signsplice-{os.urandom(8).hex()}{suffix}"
         make(path)
-        with suppress(FileNotFoundError, InputError):  # swept by another process before it was locked
-            lock = _lock(path)
-            break
-    try:
-        yield path
-    finally:
-        _remove(path)
-        _unlock(lock)
+        return path
 
-
-def _make_file(path: Path, mode: int | None) -> None:
-    """Make an empty file as private as the one that it is to replace."""
-    permissions = 0o666 if mode is None else mode | stat.S_IRUSR | stat.S_IWUSR
-    os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, permissions))
+    sweep(parent)
+    with _claimed(new) as path:
+        try:
+            yield path
+        finally:
+            _remove(path)
 
 
 def sweep(parent: Path) -> None:
     """Remove the temporary files and folders of a folder that no process holds."""
-    names: list[str] = []
-    with suppress(OSError):  # a folder that may be written, but not listed
-        names = os.listdir(parent)
-    for name in filter(_TEMPORARY.fullmatch, names):
-        with suppress(OSError, InputError):
-            lock = _lock(parent / name)
-            if lock is not None:
-                _remove(parent / name)
-            _unlock(lock)
+    for path in filter(lambda path: _TEMPORARY.fullmatch(path.name), parent.glob(".signsplice-*")):
+        with suppress(OSError), _locked(path):
+            _remove(path)
 
 
-def _lock(path: Path, wait_s: float = 0.0) -> int | None:
-    """A descriptor that locks a file or folder until it is closed; None where the file system has no locks.
-
-    Raises ``FileNotFoundError`` where the path is gone or another file by then, ``InputError`` where another process
-    holds it after ``wait_s``.
+@contextmanager
+def _claimed(make: Callable[[], Path]) -> Iterator[Path]:
+    """The path that ``make`` makes, locked; unlocked where the file system has no locks. It is made again where another
+    process removes it first, until nobody else holds it. Raises ``InputError`` where that takes too long.
     """
-    if fcntl is None:
-        return None
-    lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-    try:
-        until = time.monotonic() + wait_s
+    until = time.monotonic() + _WAIT_S
+    with ExitStack() as stack:
         while True:
+            path = make()
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                stack.enter_context(_locked(path))
                 break
+            except FileNotFoundError:
+                continue
             except BlockingIOError:
                 if time.monotonic() >= until:
                     raise InputError(f"{path}: another process is writing there; wait for it, or end it") from None
                 time.sleep(0.05)
-        if not os.path.samestat(os.fstat(lock), os.lstat(path)):
+            except OSError:
+                break
+        yield path
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Locks a file or folder for the block. Raises ``FileNotFoundError`` where it is gone or another by then,
+    ``BlockingIOError`` where another process holds it, ``OSError`` where the system or the file system has no locks.
+    """
+    if fcntl is None:
+        raise OSError(errno.ENOTSUP, "no locks")
+    handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not os.path.samestat(os.fstat(handle), os.lstat(path)):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-    except OSError as error:
-        os.close(lock)
-        if isinstance(error, FileNotFoundError):
-            raise
-        return None
-    except InputError:
-        os.close(lock)
-        raise
-    return lock
-
-
-def _unlock(lock: int | None) -> None:
-    if lock is not None:
-        os.close(lock)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _remove(path: Path) -> None:
-    """Remove a file or a folder as far as that is possible; the rest is swept by the next process."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        with suppress(OSError):
+    """Remove a file or a folder as far as that is possible; the next process sweeps the rest."""
+    with suppress(OSError):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
             path.unlink()
 
 
 def _sync(path: Path) -> None:
-    """Flush a file or folder to disk."""
-    if os.name != "posix":
-        return
+    """Flush a file or folder to disk, where the system lets a process that may write there do so."""
     try:
         handle = os.open(path, os.O_RDONLY)
-    except PermissionError:  # what may be written, but not read, is flushed when the system does so
-        return
-    try:
-        os.fsync(handle)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
     except OSError as error:
         if error.errno not in _NO_SYNC:
             raise
-    finally:
-        os.close(handle)

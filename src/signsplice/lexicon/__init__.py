@@ -1,10 +1,33 @@
-"""Lexicons: gloss -> clip. Built once from clips, opened in milliseconds; one ships with the package."""
+"""Lexicons: gloss -> clip. Built once from clips, opened in milliseconds; one ships with the package.
 
-from signsplice.lexicon.builder import Builder, building
-from signsplice.lexicon.entry import Entry
-from signsplice.lexicon.folder import build
-from signsplice.lexicon.reader import Lexicon, open_lexicon, shipped
+Names are imported when first used, since a splice needs only ``gloss`` of this room.
+"""
 
-open = open_lexicon
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from signsplice.lexicon.builder import Builder, building
+    from signsplice.lexicon.folder import build
+    from signsplice.lexicon.gloss import Entry
+    from signsplice.lexicon.lexicon import Lexicon, open_lexicon, shipped
+
+    open = open_lexicon
+
+_HOMES = {
+    "builder": ("Builder", "building"),
+    "folder": ("build",),
+    "gloss": ("Entry",),
+    "lexicon": ("Lexicon", "open_lexicon", "shipped"),
+}
 
 __all__ = ["Builder", "Entry", "Lexicon", "build", "building", "open", "open_lexicon", "shipped"]
+
+
+def __getattr__(name: str) -> object:
+    from importlib import import_module
+
+    target = "open_lexicon" if name == "open" else name
+    for home, names in _HOMES.items():
+        if target in names:
+            value = globals()[name] = getattr(import_module(f"{__name__}.{home}"), target)
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

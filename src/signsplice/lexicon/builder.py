@@ -3,19 +3,93 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import sqlite3
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import astuple, dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
-from signsplice.lexicon import index
-from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
-from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, fingerprint
-from signsplice.lexicon.preparing import PreparedWord, SharedSkeletons, prepare
-from signsplice.motion.clip import Clip
+from signsplice.lexicon import store
+from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
+from signsplice.lexicon.gloss import Entry, fold, gloss_of, kind_of
+from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
+from signsplice.rig.arms import active_span, arms
+from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.rest_pose import with_rest_pose
+from signsplice.rig.stray_frames import stray_frames
+
+
+@dataclass(frozen=True)
+class PreparedWord:
+    """A clip as a lexicon stores it.
+
+    name, fps, n_frames, has_translations: of the clip.
+    skeleton: as the index describes it.
+    rest_before, rest_after: as in ``Entry``.
+    block: its frames, encoded.
+    warnings: what a user should know of the clip.
+    """
+
+    name: str
+    fps: float
+    n_frames: int
+    has_translations: bool
+    skeleton: str
+    rest_before: int | None
+    rest_after: int | None
+    block: bytes
+    warnings: tuple[str, ...] = ()
+
+    def entry(
+        self, gloss: str, kind: str, synonyms: tuple[str, ...], signer: str, source: str, checked: bool = False
+    ) -> Entry:
+        """The word's entry under a gloss."""
+        digest = fingerprint(self.block, store.sha256(self.skeleton), self.fps, self.n_frames)
+        rests = self.rest_before, self.rest_after
+        return Entry(gloss, kind, synonyms, self.fps, self.n_frames, signer, source, checked, *rests, digest)
+
+
+def prepare(clip: Clip, form: str, warns: bool = False) -> PreparedWord:
+    """A clip made ready. Raises ``InputError`` where it has too many joints, or a position exceeds float32."""
+    lines: tuple[str, ...] = ()
+    if warns:
+        with suppress(InputError):  # its roles do not fit, which ``splice`` says
+            lines = clip_warnings(clip)
+    described, has_translations = store.describe(clip.skeleton), clip.translations is not None
+    rests = _rest_frames(clip)
+    return PreparedWord(clip.name, clip.fps, len(clip), has_translations, described, *rests, encode(clip, form), lines)
+
+
+def _rest_frames(clip: Clip) -> tuple[int | None, int | None]:
+    """Numbers of frames before and after the sign, of rest or left out by splices; None where the rig's arms are not
+    known.
+    """
+    try:
+        clip = with_rest_pose(clip)
+        stray = stray_frames(clip)
+        start, stop = active_span(arms(clip[stray.start : stray.stop]))
+    except InputError:
+        return None, None
+    return stray.start + start, len(clip) - stray.start - stop
+
+
+class SharedSkeletons:
+    """The first of equal skeletons, of which each file has a copy of its own: finding roles and sizes of a rig takes
+    longer than reading a clip.
+    """
+
+    def __init__(self) -> None:
+        self._by_description: dict[str, Skeleton] = {}
+
+    def of(self, clip: Clip) -> Clip:
+        """The clip on the first skeleton that equals its own. Raises ``InputError`` for more joints than are read."""
+        first = self._by_description.setdefault(store.describe(clip.skeleton), clip.skeleton)
+        return clip if first is clip.skeleton else unchecked_copy(clip, skeleton=first)
 
 
 class Builder:
@@ -23,32 +97,22 @@ class Builder:
 
     form: how rotations are stored, one of ``FORMS``.
     n_words: number of words added so far.
+    n_bytes: size of the frames file so far.
     """
 
-    def __init__(self, folder: Path, form: str) -> None:
-        self.form = form
-        self.n_words = 0
-        self._frames = (folder / FRAMES).open("wb")
-        try:
-            self._frames.write(bytes(HEAD_BYTES))
-            self._index = index.IndexWriter(folder / index.INDEX)
-        except BaseException:
-            self._frames.close()
-            raise
-        self._n_bytes = HEAD_BYTES
+    def __init__(self, frames: BinaryIO, index: sqlite3.Connection, form: str) -> None:
+        self.form, self.n_words, self.n_bytes = form, 0, HEAD_BYTES
+        self._frames, self._index = frames, index
+        self._frames.write(bytes(HEAD_BYTES))
+        self._index.executescript("PRAGMA journal_mode = MEMORY;" + store.SCHEMA)
         self._names: dict[str, str] = {}  # folded gloss or synonym -> gloss
         self._shared = SharedSkeletons()
-        self._written: dict[str, tuple[int, str]] = {}  # description of a skeleton -> number and SHA-256 in the index
+        self._skeletons: dict[str, int] = {}  # description -> number in the index
         self._digest = hashlib.sha256()
-
-    @property
-    def n_bytes(self) -> int:
-        """Size of the frames file so far."""
-        return self._n_bytes
 
     def add(
         self,
-        clip: Clip,
+        clip: Clip | PreparedWord,
         gloss: str = "",
         *,
         kind: str = "",
@@ -56,55 +120,40 @@ class Builder:
         signer: str = "",
         source: str = "",
         checked: bool = False,
+        extensions: Mapping[str, bytes] | None = None,
     ) -> Entry:
-        """Add a clip and return its entry. Defaults: gloss from the clip's name, kind from the gloss.
+        """Add a clip, or one made ready in the lexicon's form, and return its entry. Defaults: gloss from the clip's
+        name, kind from the gloss.
 
-        Raises ``InputError`` where a gloss or synonym is taken or invalid; more words can be added after that.
+        extensions: named bytes that are kept with the word. Raises ``InputError`` where a gloss or synonym is taken or
+        invalid; more words can be added after that.
         """
-        word = prepare(self._shared.of(clip), self.form)
-        return self.add_prepared(
-            word, gloss, kind=kind, synonyms=synonyms, signer=signer, source=source, checked=checked
-        )
-
-    def add_prepared(
-        self,
-        word: PreparedWord,
-        gloss: str = "",
-        *,
-        kind: str = "",
-        synonyms: Iterable[str] = (),
-        signer: str = "",
-        source: str = "",
-        checked: bool = False,
-    ) -> Entry:
-        """Add a clip that was made ready in the lexicon's form, as ``add`` does."""
+        word = clip if isinstance(clip, PreparedWord) else prepare(self._shared.of(clip), self.form)
         gloss = gloss_of(gloss or word.name)
         kind = kind_of(gloss, kind)
-        other_names = tuple(dict.fromkeys(name for name in map(gloss_of, synonyms) if fold(name) != fold(gloss)))
-        for name in (gloss, *other_names):
-            if fold(name) in self._names:
-                raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[fold(name)]}")
-        number, skeleton_sha256 = self._skeleton(word.skeleton)
-        entry = Entry(
-            gloss=gloss,
-            kind=kind,
-            synonyms=other_names,
-            fps=word.fps,
-            n_frames=word.n_frames,
-            signer=signer,
-            source=source,
-            checked=checked,
-            rest_before=word.rest_before,
-            rest_after=word.rest_after,
-            sha256=fingerprint(word.block, skeleton_sha256, word.fps, word.n_frames),
-        )
+        names = {fold(gloss): gloss}
+        for name in map(gloss_of, synonyms):
+            names.setdefault(fold(name), name)
+        for folded, name in names.items():
+            if folded in self._names:
+                raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[folded]}")
+        added = dict(sorted((extensions or {}).items()))
+        if not all(name.isprintable() and isinstance(value, bytes) for name, value in added.items()):
+            raise InputError(f"extensions {', '.join(added)[:80]!r} of {gloss}, expected bytes by printable names")
+        entry = word.entry(gloss, kind, tuple(names.values())[1:], signer, source, checked)
+        number = self._skeleton(word.skeleton)
+        location = store.ClipLocation(number, self.n_bytes, len(word.block), word.has_translations)
         self._frames.write(word.block)
-        location = index.ClipLocation(number, self._n_bytes, len(word.block), word.has_translations)
-        self._index.add_word(entry, location)
-        self._names |= {fold(name): gloss for name in (gloss, *other_names)}
-        self._digest.update(index.row_digest(entry, location))
-        self._n_bytes += len(word.block)
-        self.n_words += 1
+        self.n_words, self.n_bytes = self.n_words + 1, self.n_bytes + len(word.block)
+        self._names |= dict.fromkeys(names, gloss)
+        row: list[object] = [self.n_words, *astuple(entry), *astuple(location)]
+        row[3] = json.dumps(entry.synonyms, ensure_ascii=False)
+        self._insert("word", row)
+        for folded, name in names.items():
+            self._insert("name", (folded, name, name == gloss, self.n_words))
+        for name, value in added.items():
+            self._insert("extension", (self.n_words, name, value))
+        self._digest.update(store.row_digest(entry, location, added))
         return entry
 
     def free(self, gloss: str) -> str:
@@ -115,12 +164,6 @@ class Builder:
             gloss = f"{base}#{number}"
         return gloss
 
-    def _skeleton(self, description: str) -> tuple[int, str]:
-        """Number and SHA-256 of a skeleton; a new one is written to the index."""
-        if description not in self._written:
-            self._written[description] = (self._index.add_skeleton(description), index.sha256(description))
-        return self._written[description]
-
     def finish(self) -> None:
         """Write both heads."""
         if not self.n_words:
@@ -128,14 +171,19 @@ class Builder:
         self._frames.seek(0)
         self._frames.write(MAGIC + self._digest.digest())
         self._frames.flush()
-        self._index.finish(index.Head(self.form, self.n_words, self._n_bytes, self._digest.hexdigest()))
+        self._insert("lexicon", (self.form, self.n_words, self.n_bytes, self._digest.hexdigest()))
+        self._index.commit()
 
-    def close(self) -> None:
-        """Close both files."""
-        try:
-            self._index.close()
-        finally:
-            self._frames.close()
+    def _skeleton(self, description: str) -> int:
+        """Number of a skeleton; a new one is written to the index."""
+        if description not in self._skeletons:
+            self._skeletons[description] = len(self._skeletons) + 1
+            row = self._skeletons[description], store.sha256(description), description
+            self._insert("skeleton", row)
+        return self._skeletons[description]
+
+    def _insert(self, table: str, row: Sequence[object]) -> None:
+        self._index.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(row))})", row)
 
 
 @contextmanager
@@ -146,14 +194,13 @@ def building(path: str | Path, *, compact: bool = False) -> Iterator[Builder]:
     is at ``path``, or it cannot be written, e.g. because the disk is full.
     """
     check_target(path)
-    with replacing_folder(path) as temporary:
+    with replacing_folder(path) as folder:
         try:
-            builder = Builder(temporary, "int16" if compact else "float32")
-            try:
+            frames, index = (folder / FRAMES).open("wb"), sqlite3.connect(folder / store.INDEX)
+            with closing(frames), closing(index):
+                builder = Builder(frames, index, "int16" if compact else "float32")
                 yield builder
                 builder.finish()
-            finally:
-                builder.close()
         except sqlite3.Error as error:
             raise OSError(str(error)) from error
 
@@ -166,6 +213,6 @@ def check_target(path: str | Path) -> None:
     target = Path(path).resolve()
     if not target.exists():
         return
-    if not target.is_dir() or index.application_id(target / index.INDEX) != index.APPLICATION_ID:
+    if not target.is_dir() or store.application_id(target / store.INDEX) != store.APPLICATION_ID:
         raise InputError(f"{path}: is there already and is no lexicon, expected a new name or a lexicon to replace")
-    check_nothing_else(Path(path), (index.INDEX, FRAMES), "lexicon")
+    check_nothing_else(Path(path), (store.INDEX, FRAMES), "lexicon")

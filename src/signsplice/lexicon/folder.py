@@ -1,58 +1,40 @@
-"""Lexicons built from folders of clips, and the faults of such folders."""
+"""Lexicons built from folders of clips and from written signs, by any number of processes; faults of such folders."""
 
 from __future__ import annotations
 
-import os
+import hashlib
+import json
 import re
-import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from contextlib import nullcontext, suppress
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from shlex import quote
+from typing import TYPE_CHECKING
 
 from signsplice.children import cores, in_order
 from signsplice.errors import InputError, SignspliceError
-from signsplice.formats import READ_SUFFIXES
-from signsplice.formats.atomic import resumable_folder
+from signsplice.formats import FORMATS, READ_SUFFIXES, atomic, load
 from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.lexicon import archives, glosses
-from signsplice.lexicon.builder import building, check_target
-from signsplice.lexicon.entry import fold, gloss_of
-from signsplice.lexicon.glosses import TABLE, GlossRow
-from signsplice.lexicon.preparing import FileTask, PreparedWord, prepare_file
+from signsplice.formats.live_link import with_face_of
+from signsplice.formats.roles import with_roles
+from signsplice.lexicon.builder import PreparedWord, SharedSkeletons, building, check_target, prepare
+from signsplice.lexicon.gloss import gloss_of
+from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
+from signsplice.motion.cache import CACHE
+from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
 
-_FILES_A_PROCESS = 50
-"""A process takes as long to start as so many files to read."""
+if TYPE_CHECKING:
+    from signsplice.synth.written.tree import WrittenSign
 
-
-@dataclass(frozen=True)
-class Source:
-    """A clip's file and the metadata of its word.
-
-    paths: the file, and others of the same recording that are read where it is broken.
-    where: where its gloss comes from, for messages.
-    row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
-    face: the file with its face that the table names.
-    """
-
-    paths: tuple[Path, ...]
-    where: str
-    row: GlossRow
-    face: Path | None = None
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self.paths[0]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Gloss and synonyms."""
-        return self.row.gloss, *self.row.synonyms
+_VERSION = 2
+"""Of what a stopped build has prepared."""
+_FILES_A_PROCESS, _SIGNS_A_PROCESS = 50, 40
+"""A process takes as long to start as so many files to read, or so many signs to sign."""
 
 
 @dataclass(frozen=True)
@@ -91,40 +73,28 @@ class Checked:
     warnings: list[str]
 
 
-def find_sources(folder: str | Path, signer: str = "", table: str | Path = "") -> tuple[list[Source], list[str]]:
-    """Every clip below a folder, sorted by name, and the faults of file names and table, one line each.
+@dataclass(frozen=True)
+class FileTask:
+    """The words of one file.
 
-    table: names the clips that are meant, in place of ``glosses.csv``, which names some. Subfolders are searched,
-    except hidden ones and links. Raises ``InputError`` where there is no clip or a folder cannot be read.
+    paths: the file, and others of the same recording that are read where it is broken.
+    spans: start and end of each word in seconds; None where it begins or ends with the file.
+    face: a file with its face; by default one beside it is looked for.
+    form: as in ``FORMS``. roles, limits: as of ``build``.
+    store: a folder that keeps what is prepared.
     """
-    folder = Path(folder)
-    files = {unicodedata.normalize("NFC", path.relative_to(folder).as_posix()): path for path in _files(folder)}
-    path_of_table = Path(table or folder / TABLE)
-    rows: list[GlossRow] = []
-    faults: list[str] = []
-    if table or path_of_table.exists():
-        try:
-            rows, faults = glosses.read(path_of_table)
-        except InputError as error:
-            faults = [str(error)]
-    by_file: dict[str, list[GlossRow]] = {}
-    for row in rows:
-        by_file.setdefault(unicodedata.normalize("NFC", row.file), []).append(row)
-    sources: list[Source] = []
-    for name, path in files.items():
-        for row in by_file.pop(name, [] if table else [GlossRow(name)]):
-            try:
-                source = _source(path, path_of_table, row, signer)
-                sources.append(replace(source, face=folder / row.face) if row.face else source)
-            except InputError as error:
-                faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
-    lost = [row for rows in by_file.values() for row in rows]
-    faults += [f"{path_of_table}:{row.line}: no clip {row.file} in {folder}" for row in lost]
-    return sources, faults + [fault for _, fault in _duplicates(sources)]
+
+    paths: tuple[Path, ...]
+    spans: tuple[tuple[float | None, float | None], ...]
+    form: str
+    roles: Mapping[str, str] | None
+    limits: ReadLimits
+    store: Path | None = None
+    face: Path | None = None
 
 
 def build(
-    folder: str | Path | Sequence[str | Path],
+    inputs: str | Path | Sequence[str | Path],
     output: str | Path,
     *,
     compact: bool = False,
@@ -132,64 +102,71 @@ def build(
     roles: Mapping[str, str] | None = None,
     skip_broken: bool = False,
     recipe: str = "",
+    lenient: bool = False,
     jobs: int | None = 1,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
-    more: Iterable[tuple[PreparedWord | str, GlossRow]] = (),
 ) -> Built:
-    """Build a lexicon at ``output`` from every clip below ``folder``, or several, with few clips in memory at a time.
+    """Build a lexicon at ``output`` from every clip below folders, and from files or folders of written signs (SiGML,
+    HamNoSys), with few clips in memory at a time.
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each. recipe: of
     an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: what does not fit is left out, and a build
-    that was stopped goes on. jobs: processes; None: one a core. limits: of each clip. more: words that are ready.
+    that was stopped goes on. lenient: leave out what is not understood of a written sign, with a warning. jobs:
+    processes; None: one a core. limits: of each clip.
+
+    A written sign that is refused is left out, with a line; one whose gloss is taken gets the next number, GLOSS#2.
     Raises ``InputError``, also where one of the folders lies in the other; then nothing has changed at ``output``.
     """
     check_target(output)
-    given, made = [folder] if isinstance(folder, (str, Path)) else [*folder], Path(output).resolve()
-    sources, left_out = _gathered(given, output, recipe, signer)
-    checks = " and ".join(f"`signsplice lexicon check {quote(str(one))}`" for one in given)
+    given = [inputs] if isinstance(inputs, (str, Path)) else [*inputs]
+    written = [path for path in given if is_written(path)]
+    folders = [path for path in given if path not in written or _has_clips(Path(path))]
+    form = "int16" if compact else "float32"
+    signs, refused = _read_written(written, lenient)
+    files, left_out = gather(folders, output, recipe, signer)
+    checks = " and ".join(f"`signsplice lexicon check {quote(str(folder))}`" for folder in folders)
     if left_out and not recipe:
         raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
-    store = made.with_name(f".{made.name}.prepared") if recipe else None
-    task = FileTask((), (), "int16" if compact else "float32", roles, limits, store)
+    target = Path(output).resolve()
+    store = target.with_name(f".{target.name}.prepared") if recipe else None
     warnings, n_letters = [*left_out], 0
-    with resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
-        for source, word in _prepared(sources, task, jobs, progress):
-            if isinstance(word, str):
-                if not (skip_broken or recipe):
-                    raise InputError(
-                        f"{word}; nothing was built: {checks} shows every fault, skip_broken leaves such clips out"
-                    )
-                left_out.append(f"{word}; left out")
-                warnings.append(left_out[-1])
-                continue
-            warnings += word.warnings
-            row = source.row
-            entry = builder.add_prepared(
-                word, row.gloss, kind=row.kind, synonyms=row.synonyms, signer=row.signer, source=row.source,
-                checked=row.checked,
-            )  # fmt: skip
-            n_letters += entry.kind == "letter"
-        for word, row in more:
-            if isinstance(word, str):
-                left_out.append(f"{word}; left out")
-                warnings.append(left_out[-1])
-                continue
-            warnings += word.warnings
-            builder.add_prepared(word, builder.free(row.gloss), signer=row.signer or signer, source=row.source)
+
+    def leave_out(line: str) -> None:
+        left_out.append(f"{line}; left out")
+        warnings.append(left_out[-1])
+
+    with atomic.resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
+        for file, word in _prepare_files(files, FileTask((), (), form, roles, limits, store), jobs, progress):
+            if isinstance(word, PreparedWord):
+                warnings += word.warnings
+                row = file.row
+                entry = builder.add(
+                    word, row.gloss, kind=row.kind, synonyms=row.synonyms, signer=row.signer, source=row.source,
+                    checked=row.checked,
+                )  # fmt: skip
+                n_letters += entry.kind == "letter"
+            elif skip_broken or recipe:
+                leave_out(word)
+            else:
+                raise InputError(
+                    f"{word}; nothing was built: {checks} shows every fault, skip_broken leaves such clips out"
+                )
+        for line in refused:
+            leave_out(line)
+        for sign, word in _prepare_signs(signs, form, lenient, jobs, progress):
+            if isinstance(word, PreparedWord):
+                warnings += word.warnings
+                gloss = builder.free(gloss_of(sign.gloss))
+                builder.add(word, gloss, signer=signer, source=Path(sign.where.file).name)
+            else:
+                leave_out(word)
         if not builder.n_words:
-            what = "clip" if given else "sign"
-            raise InputError(f"{given[0] if given else output}: every {what} is broken, the first one: {left_out[0]}")
-    lines = tuple(warnings), tuple(left_out), _unread(given, recipe)
+            what = "clip" if folders else "sign"
+            raise InputError(f"{[*folders, output][0]}: every {what} is broken, the first one: {left_out[0]}")
+    lines = tuple(warnings), tuple(left_out), unread(folders, recipe)
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, *lines)
-
-
-def _unread(given: Sequence[str | Path], recipe: str) -> tuple[str, ...]:
-    """Lines about files of archives that nothing reads."""
-    if not _is_archive(recipe):
-        return ()
-    return tuple(line for one in given for line in archives.unread(Path(one), archives.find_recipe(recipe)))
 
 
 def check(
@@ -199,14 +176,14 @@ def check(
     limits: ReadLimits = DEFAULT_LIMITS,
 ) -> Checked:
     """What is found in the clips below a folder. Raises ``InputError`` where there is no clip."""
-    sources, faults = find_sources(folder)
+    files, faults = find_word_files(folder)
     warnings: list[str] = []
-    for _, word in _prepared(sources, FileTask((), (), "float32", roles, limits), None, progress):
+    for _, word in _prepare_files(files, FileTask((), (), "float32", roles, limits), None, progress):
         if isinstance(word, str):
             faults.append(word)
         else:
             warnings += word.warnings
-    return Checked(len(sources), faults, warnings)
+    return Checked(len(files), faults, warnings)
 
 
 def reasons(lines: Iterable[str]) -> list[tuple[int, str, str]]:
@@ -221,103 +198,166 @@ def reasons(lines: Iterable[str]) -> list[tuple[int, str, str]]:
     return sorted(((len(files), reason, files[0]) for reason, files in seen.items()), key=lambda one: -one[0])
 
 
-def _gathered(
-    given: Sequence[str | Path], output: str | Path, recipe: str, signer: str
-) -> tuple[list[Source], list[str]]:
-    """What ``_wanted`` finds in all folders, each gloss once. Raises ``InputError`` where one holds the output, or
-    lies in it.
-    """
-    sources, lines, made = list[Source](), list[str](), Path(output).resolve()
-    for one in given:
-        read = Path(one).resolve()
-        if made.is_relative_to(read) or read.is_relative_to(made):
-            raise InputError(f"{output}: lies in {one}, which is read, or contains it; name another folder")
-        found, faults = _wanted(Path(one), recipe, signer)
-        sources, lines = sources + found, lines + faults
-    twice = _duplicates(sources) if len(given) > 1 else []
-    taken = {source for source, _ in twice}
-    return [source for source in sources if source not in taken], [
-        *dict.fromkeys([*lines, *(line for _, line in twice)])
-    ]
-
-
-def _wanted(folder: Path, recipe: str, signer: str) -> tuple[list[Source], list[str]]:
-    """The sources that are built, and a line for each fault or, by a recipe, for each file that is left out."""
-    if not _is_archive(recipe):
-        sources, lines = find_sources(folder, signer, recipe)
-    else:
-        words, lines = archives.recordings(folder, _files(folder), archives.find_recipe(recipe))
-        sources = [Source(word.paths, str(word.paths[0]), replace(word.row, signer=signer)) for word in words]
-    if not recipe:
-        return sources, lines
-    twice = _duplicates(sources)
-    return [source for source in sources if source not in {source for source, _ in twice}], lines
-
-
-def _is_archive(recipe: str) -> bool:
-    """Whether a recipe goes by the names of files, not by a table."""
-    return bool(recipe) and not recipe.lower().endswith(".csv")
-
-
-def _prepared(
-    sources: Sequence[Source], task: FileTask, jobs: int | None, progress: Progress | None
-) -> Iterator[tuple[Source, PreparedWord | str]]:
-    """Each source with its word ready, or what is wrong with it; each file is read once for all of its words."""
-    groups = [list(words) for _, words in groupby(sources, key=lambda source: (source.paths, source.face))]
+def _prepare_files(
+    files: Sequence[WordFile], task: FileTask, jobs: int | None, progress: Progress | None
+) -> Iterator[tuple[WordFile, PreparedWord | str]]:
+    """Each file with its word ready, or what is wrong with it; a file of several words is read once."""
+    groups = [list(words) for _, words in groupby(files, key=lambda word: (word.paths, word.face))]
     tasks = [
-        replace(task, paths=words[0].paths, spans=tuple(one.row.span for one in words), face=words[0].face)
+        replace(task, paths=words[0].paths, spans=tuple(word.row.span for word in words), face=words[0].face)
         for words in groups
     ]
     workers = min(cores(), len(tasks) // _FILES_A_PROCESS) if jobs is None else min(jobs, len(tasks))
     done = 0
     try:
-        for words, ready in zip(groups, in_order(prepare_file, tasks, max(workers, 1)), strict=True):
+        for words, ready in zip(groups, in_order(_prepare_file, tasks, max(workers, 1)), strict=True):
             yield from zip(words, ready, strict=True)
             done += len(words)
             if progress is not None:
-                progress(done, len(sources))
+                progress(done, len(files))
     except BrokenProcessPool as error:
         raise SignspliceError(
             "a process that reads clips has ended, out of memory or by a fault; call again with fewer processes"
         ) from error
 
 
-def _files(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        what = "is a file" if folder.exists() else "no such folder"
-        raise InputError(f"{folder}: {what}, expected a folder of clips ({', '.join(READ_SUFFIXES)})")
+def is_written(path: str | Path) -> bool:
+    """Whether a path is that of a file of written signs, or of a folder of SiGML."""
+    path = Path(path)
+    if path.is_dir():
+        return any(path.rglob("*.sigml"))
+    from signsplice.synth.written.files import SUFFIXES
 
-    def fail(error: OSError) -> None:
-        raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
-
-    found = []
-    for parent, subfolders, names in os.walk(folder, onerror=fail):
-        subfolders[:] = [name for name in subfolders if not name.startswith(".")]
-        visible = [Path(parent, name) for name in names if not name.startswith(".")]
-        found += [path for path in visible if path.suffix.lower() in READ_SUFFIXES]
-    if not found:
-        raise InputError(f"{folder}: no clips in it, expected files that end in {' or '.join(READ_SUFFIXES)}")
-    return sorted(found, key=lambda path: path.relative_to(folder).as_posix())
+    return path.suffix.lower() in SUFFIXES
 
 
-def _source(path: Path, table: Path, row: GlossRow, signer: str) -> Source:
-    where = f"{path} ({table}:{row.line})" if row.line else str(path)
-    gloss = row.gloss or gloss_of(path.stem)
-    return Source((path,), where, replace(row, gloss=gloss, signer=row.signer or signer, source=row.source or row.file))
+def _has_clips(path: Path) -> bool:
+    return path.is_dir() and any(file.suffix.lower() in READ_SUFFIXES for file in path.rglob("*"))
 
 
-def _duplicates(sources: Sequence[Source]) -> list[tuple[Source, str]]:
-    """The sources whose gloss or synonym another has before them, each with a line that says so."""
-    owners: dict[str, Source] = {}
-    found = []
-    for source in sources:
-        for name in dict.fromkeys(map(fold, source.names)):
-            owner = owners.setdefault(name, source)
-            if owner is not source:
-                shown = next(n for n in source.names if fold(n) == name)
-                line = (
-                    f"{source.where}: gloss {shown!r} is that of {owner.where} too, expected different glosses; "
-                    f"name them in {TABLE}"
-                )
-                found.append((source, line))
-    return found
+def _read_written(paths: Sequence[str | Path], lenient: bool) -> tuple[list[WrittenSign], list[str]]:
+    """The signs of files and folders of written signs, and a line for each that is refused."""
+    if not paths:
+        return [], []
+    from signsplice.synth.written import files
+
+    read = files.read(paths, lenient)
+    return [*read.signs.values()], [*map(str, read.refused)]
+
+
+def _prepare_signs(
+    signs: Sequence[WrittenSign], form: str, lenient: bool, jobs: int | None, progress: Progress | None
+) -> Iterator[tuple[WrittenSign, PreparedWord | str]]:
+    """Each sign with its word ready, or a line that refuses it."""
+    workers = min(cores(), len(signs) // _SIGNS_A_PROCESS) if jobs is None else jobs
+    words = in_order(partial(_prepare_sign, form=form, lenient=lenient), signs, max(workers, 1))
+    for done, (sign, word) in enumerate(zip(signs, words, strict=True), 1):
+        yield sign, word
+        if progress is not None:
+            progress(done, len(signs))
+
+
+def _prepare_sign(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord | str:
+    from signsplice.synth.written import signing
+
+    try:
+        clip = signing.signed(sign, lenient=lenient)
+        lines = (*signing.warnings(sign), *(f"{sign.where.file}: {sign.gloss}: {line}" for line in clip.notes))
+        return replace(prepare(clip, form), warnings=lines)
+    except InputError as error:
+        return str(error)
+
+
+def _prepare_file(task: FileTask) -> tuple[PreparedWord | str, ...]:
+    """The words of a file, each ready or a line that says what is wrong with it."""
+    stored = None if task.store is None else task.store / _key(task)
+    if stored is not None and stored.exists():
+        return _unpack(stored.read_bytes())
+    words = _read_words(task)
+    if stored is not None:
+        atomic.write(stored, b"".join(_packed(word) for word in words))
+    return words
+
+
+def _read_words(task: FileTask) -> tuple[PreparedWord | str, ...]:
+    faults = []
+    for path in task.paths:
+        try:
+            clip = _with_face(load(path, task.limits, face=task.face), path, task)
+        except InputError as error:
+            faults.append(str(error))
+            continue
+        return tuple(_word(task, path, clip, span, faults) for span in task.spans)
+    return (faults[0],) * len(task.spans)
+
+
+def _with_face(clip: Clip, path: Path, task: FileTask) -> Clip:
+    """A clip with the face of a file of its name in another format, where it has none of its own."""
+    for other in task.paths:
+        is_same = other.with_suffix("") == path.with_suffix("") and other != path
+        if clip.face is None and is_same and FORMATS[other.suffix.lower()].holds_faces:
+            with suppress(InputError):  # broken, or without a face
+                clip = with_face_of(clip, load(other, task.limits), str(other))
+    return clip
+
+
+def _word(
+    task: FileTask, path: Path, clip: Clip, span: tuple[float | None, float | None], faults: list[str]
+) -> PreparedWord | str:
+    """A word of a file that was read; ``faults``: of files that would have been better."""
+    try:
+        clip = clip if task.roles is None else with_roles(clip, task.roles)
+        clip = CACHE.recent(SharedSkeletons, most=1).of(_cut(clip, span))
+        word = prepare(clip, task.form, warns=True)
+    except InputError as error:
+        return f"{path}: {error}"
+    lines = (*(f"{fault}; {path.name} is read" for fault in faults), *(f"{path}: {line}" for line in word.warnings))
+    return replace(word, warnings=lines)
+
+
+def _cut(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
+    """The frames of a clip between two times."""
+    start, end = span
+    if start is None and end is None:
+        return clip
+    first = 0 if start is None else round(start * clip.fps)
+    last = len(clip) if end is None else round(end * clip.fps)
+    if not 0 <= first < last <= len(clip) + 1:
+        raise InputError(
+            f"{start or 0:g} s to {end if end is not None else clip.seconds:g} s, expected times in order "
+            f"within its {clip.seconds:.2f} s"
+        )
+    return clip[first : min(last, len(clip))]
+
+
+# --- what a build that was stopped has prepared: of each word a line of JSON, then its frames
+
+
+def _key(task: FileTask) -> str:
+    """The name under which a file's words are kept: another where the file or how it is read has changed."""
+    paths = [task.face, *task.paths, *(path.with_suffix(".csv") for path in task.paths)]
+    states = []
+    for path in filter(None, paths):
+        with suppress(OSError):
+            status = path.stat()
+            states.append((str(path), status.st_size, status.st_mtime_ns))
+    asked = (_VERSION, states, task.spans, task.form, sorted((task.roles or {}).items()), asdict(task.limits))
+    return hashlib.sha256(repr(asked).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def _packed(word: PreparedWord | str) -> bytes:
+    if isinstance(word, str):
+        return json.dumps(word).encode() + b"\n"
+    return json.dumps({**vars(word), "block": len(word.block)}).encode() + b"\n" + word.block
+
+
+def _unpack(content: bytes) -> tuple[PreparedWord | str, ...]:
+    words = []
+    while content:
+        line, _, content = content.partition(b"\n")
+        word = json.loads(line)
+        if isinstance(word, dict):
+            block, content = content[: word["block"]], content[word["block"] :]
+            word = PreparedWord(**{**word, "block": block, "warnings": tuple(word["warnings"])})
+        words.append(word)
+    return tuple(words)

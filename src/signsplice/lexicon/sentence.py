@@ -1,22 +1,156 @@
 """A line of glosses, typed as people type, parsed into the words and letters that sign it.
 
-Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. What is read
-otherwise than it was typed is said in a note, what is spelled because it is no gloss in a warning; no word is replaced
-by one that is merely like it.
+Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. A note says
+what is read otherwise than it was typed, a warning what is spelled because it is no gloss; no word is replaced by one
+that is merely like it.
+
+English words that American Sign Language has no signs for may be left out. ASL has no state-of-being verbs
+(https://www.lifeprint.com/asl101/pages-signs/a/am.htm), and no articles as English has them: traditionally it is said
+to lack determiners, others read some pointing signs as such (Bahan, Kegl, MacLaughlin and Neidle, Convergent Evidence
+for the Structure of Determiner Phrases in ASL, 1995).
 """
 
 from __future__ import annotations
 
+import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, count, takewhile
+from itertools import count, takewhile
 
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon.entry import LETTER_MARK, fold, letter_gloss
-from signsplice.lexicon.function_words import is_function_word, without_copula
-from signsplice.lexicon.reader import Lexicon
-from signsplice.lexicon.typed import PAUSES, TypedWord, typed_words
+from signsplice.lexicon.gloss import LETTER_MARK, fold, letter_gloss
+from signsplice.lexicon.lexicon import Lexicon
+
+PAUSES = ".?!,"
+"""Marks at which signing pauses; of several the first one counts."""
+_ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fromkeys("\u2010\u2011_", "-"))
+"""Quotation marks that stand for an apostrophe; hyphens."""
+_WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
+"""A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
+and hyphens between them, or points and commas between digits."""
+_NUMBERED = re.compile(r"((.+)#\d+)(\W*)")
+"""GLOSS#2, its gloss, and punctuation."""
+
+
+@dataclass(frozen=True)
+class TypedWord:
+    """A word of typed text.
+
+    text: what is looked up; empty where nothing that can be signed was typed.
+    typed: the token that it stands in.
+    left_out: characters beside it that stand for something and were left out, such as emoji.
+    ends_phrase: whether punctuation other than ``/`` follows it, so that it makes no compound with the next word.
+    note: how it is read otherwise than typed, or empty.
+    pause: the mark after it at which signing pauses, one of ``PAUSES``, or empty.
+    """
+
+    text: str
+    typed: str
+    left_out: str = ""
+    ends_phrase: bool = False
+    note: str = ""
+    pause: str = ""
+
+
+def typed_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
+    """The words of a line, split at white space and punctuation; tokens that are known as typed stay whole.
+
+    Apostrophes, hyphens (``_`` is one), the point of a number and a ``#`` before a word stay; the points of an acronym
+    and the commas of a number go. Full-width and other compatibility forms become the plain ones.
+    """
+    found: list[TypedWord] = []
+    for token in text.split():
+        if is_known(token):
+            found.append(TypedWord(token, token))
+            continue
+        numbered = _NUMBERED.fullmatch(token)
+        if numbered and is_known(numbered[2]):
+            found.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
+            continue
+        words, before = _words(token)
+        if found and (before or not words):  # punctuation that stands alone, or before a word
+            found[-1] = replace(found[-1], ends_phrase=True, pause=_pause(found[-1].pause + before))
+        found += words
+    return found
+
+
+_LIKE = str.maketrans("\u3002\u0964\u061f\u3001\u060c\u061b;:\u2013\u2014", "..?,,,,,,,")
+"""Marks at which signing pauses as at one of ``PAUSES``: those of other scripts, semicolons, colons and dashes."""
+
+
+def _pause(marks: str) -> str:
+    """The one of ``PAUSES`` that marks of punctuation count as; empty where they are none."""
+    return min((mark for mark in marks.translate(_LIKE) if mark in PAUSES), key=PAUSES.index, default="")
+
+
+def _words(token: str) -> tuple[list[TypedWord], str]:
+    """The words of a token, one without text where only symbols were typed, none where only punctuation was; and the
+    mark before them at which signing pauses, or where there is no word.
+    """
+    plain = unicodedata.normalize("NFKC", token).translate(_ALIKE)
+    plain = "".join(c for c in plain if _class(c))
+    classes = "".join(map(_class, plain))
+    matches = list(_WORD.finditer(classes))
+    ends, starts = [0, *(match.end() for match in matches)], [*(match.start() for match in matches), len(plain)]
+    between = [slice(*gap) for gap in zip(ends, starts, strict=True)]  # one more than words
+    left_out = "".join(c for gap in between for c in plain[gap] if _class(c) in "s#")
+    before = _pause(plain[between[0]])
+    if not matches:
+        return ([TypedWord("", token, left_out, pause=before)], "") if left_out else ([], before)
+    words = []
+    for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
+        text = plain[match.start() : match.end()].replace(",", "")
+        if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a mark that nothing follows
+            words.append(TypedWord("", token, f"{text}-"))
+            continue
+        text = text if "d." in match[0] else text.replace(".", "")
+        ends_phrase = not set("p.,").isdisjoint(classes[gap])
+        is_between = k + 1 < len(matches) and plain[gap] in ":\u2013"  # 10:30, 1990-95
+        pause = "" if is_between else _pause(plain[gap])
+        words.append(TypedWord(text, token, "" if k else left_out, ends_phrase, pause=pause))
+    return words, before
+
+
+def _class(character: str) -> str:
+    """What a character does: ``w`` and ``d`` make words, ``' - . , #`` may, ``/`` parts them, ``p`` is punctuation,
+    ``s`` a symbol; empty for what is not seen.
+    """
+    category = unicodedata.category(character)
+    if category in ("Cf", "Me") or "\ufe00" <= character <= "\ufe0f":  # joiners and variants of emoji
+        return ""
+    if character in "'-.,#/":
+        return character
+    if category[0] in "LM" or category == "Nl":
+        return "w"
+    if category[0] == "N":
+        return "d"
+    return "p" if category[0] == "P" and character not in "&%@*\u00a7\\" else "s"
+
+
+_ARTICLES = frozenset(("a", "an", "the"))
+_COPULAS = frozenset(("am", "is", "are", "was", "were", "be", "been", "being"))
+_AUXILIARIES = frozenset(("do", "does", "did"))
+_SUBJECTS = frozenset(("i", "you", "he", "she", "it", "we", "they"))
+_CONTRACTION = re.compile(
+    r"(i(?='?m$)|(?:you|they)(?='?re$)|we(?='re$)|(?:he|she|it|that|what|where|when|who|how)(?='s$))'?(?:m|re|s)",
+    re.IGNORECASE,
+)
+
+
+def is_function_word(word: str, after: str) -> bool:
+    """Whether a word is an article or a form of *be*; or a form of *do* with which a question begins, which is told by
+    the pronoun ``after`` it: "do you like dogs", but not "I do".
+    """
+    folded = word.casefold()
+    return folded in _ARTICLES | _COPULAS or (folded in _AUXILIARIES and after.casefold() in _SUBJECTS)
+
+
+def without_copula(word: str) -> str:
+    """The first part of a contraction with *am*, *are* or *is* (I'm, youre, what's); empty for any other word."""
+    found = _CONTRACTION.fullmatch(word)
+    return found[1] if found else ""
+
 
 SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
@@ -62,7 +196,7 @@ def parse(
     gloss's hyphens. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored. Words with a
     hyphen that are all glosses are those glosses. Any other token is fingerspelled if the lexicon has all its letters
     and ``spell`` is True, with a warning and ``suggestions``. Emoji and other symbols are left out with a warning.
-    With ``drop_function_words`` English words for which ASL has no sign (``function_words``) are left out with a note,
+    With ``drop_function_words`` English words for which ASL has no sign are left out with a note,
     unless they are part of a compound.
 
     Raises ``UnknownGlossError`` that names every token left and similar glosses; ``InputError`` for a line without
@@ -111,37 +245,39 @@ def spelled(tokens: Sequence[SentenceToken]) -> list[str]:
     return [token.token for token in tokens if token.spelled]
 
 
-def starts(tokens: Sequence[SentenceToken]) -> list[int]:
-    """For each token the place of its first gloss among those of all tokens: where another spelled word may begin."""
-    return [0, *accumulate(len(token.glosses) for token in tokens)][:-1]
+@dataclass(frozen=True)
+class LineGloss:
+    """A gloss of a line, and how it was typed.
 
-
-def pauses(tokens: Sequence[SentenceToken]) -> dict[int, str]:
-    """The mark at which signing pauses after a gloss, by the gloss's place among those of all tokens."""
-    found: dict[int, str] = {}
-    n_glosses = 0
-    for token in tokens:
-        n_glosses += len(token.glosses)
-        if token.pause and n_glosses:
-            found[n_glosses - 1] = min(token.pause, found.get(n_glosses - 1, token.pause), key=PAUSES.index)
-    return found
-
-
-def brows(tokens: Sequence[SentenceToken]) -> dict[int, str]:
-    """The brows of questions in ASL, by the place of a gloss among those of all tokens: "raised" in a phrase that ends
-    in ``?``, "furrowed" where it has one of ``QUESTION_WORDS``. A phrase ends at a mark other than a comma.
+    gloss: of its entry.
+    starts: whether another word, spelled or not, begins with it.
+    pause: the mark after it at which signing pauses, one of ``PAUSES``; None where there is none.
+    brow: the brows of its question in ASL: "raised" in a phrase that ends in ``?``, "furrowed" where that has one of
+        ``QUESTION_WORDS``; None in no question. A phrase ends at a mark other than a comma.
     """
-    found: dict[int, str] = {}
-    phrase, asks, n_glosses = list[int](), False, 0
+
+    gloss: str
+    starts: bool
+    pause: str | None = None
+    brow: str | None = None
+
+
+def line_glosses(tokens: Sequence[SentenceToken]) -> list[LineGloss]:
+    """The glosses of all tokens, in order, with the marks and questions of the line."""
+    glosses: list[LineGloss] = []
+    first, asks = 0, False  # of the phrase
     for token in tokens:
-        phrase += range(n_glosses, n_glosses + len(token.glosses))
-        n_glosses += len(token.glosses)
+        glosses += [LineGloss(gloss, k == 0) for k, gloss in enumerate(token.glosses)]
         asks |= len(token.glosses) == 1 and token.glosses[0].partition(_HYPHEN)[0] in QUESTION_WORDS
+        if token.pause and glosses:
+            mark = min(token.pause, glosses[-1].pause or token.pause, key=PAUSES.index)
+            glosses[-1] = replace(glosses[-1], pause=mark)
         if token.pause not in ("", ","):
             if token.pause == "?":
-                found |= dict.fromkeys(phrase, "furrowed" if asks else "raised")
-            phrase, asks = [], False
-    return found
+                brow = "furrowed" if asks else "raised"
+                glosses[first:] = [replace(gloss, brow=brow) for gloss in glosses[first:]]
+            first, asks = len(glosses), False
+    return glosses
 
 
 def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:

@@ -21,6 +21,7 @@ from starlette.staticfiles import StaticFiles
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats import WIRE_SUFFIXES, listed
 from signsplice.formats.avatar import AVATAR_SUFFIXES
+from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.service import page, wire, work
 from signsplice.service.limits import Limits
 from signsplice.service.metrics import CountRequests, Metrics
@@ -30,7 +31,6 @@ from signsplice.service.shares import Shares
 from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure, first_fault
 from signsplice.service.worker_process import BusyError
 from signsplice.service.workers import Worker, Workers
-from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.options import all_methods
 
 ResultT = TypeVar("ResultT")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,9 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
-from signsplice.lexicon.entry import LETTER_MARK
-from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed
-from signsplice.lexicon.typed import typed_words
+from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.lexicon import open_lexicon
+from signsplice.lexicon.sentence import LineGloss, SentenceToken, line_glosses, parse, signed, typed_words
 from signsplice.motion.clip import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
@@ -27,7 +27,6 @@ from signsplice.service.wire import FORMAT_NAMES, PICTURES, AnswerFile, Dials, S
 from signsplice.splicing import options as methods
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, onto_avatar, splice
 from signsplice.splicing.faces import RULES
-from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.report import plain
 from signsplice.splicing.word import Word, words_of
 from signsplice.synth.written.files import SUFFIXES as WRITTEN_SUFFIXES
@@ -234,27 +233,11 @@ def open_stream(key: str, opening: OpenMessage) -> None:
     _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening)
 
 
-@dataclass(frozen=True)
-class StreamWord:
-    """A word or letter of a stream.
-
-    gloss: its gloss.
-    starts: whether another word begins with it.
-    pause: the mark at which it is held; None where it is not.
-    brow: the brows of its question; None where it is in none.
-    """
-
-    gloss: str
-    starts: bool
-    pause: str | None
-    brow: str | None
-
-
 Typed = WordMessage | TextMessage
 """What the client of a stream types."""
 
 
-def read_typed(key: str, typed: Typed) -> tuple[list[StreamWord], list[dict[str, Any]]]:
+def read_typed(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[str, Any]]]:
     """The words and letters that sign what was typed into a stream, and messages of how it was read.
 
     Raises ``InputError``.
@@ -262,14 +245,14 @@ def read_typed(key: str, typed: Typed) -> tuple[list[StreamWord], list[dict[str,
     opening = _worker.streams[key].opening
     line, compounds = (typed.text, opening.compounds) if isinstance(typed, TextMessage) else (typed.gloss, False)
     units = _units(line, opening, compounds)
-    held, asked = pauses(units) if opening.pauses else {}, brows(units)
-    glosses = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
-    words = [StreamWord(gloss, starts, held.get(k), asked.get(k)) for k, (gloss, starts) in enumerate(glosses)]
+    words = line_glosses(units)
+    if not opening.pauses:
+        words = [replace(word, pause=None) for word in words]
     warnings = [{"type": "warning", "warning": unit.warning} for unit in units if unit.warning]
     return words, [*({"type": "unit", "unit": asdict(unit)} for unit in units), *warnings]
 
 
-def add_word(key: str, word: StreamWord) -> list[dict[str, Any] | bytes]:
+def add_word(key: str, word: LineGloss) -> list[dict[str, Any] | bytes]:
     """The messages that are final once a stream has one more word, or letter with which a spelled word begins or goes
     on.
 

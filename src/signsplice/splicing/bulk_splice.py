@@ -140,14 +140,14 @@ class TransitionCache:
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self.most_bytes = most_bytes
         self.hits = self.misses = self.nbytes = 0
-        self._kept: OrderedDict[bytes, _Made] = OrderedDict()
+        self._kept: OrderedDict[bytes, _FilledGap] = OrderedDict()
 
     def fill(self, passes: Sequence[Pass], seams: Sequence[Seam]) -> list[Seam]:
         """Open seams with their new frames, bit for bit those of ``passes.fill``. Those of transitions whose frames do
         not follow from what is known of them (``Transition.identity``), and on avatars, are always made anew.
         """
         keys = [gap_key(passes, seam.gap) for seam in seams]
-        known: dict[bytes, _Made] = {}
+        known: dict[bytes, _FilledGap] = {}
         asked: dict[bytes | int, int] = {}  # the row of each gap that has to be filled
         for row, key in enumerate(keys):
             if key is not None and key in self._kept:
@@ -167,7 +167,7 @@ class TransitionCache:
                 out[row] = known[key].put_in(seams[row])
         return [out[row] for row in range(len(seams))]
 
-    def _keep(self, key: bytes, seam: Seam) -> _Made:
+    def _keep(self, key: bytes, seam: Seam) -> _FilledGap:
         clip = seam.new_frames
         compact = unchecked_copy(
             clip,
@@ -176,7 +176,7 @@ class TransitionCache:
             translations=None if clip.translations is None else np.array(clip.translations),
             channels=None,
         )
-        kept = self._kept[key] = _Made(compact, seam.frame_warnings, seam.depth, seam.peak_m_s)
+        kept = self._kept[key] = _FilledGap(compact, seam.frame_warnings, seam.depth, seam.peak_m_s)
         self.nbytes += compact.nbytes + _ENTRY_BYTES
         while self.nbytes > self.most_bytes:
             _, oldest = self._kept.popitem(last=False)
@@ -184,7 +184,7 @@ class TransitionCache:
         return kept
 
 
-class _Made(NamedTuple):
+class _FilledGap(NamedTuple):
     """What the passes that batch made of a gap: the fields of its seam."""
 
     clip: Clip

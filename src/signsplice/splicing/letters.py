@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
-from signsplice.lexicon.entry import LETTER_MARK
+from signsplice.lexicon.gloss import LETTER_MARK
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, unchecked_copy

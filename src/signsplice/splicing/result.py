@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from signsplice.body.clearance import Contact
-from signsplice.lexicon.entry import is_letter
+from signsplice.lexicon.gloss import is_letter
 from signsplice.motion.clip import Clip
 from signsplice.splicing.durations import NATURAL, seconds_a_sign
 from signsplice.splicing.seam import SeamScore

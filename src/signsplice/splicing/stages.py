@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from signsplice.body.retarget import align
 from signsplice.errors import FormatError, InputError, SignspliceError
-from signsplice.lexicon.entry import is_letter
+from signsplice.lexicon.gloss import is_letter
 from signsplice.motion.clip import Clip, resample
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.inspection import clip_warnings

@@ -9,14 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from signsplice.body.clearance import Contact
-from signsplice.lexicon.sentence import SentenceToken, brows, pauses, starts
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
 from signsplice.splicing.contracts import Cut, Cutter, cut_clips
+
+if TYPE_CHECKING:
+    from signsplice.lexicon.sentence import SentenceToken
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +42,12 @@ def words_of(tokens: Sequence[SentenceToken], clip_of: Callable[[str], Clip], ha
     """The words that sign the tokens of a line (``lexicon.sentence.parse``); ``clip_of``: gloss -> clip, such as
     ``Lexicon.clip``. ``has_pauses``: whether words are held at the marks of the line.
     """
-    begins, held, asked = set(starts(tokens)), pauses(tokens) if has_pauses else {}, brows(tokens)
-    glosses = [gloss for token in tokens for gloss in token.glosses]
-    return [Word(clip_of(gloss), k in begins, held.get(k), asked.get(k)) for k, gloss in enumerate(glosses)]
+    from signsplice.lexicon.sentence import line_glosses
+
+    return [
+        Word(clip_of(one.gloss), one.starts, one.pause if has_pauses else None, one.brow)
+        for one in line_glosses(tokens)
+    ]
 
 
 def check_list(clips: object) -> None:

@@ -301,7 +301,7 @@ class WordReading:
 
 
 @dataclass(frozen=True, eq=False)
-class _Word:
+class _Shown:
     """A word before it is read.
 
     trajectory: what the network is shown of it, from frame ``first`` on, at ``FEATURE_FPS``.
@@ -323,7 +323,7 @@ class WordReader:
 
     def __init__(self, sessions: Sessions) -> None:
         self.sessions = sessions
-        self._words: WeakKeyDictionary[Clip, _Word] = WeakKeyDictionary()
+        self._words: WeakKeyDictionary[Clip, _Shown] = WeakKeyDictionary()
 
     def alone(self, clip: Clip) -> tuple[WordReading, WordReading]:
         """A word seen with its own busier hand at the right: its end and its beginning, one and the same unless it is
@@ -341,7 +341,7 @@ class WordReader:
         mirror = left_hand_busier(p.trajectory, q.trajectory)
         return self._reading(p, mirror, end=True), self._reading(q, mirror, end=False)
 
-    def prepare(self, clips: Sequence[Clip]) -> list[_Word]:
+    def prepare(self, clips: Sequence[Clip]) -> list[_Shown]:
         """The words of aligned clips; those that are new are brought into canonical form."""
         sources = [clip if clip.source_clip is None else clip.source_clip for clip in clips]
         for clip in sources:
@@ -354,7 +354,7 @@ class WordReader:
         for clip in clips:
             self._words.pop(clip.source_clip or clip, None)
 
-    def _alone(self, word: _Word, mirror: bool, end: bool) -> WordReading:
+    def _alone(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
         """The reading by the busier hand, with the strokes that the other one makes while that rests."""
         key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, True)
         if key not in word.readings:
@@ -367,7 +367,7 @@ class WordReader:
             word.readings[key] = own
         return word.readings[key]
 
-    def _reading(self, word: _Word, mirror: bool, end: bool) -> WordReading:
+    def _reading(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
         key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, False)
         if key not in word.readings:
             tokens = word_tokens(mirrored(word.trajectory) if mirror else word.trajectory)
@@ -395,7 +395,7 @@ class WordReader:
         return word.readings[key]
 
 
-def _without_long_rests(motion: CanonicalMotion) -> _Word:
+def _without_long_rests(motion: CanonicalMotion) -> _Shown:
     """A word without the rest, or the standing still wherever the hands are, that goes beyond ``REST_FRAMES``: the
     networks learned from words that begin and end soon.
     """
@@ -410,7 +410,7 @@ def _without_long_rests(motion: CanonicalMotion) -> _Word:
     kept = slice(first, n - max(0, _n_left_out(whole.positions[::-1], away[::-1], n - stop)))
     start, stop = max(start, first), min(stop, kept.stop)
     shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
-    return _Word(shown, first, (start - first, stop - first))
+    return _Shown(shown, first, (start - first, stop - first))
 
 
 def _n_left_out(positions: FloatArray, away: Mask, n_low: int) -> int:

@@ -19,7 +19,7 @@ import torch
 
 from signsplice.errors import InputError
 from signsplice.evaluation.hidden_frames import LENGTHS, SHOWN, hidden_frames
-from signsplice.lexicon.reader import open_lexicon
+from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion

@@ -1,4 +1,4 @@
-"""splicing.forms: the words that ship have forms, which the synthetic signer makes; other lexicons do not."""
+"""lexicon.lexicon: the words that ship have forms, which the synthetic signer makes; other lexicons do not."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ import pytest
 from signing import SIGNS
 from signsplice import lexicon
 from signsplice.errors import UnknownGlossError
-from signsplice.lexicon.reader import SHIPPED, Lexicon
+from signsplice.lexicon.lexicon import SHIPPED, FormsOfSigns, Lexicon, open_lexicon
 from signsplice.lexicon.sentence import parse
-from signsplice.splicing.forms import WordsWithForms, open_lexicon
 from signsplice.synth import inflection, planner
 
 
@@ -87,7 +86,7 @@ def test_other_lexicons_have_no_forms(tmp_path: Path, words: Lexicon) -> None:
         for gloss in ("GIVE", "I", "YOU"):
             builder.add(words.clip(gloss))
     with open_lexicon(tmp_path / "lex") as mine:
-        assert type(mine) is Lexicon
+        assert len(mine.sources) == 1
         (given, *_) = parse("I-GIVE-YOU", mine)
         assert given.note == "'I-GIVE-YOU' is no gloss, and read as I GIVE YOU"
 
@@ -95,6 +94,6 @@ def test_other_lexicons_have_no_forms(tmp_path: Path, words: Lexicon) -> None:
 def test_it_opens_by_path_and_in_another_process() -> None:
     with open_lexicon(SHIPPED) as by_path:
         copy = pickle.loads(pickle.dumps(by_path))
-        assert type(by_path) is type(copy) is WordsWithForms
+        assert type(by_path.sources[1]) is type(copy.sources[1]) is FormsOfSigns
         assert "2-GIVE-1" in copy
         copy.close()

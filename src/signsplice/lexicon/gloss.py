@@ -1,8 +1,13 @@
-"""The entry of a word in a lexicon, and the rules for glosses."""
+"""Glosses: how they are written, what an entry says of one, and which are most like a word that is none.
+
+It opens no file and loads no database, so that a splice may ask what a letter is.
+"""
 
 from __future__ import annotations
 
 import unicodedata
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from signsplice.errors import InputError
@@ -10,6 +15,8 @@ from signsplice.errors import InputError
 KINDS = ("sign", "letter")
 LETTER_MARK = "fs-"
 """Prefix of the glosses of letters: fs-A."""
+_TIES = 4
+"""How many times as many names are compared for ties as are suggested."""
 
 
 @dataclass(frozen=True)
@@ -84,3 +91,32 @@ def kind_of(gloss: str, kind: str = "") -> str:
 def fold(text: str) -> str:
     """The key by which a gloss is looked up: case, outer white space and the encoding of accents do not matter."""
     return unicodedata.normalize("NFC", "-".join(text.split())).casefold()
+
+
+class Suggestions:
+    """Finds the names in a lexicon most like a word that it lacks.
+
+    names: all glosses and synonyms, folded; of those that are equally like a word, the first ones come first.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._all = list(names)
+        self._signs = [name for name in self._all if not name.startswith(LETTER_MARK)]
+        self._with_part: dict[str, list[str]] = defaultdict(list)
+        for name in self._all:
+            if "-" in name:
+                for part in dict.fromkeys(name.split("-")):
+                    self._with_part[part].append(name)
+
+    def nearest(self, word: str, n: int, similarity: float) -> list[str]:
+        """Up to ``n`` names most like a folded word, as ``Lexicon.nearest`` says."""
+        from rapidfuzz.distance import OSA, Indel  # 30 ms, which only unknown words cost
+        from rapidfuzz.process import extract
+
+        spells = word.startswith(LETTER_MARK)
+        parts = self._with_part.get(word.replace("'", ""), ())
+        whole = [name for name in parts if spells or not name.startswith(LETTER_MARK)]
+        names, scorer = self._all if spells else self._signs, Indel.normalized_similarity
+        similar = extract(word, names, scorer=scorer, score_cutoff=similarity, limit=_TIES * n)
+        similar.sort(key=lambda match: (-match[1], OSA.distance(word, match[0])))
+        return list(dict.fromkeys([*whole, *(name for name, _, _ in similar)]))[:n]

@@ -1,0 +1,386 @@
+"""Which file of a folder is which word: by its name, by the table ``glosses.csv``, or by the recipe of an archive.
+
+A recipe is a pattern of paths. Its group ``gloss`` is needed; ``variant``, ``alt`` and ``spelled`` tell recordings of
+one gloss apart; of those that are left, the newest ``date`` wins, then the highest ``take``, then the first ``kind``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import re
+import unicodedata
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from signsplice.errors import FormatError, InputError
+from signsplice.formats import READ_SUFFIXES
+from signsplice.formats.json_files import read_json
+from signsplice.formats.reading import read_bytes
+from signsplice.lexicon.gloss import fold, gloss_of, kind_of
+
+TABLE = "glosses.csv"
+COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant",
+           "face")  # fmt: skip
+_CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
+
+
+@dataclass(frozen=True)
+class GlossRow:
+    """A row of the table, checked; fields that the table leaves out are empty.
+
+    file: path of the clip, relative to the folder.
+    gloss, synonyms, signer, source, checked, kind: as in ``Entry``.
+    line: number of the row in the table, 0 without one.
+    span: start and end of the word in seconds; None where it begins or ends with the clip.
+    face: path of the clip's face, relative to the folder.
+    """
+
+    file: str
+    gloss: str = ""
+    synonyms: tuple[str, ...] = ()
+    signer: str = ""
+    source: str = ""
+    checked: bool = False
+    kind: str = ""
+    line: int = 0
+    span: tuple[float | None, float | None] = (None, None)
+    face: str = ""
+
+
+def read_table(path: str | Path) -> tuple[list[GlossRow], list[str]]:
+    """The rows, and every fault of the table as a line ``FILE:LINE: what, expected what``.
+
+    The table is UTF-8 with commas and a header of ``file`` and any other of ``COLUMNS``; synonyms are separated by
+    ``;``; checked is yes or no; a file has several rows where start or end tells its
+    words apart. Raises ``InputError`` where the file cannot be read, ``FormatError`` where its header is wrong.
+    """
+    file = str(path)
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=file, line=line) from error
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    rows: dict[tuple[str, object], GlossRow] = {}
+    faults: list[str] = []
+    try:
+        head = [cell.strip().lower() for cell in next(reader, [])]
+        _check_head(head, file)
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            try:
+                row = _row(head, cells, reader.line_num)
+                first = rows.setdefault((row.file, row.span), row)
+                if first is not row:
+                    raise InputError(f"{row.file} stands in line {first.line} too, expected one row a file")
+            except InputError as error:
+                faults.append(str(FormatError(str(error)[:300], file=file, line=reader.line_num)))
+    except csv.Error as error:
+        faults.append(str(FormatError(f"is no table ({error})", file=file, line=reader.line_num)))
+    return [*rows.values()], faults
+
+
+def _check_head(head: list[str], file: str) -> None:
+    expected = f"expected {', '.join(COLUMNS)} parted by commas, of which only file must be there"
+    unknown = [name for name in head if name not in COLUMNS]
+    if unknown or "file" not in head:
+        what = f"column {unknown[0][:40]!r}" if unknown else "no column 'file'"
+        raise FormatError(f"{what}, {expected}", file=file, line=1)
+    twice = [name for name in head if head.count(name) > 1]
+    if twice:
+        raise FormatError(f"column {twice[0]!r} stands twice, expected once", file=file, line=1)
+
+
+def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
+    if len(cells) != len(head):
+        raise InputError(f"{len(cells)} cells, expected {len(head)} as in the head; quote cells that hold commas")
+    fields = dict.fromkeys(COLUMNS, "") | {name: cell.strip() for name, cell in zip(head, cells, strict=True)}
+    if not fields["file"]:
+        raise InputError("no file named, expected a clip's name")
+    if fields["checked"].lower() not in _CHECKED:
+        raise InputError(f"checked {fields['checked']!r}, expected yes, no or nothing")
+    gloss = gloss_of(fields["gloss"]) if fields["gloss"] else ""
+    kind = fields["kind"].lower()
+    if fields["variant"]:
+        gloss = gloss_of(f"{gloss or gloss_of(Path(fields['file']).stem)}-{fields['variant']}")
+    kind_of(gloss or gloss_of(Path(fields["file"]).stem), kind)
+    return GlossRow(
+        file=_path(fields["file"]),
+        gloss=gloss,
+        synonyms=tuple(gloss_of(name) for name in fields["synonyms"].split(";") if name.strip()),
+        signer=fields["signer"],
+        source=fields["source"],
+        checked=_CHECKED[fields["checked"].lower()],
+        kind=kind,
+        line=line,
+        span=(_seconds(fields["start"]), _seconds(fields["end"])),
+        face=_path(fields["face"]),
+    )
+
+
+def _path(cell: str) -> str:
+    """A path relative to the folder, as it is named everywhere."""
+    return cell.replace("\\", "/").removeprefix("./")
+
+
+def _seconds(cell: str) -> float | None:
+    """A time in seconds; None where the cell is empty."""
+    try:
+        time = float(cell) if cell else None
+    except ValueError:
+        time = math.nan
+    if time is not None and not 0.0 <= time < math.inf:
+        raise InputError(f"time {cell[:40]!r}, expected seconds")
+    return time
+
+
+@dataclass(frozen=True)
+class WordFile:
+    """A clip's file and the metadata of its word.
+
+    paths: the file, and others of the same recording that are read where it is broken.
+    where: where its gloss comes from, for messages.
+    row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
+    face: the file with its face that the table names.
+    """
+
+    paths: tuple[Path, ...]
+    where: str
+    row: GlossRow
+    face: Path | None = None
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.paths[0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Gloss and synonyms."""
+        return self.row.gloss, *self.row.synonyms
+
+
+_GROUPS = ("gloss", "variant", "alt", "spelled", "date", "take", "kind")
+_SHAPE = 'an object such as {"pattern": "(?P<gloss>[^/]+)_v(?P<variant>[0-9]+)", "kinds": ["Full", "Mini"]}'
+
+
+@dataclass(frozen=True)
+class ArchiveRecipe:
+    """How an archive names its files.
+
+    pattern: matches the end of a file's path in the archive, without its suffix, by some of ``_GROUPS``.
+    kinds: what the group ``kind`` may be, best first: other forms of one recording.
+    unread: how the names of files end that hold more of a word and are not read, and why not.
+    """
+
+    pattern: re.Pattern[str]
+    kinds: tuple[str, ...] = ()
+    unread: tuple[str, str] = ("", "")
+
+
+def _recipe(pattern: str, *kinds: str, unread: tuple[str, str] = ("", "")) -> ArchiveRecipe:
+    return ArchiveRecipe(re.compile(f"(?:^|.*/){pattern}$", re.DOTALL), kinds, unread)
+
+
+RECIPES = {
+    "flat": _recipe(r"(?P<gloss>[^/]+)"),
+    "dated": _recipe(r"(?P<gloss>[^/]+?)(?:-(?P<variant>[A-Z]))?_(?P<date>\d{6})_(?P<take>\d+)"),
+    "studiogalt": _recipe(
+        r"SG \w+ (?P<gloss>[^/]+?)(?: (?:(?P<variant>\d+)|(?P<alt>\(Alt\))|(?P<spelled>Fingerspelling)))*"
+        r" (?P<date>\d{4}-\d{1,2}-\d{1,2})(?: Upload)?/[^/]* No Mesh (?P<kind>[^/ ]+)",
+        "Full", "Mini", "Mixamo",
+        unread=("ShapeKeys.txt", "no source names their numbers; they stay beside the recordings"),
+    ),
+}  # fmt: skip
+"""The recipes that ship: NAME; NAME-A_241127_1; and folders such as ``SG ASL Abhor 2 2023-2-4 Upload``."""
+
+
+def find_recipe(name: str) -> ArchiveRecipe:
+    """The recipe of a name in ``RECIPES``, or in a file. Raises ``InputError`` where there is none."""
+    if name in RECIPES:
+        return RECIPES[name]
+    if Path(name).suffix.lower() != ".json":
+        expected = f"expected {', '.join(RECIPES)}, a .csv table or a .json file"
+        raise InputError(f"recipe {name!r:.80}, {expected}")
+    loaded = read_json(name, _SHAPE)
+    kinds = loaded.get("kinds", []) if isinstance(loaded, dict) else None
+    pattern = loaded.get("pattern") if isinstance(loaded, dict) else None
+    if not isinstance(pattern, str) or not isinstance(kinds, list) or not all(isinstance(kind, str) for kind in kinds):
+        raise FormatError(f"is no recipe, expected {_SHAPE}", file=name)
+    try:
+        recipe = _recipe(pattern, *kinds)
+    except re.error as error:
+        raise FormatError(f"pattern: {error}", file=name) from error
+    groups = recipe.pattern.groupindex
+    if "gloss" not in groups or not {*groups} <= {*_GROUPS}:
+        raise FormatError(
+            f"pattern names {', '.join(groups) or 'no groups'}, expected gloss and {', '.join(_GROUPS[1:])}", file=name
+        )
+    return recipe
+
+
+def _recordings(
+    folder: Path, files: Iterable[Path], recipe: ArchiveRecipe, signer: str
+) -> tuple[list[WordFile], list[str]]:
+    """The words of an archive by gloss, and a line for each file and folder that gives none."""
+    ranked: defaultdict[tuple[str, str], list[tuple[Any, Path]]] = defaultdict(list)
+    used, left_out = set(), []
+    for path in files:
+        used.add(path.parent)
+        match = recipe.pattern.match(path.relative_to(folder).as_posix().removesuffix(path.suffix))
+        if match is None:
+            left_out.append(f"{path}: its path does not fit the recipe")
+            continue
+        groups = match.groupdict()
+        try:
+            gloss = gloss_of(groups["gloss"].replace("_", " "))
+        except InputError as error:
+            left_out.append(f"{path}: {error}")
+            continue
+        parts = [groups.get("variant"), groups.get("alt") and "ALT", groups.get("spelled") and "SPELLED"]
+        ranked[gloss, "-".join(filter(None, parts))].append((_preference(groups, recipe.kinds), path))
+    left_out += [f"{empty}: holds no clip" for empty in sorted(_leaves(folder) - used)]
+    glosses = {gloss for gloss, variant in ranked if not variant}
+    words = []
+    for gloss, variant in sorted(ranked, key=lambda key: (key[0], len(key[1]), key[1])):
+        paths = [path for _, path in sorted(ranked[gloss, variant], key=lambda row: row[0], reverse=True)]
+        synonyms = (gloss,) if gloss not in glosses else ()
+        glosses.add(gloss)  # the first variant of a gloss is found by the gloss alone
+        source = paths[0].relative_to(folder).as_posix()
+        row = GlossRow(source, f"{gloss}-{variant}" if variant else gloss, synonyms, signer, source)
+        words.append(WordFile(tuple(paths), str(paths[0]), row))
+    return words, left_out
+
+
+def _preference(groups: dict[str, str | None], kinds: Sequence[str]) -> tuple[list[int], int, int]:
+    """What a better recording of a word has more of: a later date, a higher take, an earlier kind."""
+    date = [int(number) for number in re.findall(r"\d+", groups.get("date") or "")]
+    kind = groups.get("kind")
+    return date, int(groups.get("take") or 0), -kinds.index(kind) if kind in kinds else -len(kinds)
+
+
+def _leaves(folder: Path) -> set[Path]:
+    """The folders below one that hold files; without hidden ones."""
+    found = set()
+    for parent, subfolders, names in os.walk(folder):
+        subfolders[:] = [name for name in subfolders if not name.startswith(".")]
+        if names and Path(parent) != folder:
+            found.add(Path(parent))
+    return found
+
+
+def find_word_files(folder: str | Path, signer: str = "", table: str | Path = "") -> tuple[list[WordFile], list[str]]:
+    """Every clip below a folder, sorted by name, and the faults of file names and table, one line each.
+
+    table: names the clips that are meant, in place of ``glosses.csv``, which names some. Subfolders are searched,
+    except hidden ones and links. Raises ``InputError`` where there is no clip or a folder cannot be read.
+    """
+    folder = Path(folder)
+    files = {unicodedata.normalize("NFC", path.relative_to(folder).as_posix()): path for path in _files(folder)}
+    path_of_table = Path(table or folder / TABLE)
+    rows: list[GlossRow] = []
+    faults: list[str] = []
+    if table or path_of_table.exists():
+        try:
+            rows, faults = read_table(path_of_table)
+        except InputError as error:
+            faults = [str(error)]
+    by_file: defaultdict[str, list[GlossRow]] = defaultdict(list)
+    for row in rows:
+        by_file[unicodedata.normalize("NFC", row.file)].append(row)
+    words: list[WordFile] = []
+    for name, path in files.items():
+        for row in by_file.pop(name, [] if table else [GlossRow(name)]):
+            try:
+                named = replace(
+                    row,
+                    gloss=row.gloss or gloss_of(path.stem),
+                    signer=row.signer or signer,
+                    source=row.source or row.file,
+                )
+            except InputError as error:
+                faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
+                continue
+            where = f"{path} ({path_of_table}:{row.line})" if row.line else str(path)
+            words.append(WordFile((path,), where, named, folder / row.face if row.face else None))
+    lost = [row for rows in by_file.values() for row in rows]
+    faults += [f"{path_of_table}:{row.line}: no clip {row.file} in {folder}" for row in lost]
+    return words, faults + [fault for _, fault in _duplicates(words)]
+
+
+def gather(
+    folders: Sequence[str | Path], output: str | Path, recipe: str, signer: str
+) -> tuple[list[WordFile], list[str]]:
+    """The words of all folders, each gloss once, and a line for each fault or, by a recipe, for each file that is left
+    out. Raises ``InputError`` where one folder holds the output, or lies in it.
+    """
+    words, lines, target = list[WordFile](), list[str](), Path(output).resolve()
+    for folder in folders:
+        read = Path(folder).resolve()
+        if target.is_relative_to(read) or read.is_relative_to(target):
+            raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
+        if _is_archive(recipe):
+            more, faults = _recordings(Path(folder), _files(Path(folder)), find_recipe(recipe), signer)
+        else:
+            more, faults = find_word_files(folder, signer, recipe)
+        hidden = {word for word, _ in _duplicates(more)} if recipe else set()
+        words += (word for word in more if word not in hidden)
+        lines += faults
+    twice = _duplicates(words) if len(folders) > 1 else []
+    hidden = {word for word, _ in twice}
+    lines = list(dict.fromkeys([*lines, *(line for _, line in twice)]))
+    return [word for word in words if word not in hidden], lines
+
+
+def _is_archive(recipe: str) -> bool:
+    """Whether a recipe goes by the names of files, not by a table."""
+    return bool(recipe) and not recipe.lower().endswith(".csv")
+
+
+def unread(folders: Iterable[str | Path], recipe: str) -> tuple[str, ...]:
+    """Lines about files of archives that hold more of their words and are not read."""
+    end, reason = find_recipe(recipe).unread if _is_archive(recipe) else ("", "")
+    lines = []
+    for folder in folders if end else ():
+        count = sum(name.endswith(end) for _, _, names in os.walk(folder) for name in names)
+        lines += [f"{count} files ...{end} not read: {reason}"] if count else []
+    return tuple(lines)
+
+
+def _files(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        what = "is a file" if folder.exists() else "no such folder"
+        raise InputError(f"{folder}: {what}, expected a folder of clips ({', '.join(READ_SUFFIXES)})")
+
+    def fail(error: OSError) -> None:
+        raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
+
+    found = []
+    for parent, subfolders, names in os.walk(folder, onerror=fail):
+        subfolders[:] = [name for name in subfolders if not name.startswith(".")]
+        visible = [Path(parent, name) for name in names if not name.startswith(".")]
+        found += [path for path in visible if path.suffix.lower() in READ_SUFFIXES]
+    if not found:
+        raise InputError(f"{folder}: no clips in it, expected files that end in {' or '.join(READ_SUFFIXES)}")
+    return sorted(found, key=lambda path: path.relative_to(folder).as_posix())
+
+
+def _duplicates(words: Sequence[WordFile]) -> list[tuple[WordFile, str]]:
+    """The words whose gloss or synonym another has before them, each with a line that says so."""
+    owners: dict[str, WordFile] = {}
+    twice = []
+    for word in words:
+        for name in dict.fromkeys(map(fold, word.names)):
+            owner = owners.setdefault(name, word)
+            if owner is not word:
+                shown = next(shown for shown in word.names if fold(shown) == name)
+                line = f"{word.where}: gloss {shown!r} is that of {owner.where} too, expected different glosses"
+                twice.append((word, f"{line}; name them in {TABLE}"))
+    return twice

@@ -1,0 +1,493 @@
+"""The folder of a lexicon, read: an index in SQLite, and the frames of all words, mapped into memory.
+
+Both files are written once (``builder``) and never changed. SQLite opens the index as immutable: it takes no lock and
+creates no other file, so the folder may be read-only.
+
+Version 2 of the format has a table of extensions: named bytes that a later version of this package adds to a word. A
+reader keeps names that it does not know and ignores them, so no extension needs a new version. Version 1, without that
+table, is read too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import mmap
+import re
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import astuple, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from signsplice.errors import InputError
+from signsplice.formats import skeletons
+from signsplice.formats.json_files import check_type, parse_json
+from signsplice.formats.reading import opened
+from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
+from signsplice.lexicon.gloss import KINDS, Entry, fold
+from signsplice.motion.clip import Clip, Skeleton
+from signsplice.progress import Progress
+from signsplice.rig.inspection import clip_warnings
+
+INDEX = "index.sqlite"
+VERSION = 2
+APPLICATION_ID = 0x53_50_4C_58
+"""SQLite's application id in the file's header, by which a lexicon's index is recognised."""
+
+_TABLES = (
+    "CREATE TABLE lexicon "
+    "(form TEXT NOT NULL, n_words INTEGER NOT NULL, n_bytes INTEGER NOT NULL, sha256 TEXT NOT NULL)",
+    "CREATE TABLE skeleton (id INTEGER PRIMARY KEY, sha256 TEXT NOT NULL, described TEXT NOT NULL)",
+    """CREATE TABLE word (
+    id INTEGER PRIMARY KEY, gloss TEXT NOT NULL, kind TEXT NOT NULL, synonyms TEXT NOT NULL, fps REAL NOT NULL,
+    n_frames INTEGER NOT NULL, signer TEXT NOT NULL, source TEXT NOT NULL, checked INTEGER NOT NULL,
+    rest_before INTEGER, rest_after INTEGER, sha256 TEXT NOT NULL,
+    skeleton INTEGER NOT NULL, start INTEGER NOT NULL, n_bytes INTEGER NOT NULL, has_translations INTEGER NOT NULL
+)""",
+    "CREATE TABLE name "
+    "(folded TEXT PRIMARY KEY, shown TEXT NOT NULL, is_gloss INTEGER NOT NULL, word INTEGER NOT NULL)\nWITHOUT ROWID",
+    "CREATE TABLE extension "
+    "(word INTEGER NOT NULL, name TEXT NOT NULL, value BLOB NOT NULL, PRIMARY KEY (word, name))\nWITHOUT ROWID",
+)
+"""As SQLite keeps them, the last one since version 2: an index with other tables, or with views, is not read, since a
+view can run for ever."""
+SCHEMA = f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; {'; '.join(_TABLES)};"
+COLUMNS = (
+    "gloss, kind, synonyms, fps, n_frames, signer, source, checked, rest_before, rest_after, sha256, "
+    "skeleton, start, n_bytes, has_translations"
+)
+_STEPS_PER_BYTE = 20
+"""Steps of SQLite's machine that a query may take for each byte of the file: a whole table takes less than one, pages
+that lead to each other in circles take any number.
+"""
+_SHA256 = re.compile("[0-9a-f]{64}")
+_MOST_FRAMES, _MOST_FPS = 2**40, 1e6
+REBUILD = "build the lexicon again"
+BUILD_HINT = "build one from a folder of clips by `signsplice lexicon build`"
+
+
+@dataclass(frozen=True)
+class Head:
+    """Properties of a whole lexicon.
+
+    form: how rotations are stored.
+    n_words: number of words, letters included.
+    n_bytes: size of the frames file.
+    sha256: hash of all entries and places of words, in the order in which they were added; up to version 0.4, of their
+        hashes.
+    """
+
+    form: str
+    n_words: int
+    n_bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class ClipLocation:
+    """Where a word's clip is stored.
+
+    skeleton: number of its skeleton in the index.
+    start: first byte in the frames file.
+    n_bytes: number of bytes.
+    has_translations: whether bone lengths change.
+    """
+
+    skeleton: int
+    start: int
+    n_bytes: int
+    has_translations: bool
+
+
+@dataclass(frozen=True)
+class SourceWord:
+    """A word that a source of a lexicon has.
+
+    gloss: its gloss.
+    entry, clip, extensions: functions that give its entry, its clip, and its named bytes.
+    """
+
+    gloss: str
+    entry: Callable[[], Entry]
+    clip: Callable[[], Clip]
+    extensions: Callable[[], dict[str, bytes]] = dict
+
+
+class Index:
+    """An index open for reading, for any number of threads. Raises ``InputError`` where it is missing, not ours, of a
+    newer version or damaged, when it is opened or when the damage is found.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        self._file: sqlite3.Connection | None = None
+        try:
+            self._file = sqlite3.connect(
+                path.absolute().as_uri() + "?mode=ro&immutable=1", uri=True, check_same_thread=False
+            )
+            self._n_bytes = path.stat().st_size
+            self._file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(self._n_bytes, 1 << 20))
+            self._file.set_progress_handler(self._step, 1000)
+            application, version = self._numbers("application_id"), self._numbers("user_version")
+            if application != APPLICATION_ID:
+                raise InputError(f"{path}: is no index of a lexicon, expected one that signsplice wrote")
+            if not 1 <= version <= VERSION:
+                raise InputError(f"{path}: version {version}, expected 1 or {VERSION}; {REBUILD}, or update signsplice")
+            self._has_extensions = version > 1
+            tables = _TABLES if self._has_extensions else _TABLES[:-1]
+            if {sql for (sql,) in self.ask("SELECT sql FROM sqlite_master")} != set(tables):
+                raise InputError(f"{path}: has other tables than those of a lexicon; {REBUILD}")
+            self.head = Head(*self.ask("SELECT form, n_words, n_bytes, sha256 FROM lexicon")[0])
+            _check_types(self.head)
+            if self.head.n_words < 1:
+                raise InputError(f"{path}: {self.head.n_words} words, expected at least one; {REBUILD}")
+        except (IndexError, TypeError) as error:
+            self.close()
+            raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
+        except (OSError, sqlite3.Error) as error:
+            self.close()
+            raise InputError(f"{path}: cannot be opened ({error}); {REBUILD}") from error
+        except BaseException:
+            self.close()
+            raise
+
+    def _step(self) -> bool:
+        """Whether a query has gone on for too long; called every thousand steps."""
+        self._steps_left -= 1000
+        return self._steps_left < 0
+
+    def _numbers(self, pragma: str) -> int:
+        return int(self.ask(f"PRAGMA {pragma}")[0][0])
+
+    def ask(self, query: str, *values: object) -> list[Any]:
+        """All rows of a query."""
+        with self._lock:
+            if self._file is None:
+                raise InputError(f"{self.path.parent}: the lexicon is closed")
+            self._steps_left = max(self._n_bytes, 1 << 14) * _STEPS_PER_BYTE
+            try:
+                return self._file.execute(query, values).fetchall()
+            except Exception as error:  # UnicodeDecodeError too, where damage is in what SQLite wants to say
+                reason = " ".join(str(error).split())[:200]
+                raise InputError(f"{self.path}: cannot be read ({reason}); {REBUILD}") from error
+
+    def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
+        """The word with this gloss or synonym and its location, None where there is none."""
+        # Lone surrogates, as in names of undecodable bytes, become "?", since SQLite does not accept them.
+        folded = fold(name).encode("utf-8", "replace").decode()
+        rows = self.ask(f"SELECT {COLUMNS} FROM word WHERE id = (SELECT word FROM name WHERE folded = ?)", folded)
+        if not rows:
+            return None
+        entry, location = self._word(rows[0])
+        if folded not in map(fold, (entry.gloss, *entry.synonyms)):
+            raise InputError(f"{self.path}: {name[:40]!r} leads to the word {entry.gloss[:40]!r}; {REBUILD}")
+        return entry, location
+
+    def words(self) -> Iterator[tuple[Entry, ClipLocation]]:
+        """Every word and its location, sorted by gloss."""
+        for row in self.ask(f"SELECT {COLUMNS} FROM word ORDER BY gloss"):
+            yield self._word(row)
+
+    def names(self) -> list[tuple[str, str, bool]]:
+        """(folded, shown, is a gloss) of every gloss and synonym: sorted, glosses first."""
+        rows = self.ask("SELECT folded, shown, is_gloss FROM name ORDER BY is_gloss DESC, shown")
+        return [(str(folded), str(shown), bool(is_gloss)) for folded, shown, is_gloss in rows]
+
+    def extensions(self, gloss: str) -> dict[str, bytes]:
+        """The extensions of a word, by name."""
+        query = "SELECT name, value FROM extension WHERE word = (SELECT word FROM name WHERE folded = ?) ORDER BY name"
+        rows = dict(self.ask(query, fold(gloss))) if self._has_extensions else {}
+        if not all(type(name) is str and type(value) is bytes for name, value in rows.items()):
+            raise InputError(f"{self.path}: an extension of the word {gloss[:40]!r} is damaged; {REBUILD}")
+        return rows
+
+    def check(self) -> None:
+        """Raise ``InputError`` where an entry or a name is not as it was written. Of lexicons of versions up to 0.4,
+        which have no hash of their entries: where a name is no entry's.
+        """
+        whole, motions, names = hashlib.sha256(), hashlib.sha256(), set()
+        for row in self.ask(f"SELECT {COLUMNS} FROM word ORDER BY id"):
+            entry, location = self._word(row)
+            whole.update(row_digest(entry, location, self.extensions(entry.gloss)))
+            motions.update(bytes.fromhex(entry.sha256))
+            names |= {(fold(name), name, name == entry.gloss) for name in (entry.gloss, *entry.synonyms)}
+        if self.head.sha256 not in (whole.hexdigest(), motions.hexdigest()) or names != set(self.names()):
+            raise InputError(f"{self.path}: its entries are not those that were written; {REBUILD}")
+
+    def skeleton(self, number: int) -> tuple[Skeleton, str]:
+        """A skeleton and the SHA-256 of its description."""
+        rows = self.ask("SELECT described, sha256 FROM skeleton WHERE id = ?", number)
+        try:
+            description, digest = rows[0]
+            if sha256(description) != digest:
+                raise InputError("its SHA-256 is another")
+            return skeletons.from_json(parse_json(description.encode(), "", "a skeleton")), digest
+        except Exception as error:  # of whatever a crafted description makes of a skeleton
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+            raise InputError(f"{self.path}: skeleton {number} is damaged ({reason}); {REBUILD}") from error
+
+    def _word(self, row: tuple[Any, ...]) -> tuple[Entry, ClipLocation]:
+        try:
+            gloss, kind, synonyms, fps, n_frames, signer, source, checked, before, after, digest, *location = row
+            if {checked, location[3]} - {0, 1}:
+                raise ValueError("a mark is neither 0 nor 1")
+            names = json.loads(synonyms)
+            check_type(names, list[str], "synonyms")
+            given = (gloss, kind, tuple(names), fps, n_frames, signer, source, bool(checked), before, after, digest)
+            entry, at = Entry(*given), ClipLocation(location[0], location[1], location[2], bool(location[3]))
+            _check_types(entry)
+            _check_types(at)
+            _check_entry(entry)
+            if at.start < 0 or at.n_bytes < 0:
+                raise ValueError("negative sizes")
+        except (TypeError, ValueError, RecursionError) as error:
+            reason = str(error).partition(";")[0][:200]
+            raise InputError(f"{self.path}: word {str(row[0])[:40]!r} is damaged ({reason}); {REBUILD}") from error
+        return entry, at
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            if self._file is not None:
+                self._file.close()
+            self._file = None
+
+
+class StoredWords:
+    """The words of a lexicon's folder, for any number of threads; clips remain valid after it closes. Raises
+    ``InputError`` where the folder holds no valid lexicon of this version or an earlier one.
+
+    path, where: the folder, and as messages name it.
+    form: how rotations are stored: "float32" or "int16".
+    n_bytes: size of the frames file.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path, self.where = Path(path), str(path)
+        self._lock = threading.Lock()
+        self._skeletons: dict[int, tuple[Skeleton, str]] = {}
+        self._frames: mmap.mmap | None
+        while True:
+            place = _place(self.path)
+            try:
+                self._index, self._frames = _files(self.path)
+                break
+            except InputError:
+                if _place(self.path) == place:
+                    raise  # else another lexicon has taken its place between one file and the next
+        self.form, self.n_bytes = self._index.head.form, self._index.head.n_bytes
+
+    def __reduce__(self) -> tuple[type[StoredWords], tuple[Path]]:
+        return type(self), (self.path,)
+
+    def close(self) -> None:
+        """Close both files."""
+        frames, self._frames = self._frames, None
+        self._index.close()
+        if frames is not None:
+            with suppress(BufferError):  # another thread is reading a word; the file is closed when that is done
+                frames.close()
+
+    def find(self, name: str) -> SourceWord | None:
+        """The word with this gloss or synonym, None where there is none."""
+        row = self._index.find(name)
+        if row is None:
+            return None
+        entry, location = row
+        extensions = partial(self._index.extensions, entry.gloss)
+        return SourceWord(entry.gloss, lambda: entry, partial(self._clip, entry, location), extensions)
+
+    def lists(self, name: str) -> bool:
+        """Whether it is the gloss or a synonym of a word."""
+        return self._index.find(name) is not None
+
+    def names(self) -> list[tuple[str, str, bool]]:
+        """(folded, shown, is a gloss) of every gloss and synonym: sorted, glosses first."""
+        return self._index.names()
+
+    def entries(self) -> Iterator[Entry]:
+        """The entries of all words, sorted by gloss."""
+        return (entry for entry, _ in self._index.words())
+
+    def faults(self, progress: Progress | None = None) -> Iterator[str]:
+        """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
+        n_words = 0
+        for entry, location in self._words(progress):
+            n_words += 1
+            try:
+                self._clip(entry, location)
+                for name in (entry.gloss, *entry.synonyms):
+                    found = self._index.find(name)
+                    if found is None or found[0].gloss != entry.gloss:
+                        yield f"{self.path}: word {entry.gloss[:40]!r}: is not found by {name[:40]!r}"
+            except InputError as error:
+                yield str(error)
+        if n_words != self._index.head.n_words:
+            yield f"{self.path}: {n_words} words, expected {self._index.head.n_words}"
+        try:
+            self._index.check()
+        except InputError as error:
+            yield str(error)
+
+    def verify(self) -> None:
+        """Compare every entry, and the bytes of every word, with their SHA-256. Raises ``InputError`` at the first that
+        is another.
+
+        Quicker than ``faults``, which decodes the words too: about a second for each GB.
+        """
+        for entry, location in self._words(None):
+            self._verify(entry, location)
+        self._index.check()
+
+    def warnings(self, progress: Progress | None = None) -> Iterator[str]:
+        """What a user should know about words that can be read, one line each."""
+        for entry, location in self._words(progress):
+            with suppress(InputError):  # ``faults`` names it
+                for line in clip_warnings(self._clip(entry, location)):
+                    yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
+
+    def _words(self, progress: Progress | None) -> Iterator[tuple[Entry, ClipLocation]]:
+        """Every word and its location; ``progress`` is called with how many are done and how many there are."""
+        for done, word in enumerate(self._index.words(), start=1):
+            yield word
+            if progress is not None:
+                progress(done, self._index.head.n_words)
+
+    def _clip(self, entry: Entry, location: ClipLocation) -> Clip:
+        block = self._block(location)
+        try:
+            skeleton, _ = self._skeleton(location.skeleton)
+            shape = Shape(self.form, entry.n_frames, len(skeleton), location.has_translations)
+            clip = decode(block, shape, skeleton, entry.fps, entry.gloss)
+        except Exception as error:  # of whatever damaged bytes make of a clip
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+            raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error
+        self._verify(entry, location)
+        return clip
+
+    def _verify(self, entry: Entry, location: ClipLocation) -> None:
+        """Raise ``InputError`` where a word's bytes are not those that were written: few flips make them unreadable."""
+        found = fingerprint(self._block(location), self._skeleton(location.skeleton)[1], entry.fps, entry.n_frames)
+        if found != entry.sha256:
+            raise InputError(
+                f"{self.path}: word {entry.gloss[:40]!r}: its SHA-256 is another than when it was written; {REBUILD}"
+            )
+
+    def _block(self, location: ClipLocation) -> memoryview:
+        frames = self._frames  # once, since another thread may close
+        if frames is None or frames.closed:
+            raise InputError(f"{self.path}: the lexicon is closed")
+        return memoryview(frames)[location.start : location.start + location.n_bytes]
+
+    def _skeleton(self, number: int) -> tuple[Skeleton, str]:
+        with self._lock:
+            if number not in self._skeletons:
+                self._skeletons[number] = self._index.skeleton(number)
+            return self._skeletons[number]
+
+
+def _files(path: Path) -> tuple[Index, mmap.mmap]:
+    """The two files of a lexicon, open. Raises ``InputError`` where they are none, or do not belong to each other."""
+    _check_path(path)
+    index = Index(path / INDEX)
+    try:
+        if index.head.form not in FORMS:
+            raise InputError(f"{index.path}: form {index.head.form[:40]!r}, expected one of {', '.join(FORMS)}")
+        return index, _mapped(path / FRAMES, index.head)
+    except BaseException:
+        index.close()
+        raise
+
+
+def _mapped(path: Path, head: Head) -> mmap.mmap:
+    """The frames that belong to an index."""
+    try:
+        with opened(path) as (file, size):
+            if size != head.n_bytes or size < HEAD_BYTES:
+                raise InputError(f"{path}: {size} bytes, expected {head.n_bytes}; {REBUILD}")
+            frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if frames[:HEAD_BYTES].hex() != MAGIC.hex() + str(head.sha256):
+        frames.close()
+        raise InputError(f"{path}: belongs to another index than the one beside it; {REBUILD}")
+    return frames
+
+
+def _place(path: Path) -> tuple[int, int, int] | None:
+    """What tells a folder from one that takes its place; None where there is none."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):  # a zero byte in the name
+        return None
+    return status.st_dev, status.st_ino, status.st_ctime_ns
+
+
+def _check_path(path: Path) -> None:
+    """Raise ``InputError`` where a path is clearly not a lexicon."""
+    try:
+        if not path.exists():
+            raise InputError(f"{path}: no such folder, expected a lexicon; {BUILD_HINT}")
+        if not path.is_dir():
+            raise InputError(f"{path}: is a file, expected a lexicon's folder")
+        for name in (INDEX, FRAMES):
+            if not (path / name).is_file():
+                raise InputError(f"{path}: is no lexicon, it has no {name}; {BUILD_HINT}")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def application_id(path: Path) -> int | None:
+    """The application id in a SQLite file's header, None for other files and files that cannot be read."""
+    try:
+        with opened(path) as (file, _):
+            head = file.read(72)
+    except InputError:
+        return None
+    return int.from_bytes(head[68:72], "big") if head.startswith(b"SQLite format 3\0") and len(head) == 72 else None
+
+
+def _check_types(stored: Head | Entry | ClipLocation) -> None:
+    """Raise ``TypeError`` where a field has another type than its class says: SQLite keeps any in any column."""
+    for name, kind in _KINDS[type(stored)].items():
+        value = getattr(stored, name)
+        if name != "synonyms" and (type(value) is not kind or kind is float):  # synonyms are checked as JSON
+            check_type(value, kind, name)
+
+
+_KINDS = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}
+
+
+def _check_entry(entry: Entry) -> None:
+    """Raise ``ValueError`` for an entry that no builder writes."""
+    if not all(name and name.isprintable() for name in (entry.gloss, *entry.synonyms)) or entry.kind not in KINDS:
+        raise ValueError("its gloss, a synonym or its kind is none")
+    if not (1 <= entry.n_frames <= _MOST_FRAMES and 0.0 < entry.fps <= _MOST_FPS and entry.seconds < _MOST_FRAMES):
+        raise ValueError(f"{entry.n_frames} frames, frame rate {entry.fps:g}")
+    if not all(rest is None or 0 <= rest <= entry.n_frames for rest in (entry.rest_before, entry.rest_after)):
+        raise ValueError("its frames of rest are not within it")
+    if not _SHA256.fullmatch(entry.sha256):
+        raise ValueError("its SHA-256 is none")
+
+
+def describe(skeleton: Skeleton) -> str:
+    """A skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` for more joints than are read."""
+    return json.dumps(skeletons.as_json(skeleton))
+
+
+def row_digest(entry: Entry, location: ClipLocation, extensions: Mapping[str, bytes]) -> bytes:
+    """The SHA-256 of a word's entry, place and extensions."""
+    row = [*astuple(entry), *astuple(location)]
+    if extensions:
+        row.append({name: sha256(extensions[name]) for name in sorted(extensions)})
+    return hashlib.sha256(json.dumps(row).encode()).digest()
+
+
+def sha256(text: str | bytes) -> str:
+    """The SHA-256 of text or bytes, in hex."""
+    return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
