@@ -37,9 +37,8 @@ from signsplice.formats import live_link
 from signsplice.formats import roles as roles_files
 from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import recordings, sentence
-from signsplice.motion import kinematics
+from signsplice.motion import Clip, kinematics
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.splicing import report as reports
@@ -208,8 +207,7 @@ def _use_signs(signs: Any) -> None:
 def _use_report(read: Any) -> None:
     """What `view` and `render` make of a report."""
     from signsplice.cli.files import _spans_of
-    from signsplice.render.page import Mark, caption
-    from signsplice.render.sheet import sheet_frames
+    from signsplice.render.sheet import Mark, caption, sheet_frames
 
     shown = scene.from_clip(clip(), read, ())
     json.dumps(reports.plain({"scenes": [shown], "live": False}), allow_nan=False).encode()

@@ -10,22 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from signsplice.body.contacts import Contact, posed_body
 
 import signsplice as ss
 from other_rigs import on_other_rig
 from signsplice.body import arm_ik
 from signsplice.body import retarget as module
 from signsplice.body.capsules import body_capsules
-from signsplice.body.clearance import Contact, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.collision import overlap
-from signsplice.body.posed import posed_body
+from signsplice.body.collision import near_pairs, overlap, pair_clearances, skin_pairs
 from signsplice.body.retarget import retarget, signing
 from signsplice.cli.commands import app
 from signsplice.formats import load, save
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, kinematics, rotation
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
 from signsplice.splicing import report as reports

@@ -15,9 +15,8 @@ from signsplice.errors import InputError
 from signsplice.evaluation import seams
 from signsplice.evaluation.seam_rows import SeamRow
 from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
-from signsplice.motion.clip import Clip
-from signsplice.rig.arms import arms
-from signsplice.rig.info import rig_info
+from signsplice.motion import Clip
+from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.engine import SpliceOptions
 from signsplice.synth.signer import RESTS

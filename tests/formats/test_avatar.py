@@ -14,12 +14,11 @@ import avatars
 import signsplice as ss
 from signsplice.body.capsules import Avatar, BodyCapsules, BodyShape, shaped_capsules
 from signsplice.errors import FormatError, InputError, LimitError
-from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 WAYS: dict[str, dict[str, Any]] = {
     "vrm 1.0": {"version": "1.0"},

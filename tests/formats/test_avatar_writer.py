@@ -14,13 +14,12 @@ import avatars
 import signsplice as ss
 from signsplice.errors import InputError
 from signsplice.formats import encode, vrma
-from signsplice.formats.avatar_writer import pack
+from signsplice.formats.avatar import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics
 from signsplice.motion.face import Face
-from signsplice.rig.placement import ORIGIN, place
+from signsplice.rig.align import ORIGIN, place
 
 BOOK = shipped().clip("BOOK")
 

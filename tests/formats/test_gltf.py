@@ -15,17 +15,14 @@ from pygltflib import GLTF2
 
 import signsplice as ss
 from other_rigs import on_other_rig
-from signsplice.body.mesh_part import MeshPart
+from signsplice.body.capsules import MeshPart
 from signsplice.errors import InputError
 from signsplice.formats import glb, vrma
 from signsplice.formats.gltf_writer import in_front
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.rig.canonical import canonical_motion
-from signsplice.rig.canonical_map import ROLES
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import ROLES, canonical_motion, rig_info
 
 VIEWER = Path(__file__).parents[2] / "viewer"
 BOOK = shipped().clip("BOOK")

@@ -27,10 +27,9 @@ from signsplice.lexicon import lexicon as room
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC
 from signsplice.lexicon.gloss import fold, gloss_of
 from signsplice.lexicon.store import INDEX, Index
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.progress import Progress
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 
 
 @pytest.fixture

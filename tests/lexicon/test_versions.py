@@ -14,7 +14,7 @@ from conftest import random_clip
 
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 VERSION_1 = Path(__file__).parent / "version-1"
 """Three words, written by version 0.5: I (ME), YOU and fs-A, in 16 bits."""

@@ -12,12 +12,12 @@ import pytest
 from PIL import Image, ImageSequence
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
-from signsplice.motion.clip import Clip
-from signsplice.render import film, page, sheet
+from signsplice.motion import Clip
+from signsplice.render import film, sheet
+from signsplice.render import sheet as page
 from signsplice.render.film import Mark, gif_timing, write
-from signsplice.render.page import _text_and_font, caption
 from signsplice.render.picture import draw, make_scene
-from signsplice.render.sheet import sheet_frames
+from signsplice.render.sheet import _text_and_font, caption, sheet_frames
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_the_caption_of_a_transition_names_both_words() -> None:
 
 
 def test_letters_without_a_font_lose_their_accents(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("signsplice.render.page._FONTS", ("no such font.ttf",))
+    monkeypatch.setattr("signsplice.render.sheet._FONTS", ("no such font.ttf",))
     assert _text_and_font("D\N{LATIN CAPITAL LETTER E WITH CARON}KOVAT", 15)[0] == "DEKOVAT"
     assert _text_and_font("\N{CJK UNIFIED IDEOGRAPH-4F60}-1", 15)[0] == "?-1"
     assert _text_and_font("THANK-YOU", 15)[0] == "THANK-YOU"

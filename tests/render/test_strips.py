@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
-from signsplice.render.page import PAPER, TRANSITION
-from signsplice.render.sheet import Strip, write_strips
+from signsplice.motion import Clip
+from signsplice.render.sheet import PAPER, TRANSITION, Strip, write_strips
 
 Image = pytest.importorskip("PIL.Image")
 LABEL, GAP = 20, 6

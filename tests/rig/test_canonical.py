@@ -10,13 +10,9 @@ import pytest
 from other_rigs import mirror, on_other_rig, with_rest_pose, without
 from signing import word
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
-from signsplice.rig import canonical
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.canonical import apply_deltas, canonical_motion
-from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
-from signsplice.rig.info import rig_info
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
+from signsplice.rig import info as canonical
+from signsplice.rig.info import LEFT, RIGHT, ROLES, TIPS, active_span, apply_deltas, arms, canonical_motion, rig_info
 from signsplice.rig.roles import FINGERS
 
 RNG = np.random.default_rng(3)

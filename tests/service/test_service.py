@@ -28,10 +28,10 @@ from signsplice.errors import MissingExtraError
 from signsplice.evaluation.faces import with_random_face
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.rig.inspection import inspect
-from signsplice.service import page, stream_messages, wire, work
+from signsplice.service import page, wire, work
+from signsplice.service import wire as stream_messages
 from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream

@@ -21,12 +21,11 @@ from websockets.exceptions import ConnectionClosed
 from serving import PATIENCE_S, FakeSocket, http_client, raw_request, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.service import log
-from signsplice.service.app import create
-from signsplice.service.run import serve
+from signsplice.service import monitoring as log
+from signsplice.service.app import create, serve
+from signsplice.service.limits import Shares, client_of
 from signsplice.service.settings import Settings
-from signsplice.service.shares import Shares, client_of
-from signsplice.service.worker_process import BusyError
+from signsplice.service.workers import BusyError
 
 
 @pytest.fixture(scope="module")

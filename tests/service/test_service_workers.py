@@ -19,6 +19,7 @@ from typing import Any
 import httpx
 import psutil
 import pytest
+from signsplice.service.monitoring import Metrics
 
 from serving import (
     PATIENCE_S,
@@ -32,14 +33,12 @@ from serving import (
 )
 from signsplice.lexicon import building
 from signsplice.lexicon.lexicon import SHIPPED
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.service import work
-from signsplice.service.metrics import Metrics
 from signsplice.service.settings import Settings
-from signsplice.service.stream_messages import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.streaming import StreamSession
-from signsplice.service.worker_process import BusyError, WorkerLostError
-from signsplice.service.workers import Worker
+from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC
+from signsplice.service.workers import BusyError, Worker, WorkerLostError
 
 
 class SlowProcess:

@@ -13,7 +13,7 @@ import signsplice as ss
 from signing import marked
 from signsplice.errors import SignspliceError
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.bundle import Sessions
 from signsplice.splicing.contracts import Gap, Transition

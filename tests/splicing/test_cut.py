@@ -9,9 +9,8 @@ import pytest
 from conftest import random_clip
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
-from signsplice.rig.arms import active_span, arms
+from signsplice.motion import Clip, rotation
+from signsplice.rig.info import active_span, arms
 from signsplice.splicing.contracts import find
 from signsplice.splicing.cutters import CUTTERS, VELOCITY_TIME_S
 

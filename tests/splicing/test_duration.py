@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
-from signsplice.rig.arms import arms
+from signsplice.motion import Clip
+from signsplice.rig.info import arms
 from signsplice.splicing.contracts import Cut, find
 from signsplice.splicing.durations import DURATIONS, travel_widths
 

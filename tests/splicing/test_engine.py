@@ -16,12 +16,9 @@ from reference_poses import arms_out, with_pose
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.formats import bvh
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, resample
-from signsplice.motion.euler_channels import Channels
+from signsplice.motion import Channels, Clip, FloatArray, kinematics, resample, rotation
 from signsplice.rig.align import reference
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS

@@ -10,7 +10,7 @@ from signing import marked
 from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon import sentence as lines
 from signsplice.lexicon.lexicon import shipped
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
 from signsplice.splicing.faces import BLINKS, BROWS, CHANNELS, FURROWED, RAISED, RULES

@@ -9,10 +9,8 @@ import pytest
 
 from other_rigs import mirror
 from signing import word
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
-from signsplice.rig.canonical_map import ROLES
+from signsplice.motion import Clip, concatenate, resample, rotation
+from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion
 from signsplice.splicing import gap_features
 from signsplice.splicing import word_features as features
 from signsplice.splicing.contracts import Gap

@@ -19,11 +19,9 @@ from signsplice.body.arm_ik import move_wrists
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate, kinematics
 from signsplice.rig.align import reference
-from signsplice.rig.canonical_map import TRUNK
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import TRUNK, rig_info
 from signsplice.splicing import stages
 from signsplice.splicing.collisions import TOLERANCE_M
 from signsplice.splicing.contracts import Cut

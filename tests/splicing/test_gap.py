@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import random_clip
 
-from signsplice.motion.clip import Clip, resample
+from signsplice.motion import Clip, resample
 from signsplice.splicing.contracts import CONTEXT, Cut, Cutter, Gap, Transition, gap_at
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.engine import SpliceOptions, inbetween, splice

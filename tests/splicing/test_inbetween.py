@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import TRANSITIONS, find_transition
 from signsplice.splicing.engine import inbetween

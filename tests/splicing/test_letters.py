@@ -14,9 +14,8 @@ from signsplice.body.arm_ik import move_wrists
 from signsplice.lexicon import Lexicon, shipped
 from signsplice.lexicon.gloss import is_letter
 from signsplice.lexicon.sentence import parse
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.arms import arms, seen_from_trunk
+from signsplice.motion import Clip, concatenate, resample, rotation
+from signsplice.rig.info import arms, seen_from_trunk
 from signsplice.splicing import letters as doubled_letters
 from signsplice.splicing.collisions import depths
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream

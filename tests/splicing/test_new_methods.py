@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate, rotation
 from signsplice.splicing.contracts import Cut, Cutter, Duration, Gap, Method, Transition, find
 from signsplice.splicing.curves import CurveProblem, CurveTransition
 from signsplice.splicing.engine import SpliceOptions, Stream, inbetween, splice, stream

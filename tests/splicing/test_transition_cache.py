@@ -12,7 +12,7 @@ from conftest import GOLDEN
 
 import signsplice as ss
 from signing import word
-from signsplice.motion.clip import Clip, EndSite, unchecked_copy
+from signsplice.motion import Clip, EndSite, unchecked_copy
 from signsplice.splicing.bulk_splice import TransitionCache, gap_key, splice_many
 from signsplice.splicing.contracts import Cut, Gap, Transition
 from signsplice.splicing.curves import CurveTransition, find_transition

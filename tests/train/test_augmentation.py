@@ -7,9 +7,8 @@ import pytest
 
 pytest.importorskip("torch")
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.rig.canonical_map import LEFT, ROLES
+from signsplice.motion import FloatArray, rotation
+from signsplice.rig.info import LEFT, ROLES
 from signsplice.train import augmentation
 
 N_FRAMES = 60

@@ -10,10 +10,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice.motion import rotation  # noqa: E402
-from signsplice.motion.clip import Clip  # noqa: E402
-from signsplice.rig.canonical import canonical_motion  # noqa: E402
-from signsplice.rig.canonical_map import ROLES  # noqa: E402
+from signsplice.motion import (
+    Clip,  # noqa: E402
+    rotation,  # noqa: E402
+)
+from signsplice.rig.info import (
+    ROLES,  # noqa: E402
+    canonical_motion,  # noqa: E402
+)
 from signsplice.splicing import gap_features  # noqa: E402
 from signsplice.splicing.contracts import Gap  # noqa: E402
 from signsplice.splicing.curves import find_transition  # noqa: E402

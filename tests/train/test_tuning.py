@@ -18,8 +18,8 @@ from signing import word
 from signsplice import lexicon
 from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
-from signsplice.motion.clip import concatenate
-from signsplice.rig.canonical import canonical_motion
+from signsplice.motion import concatenate
+from signsplice.rig.info import canonical_motion
 from signsplice.splicing import gap_features
 from signsplice.splicing.bundle import read_config, write_bundle
 from signsplice.splicing.contracts import Gap

@@ -16,9 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_softmax
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.splicing.collisions import fill
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice_paper import published

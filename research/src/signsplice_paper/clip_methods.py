@@ -17,8 +17,8 @@ from functools import cached_property
 from pathlib import Path
 
 from signsplice.errors import InputError
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.splicing.collisions import fill
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice.splicing.cutters import CUTTERS

@@ -13,16 +13,14 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.formats import load
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon.recordings import WordFile, find_word_files
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton, resample
+from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, resample
 from signsplice.motion.number_space import NumberSpace, space_of
+from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
-from signsplice.rig.placement import ORIGIN, place
 from signsplice.synth.pairs import EXTENT
 from signsplice.synth.rng import stream
 

@@ -12,8 +12,9 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from signsplice.bulk import cluster, local
+from signsplice.bulk import cluster
 from signsplice.bulk import job as jobs
+from signsplice.bulk import run as local
 from signsplice.bulk.job import BulkJob, BulkOptions
 from signsplice.bulk.maker import WORDS_KEPT
 from signsplice.bulk.shards import ShardResult

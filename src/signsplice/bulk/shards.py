@@ -26,12 +26,11 @@ from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.formats import FORMATS, encode, live_link, npz, save
 from signsplice.formats.atomic import replacing
 from signsplice.lexicon.lexicon import open_lexicon
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, tip_positions
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS, finger_roles
+from signsplice.rig.roles import FINGERS, SIDES, finger_roles
 from signsplice.splicing import report as reports
 from signsplice.splicing.options import open_learned
 from signsplice.splicing.result import Span

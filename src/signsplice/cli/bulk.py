@@ -210,7 +210,7 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
     """Make one row of a folder of shards anew, and check that it is the same, bit for bit."""
     _require_extra()
     from signsplice import formats
-    from signsplice.bulk import local
+    from signsplice.bulk import run as local
     from signsplice.bulk.shards import remake
 
     formats.check_suffix(output)

@@ -15,12 +15,12 @@ from signsplice.cli.options import ROLES
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
-from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
     from signsplice.body.capsules import Avatar
-    from signsplice.motion.clip import Clip
+    from signsplice.motion import Clip
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""

@@ -14,18 +14,16 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import Avatar, body_capsules
-from signsplice.body.clearance import KEPT_M, PRESS_M, TOUCH_M, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.posed import posed_body
+from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import KEPT_M, PRESS_M, TOUCH_M, posed_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.body.skin import BODY
 from signsplice.body.skin_surface import THICK_M, least_height
 from signsplice.errors import InputError
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 WORDS = ("MOTHER", "THANK-YOU", "NAME", "BOOK", "FRIEND", "PLEASE")
 _STEP, _AROUND, _MOST_ACROSS = 0.003, 0.06, 0.006

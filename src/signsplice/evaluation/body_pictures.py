@@ -8,18 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
-from signsplice.body.clearance import near_pairs, pair_clearances, skin_pairs
-from signsplice.body.posed import posed_body
+from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import posed_body
 from signsplice.body.retarget import fit_body, signing
 from signsplice.evaluation.body_measures import TOUCH_M
 from signsplice.evaluation.stretched_bodies import BODIES, stretched
 from signsplice.formats.atomic import replacing
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress, counted
-from signsplice.render.page import INK, PAPER, pillow, write_line
 from signsplice.render.picture import Image, draw, make_scene
-from signsplice.rig.align import Reference, copy_rotations
-from signsplice.rig.placement import placement
+from signsplice.render.sheet import INK, PAPER, pillow, write_line
+from signsplice.rig.align import Reference, copy_rotations, placement
 
 WORDS = ("NAME", "MOTHER", "APPLE", "FAMILY", "PLEASE", "DEAF", "FRIEND", "HAT")
 SHOWN = ("narrow", "broad", "child", "chibi", "long arms")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.splicing.collisions import TOLERANCE_M, depths, fill
 from signsplice.splicing.contracts import Cut, Transition, gap_at
 from signsplice.splicing.curves import TRANSITIONS

@@ -13,9 +13,9 @@ import numpy as np
 from signsplice.evaluation import corpus_checks
 from signsplice.evaluation.hands import strong_side, strong_wrist
 from signsplice.evaluation.tables import Progress, counted
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig import metrics
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS

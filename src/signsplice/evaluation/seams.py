@@ -23,11 +23,9 @@ from signsplice.evaluation.seam_rows import SeamMeasurement, SeamRow
 from signsplice.evaluation.stitcher import stitch
 from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.rig import metrics
-from signsplice.rig.arms import Arms, arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import Arms, arms, rig_info
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS

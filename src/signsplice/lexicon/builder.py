@@ -17,11 +17,10 @@ from signsplice.formats.atomic import check_nothing_else, check_place, replacing
 from signsplice.lexicon import store
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
 from signsplice.lexicon.gloss import Entry, fold, gloss_of, kind_of
-from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.inspection import clip_warnings
+from signsplice.motion import Clip, Skeleton, unchecked_copy
+from signsplice.rig.info import active_span, arms
+from signsplice.rig.inspection import clip_warnings, stray_frames
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 from signsplice.children import cores, in_order
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats import FORMATS, READ_SUFFIXES, atomic, load
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.live_link import with_face_of
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon.builder import PreparedWord, SharedSkeletons, building, check_target, prepare
 from signsplice.lexicon.gloss import gloss_of
 from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
 
 if TYPE_CHECKING:

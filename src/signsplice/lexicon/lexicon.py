@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.gloss import LETTER_MARK, Entry, Suggestions, fold, gloss_of
 from signsplice.lexicon.store import BUILD_HINT, SourceWord, StoredWords
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion import Clip, unchecked_copy
 from signsplice.progress import Progress
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import opened
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.gloss import KINDS, Entry, fold
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton
 from signsplice.progress import Progress
 from signsplice.rig.inspection import clip_warnings
 

@@ -23,14 +23,12 @@ from signsplice.formats import WIRE_SUFFIXES, listed
 from signsplice.formats.avatar import AVATAR_SUFFIXES
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.service import page, wire, work
-from signsplice.service.limits import Limits
-from signsplice.service.metrics import CountRequests, Metrics
+from signsplice.service.limits import Limits, Shares
+from signsplice.service.monitoring import CountRequests, Metrics
 from signsplice.service.scene import safe_name
 from signsplice.service.settings import Settings
-from signsplice.service.shares import Shares
 from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure, first_fault
-from signsplice.service.worker_process import BusyError
-from signsplice.service.workers import Worker, Workers
+from signsplice.service.workers import BusyError, Worker, Workers
 from signsplice.splicing.options import all_methods
 
 ResultT = TypeVar("ResultT")

@@ -15,8 +15,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from signsplice.service.settings import MIB, Settings
-from signsplice.service.shares import Shares
-from signsplice.service.worker_process import BusyError
+from signsplice.service.workers import BusyError
 
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _CLOSE = {"Connection": "close"}

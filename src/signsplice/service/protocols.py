@@ -19,10 +19,8 @@ from websockets.http11 import Response
 from websockets.protocol import State
 from websockets.server import ServerProtocol
 
-from signsplice.service.limits import HEADERS
+from signsplice.service.limits import HEADERS, client_of
 from signsplice.service.settings import Settings
-from signsplice.service.shares import client_of
-from signsplice.service.unread import UnreadWatch
 
 _MAX_HEADERS = 100
 """Fields of a head, and of a trailer. The WebSocket library reads no more than 128."""

@@ -12,7 +12,7 @@ from typing import Any
 import uvicorn
 
 from signsplice.errors import InputError
-from signsplice.service import log
+from signsplice.service import monitoring as log
 from signsplice.service.app import create
 from signsplice.service.protocols import protocols
 from signsplice.service.settings import Settings

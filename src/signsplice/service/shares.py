@@ -9,7 +9,7 @@ from ipaddress import IPv6Address, ip_address
 
 from starlette.requests import HTTPConnection
 
-from signsplice.service.worker_process import BusyError
+from signsplice.service.workers import BusyError
 
 
 def client_of(address: str | None) -> str:

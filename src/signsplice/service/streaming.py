@@ -17,13 +17,12 @@ from pydantic import TypeAdapter, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from signsplice.errors import InputError, SignspliceError, UnknownGlossError
-from signsplice.service import stream_messages as messages
+from signsplice.service import wire as messages
 from signsplice.service import work
-from signsplice.service.metrics import Metrics
+from signsplice.service.monitoring import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
-from signsplice.service.worker_process import WorkerLostError, WorkerProcess
-from signsplice.service.workers import Worker
+from signsplice.service.workers import Worker, WorkerLostError, WorkerProcess
 
 ResultT = TypeVar("ResultT")
 

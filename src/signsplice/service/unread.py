@@ -7,7 +7,7 @@ import sys
 from collections import Counter
 from contextlib import suppress
 
-from signsplice.service.log import LOG
+from signsplice.service.monitoring import LOG
 from signsplice.service.settings import Settings
 
 try:

@@ -19,11 +19,20 @@ from signsplice.lexicon import Lexicon
 from signsplice.lexicon.gloss import LETTER_MARK
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.lexicon.sentence import LineGloss, SentenceToken, line_glosses, parse, signed, typed_words
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.service import scene
 from signsplice.service.settings import Settings
-from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMessage
-from signsplice.service.wire import FORMAT_NAMES, PICTURES, AnswerFile, Dials, SentenceRequest, SpliceRequest
+from signsplice.service.wire import (
+    FORMAT_NAMES,
+    PICTURES,
+    AnswerFile,
+    Dials,
+    OpenMessage,
+    SentenceRequest,
+    SpliceRequest,
+    TextMessage,
+    WordMessage,
+)
 from signsplice.splicing import options as methods
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, onto_avatar, splice
 from signsplice.splicing.faces import RULES

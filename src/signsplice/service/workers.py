@@ -8,7 +8,6 @@ from contextlib import suppress
 from typing import TypeVar
 
 from signsplice.service.settings import Settings
-from signsplice.service.worker_process import BusyError, NotStartedError, WorkerProcess
 
 ResultT = TypeVar("ResultT")
 

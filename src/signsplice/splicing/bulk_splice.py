@@ -23,8 +23,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from signsplice.errors import SignspliceError
+from signsplice.motion import Clip, Skeleton, unchecked_copy
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.options import SpliceOptions

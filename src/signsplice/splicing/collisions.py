@@ -21,12 +21,9 @@ from numpy.typing import NDArray
 
 from signsplice.body import arm_ik, collision, swivel
 from signsplice.body.capsules import BodyCapsules
-from signsplice.motion import curves, kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate
-from signsplice.motion.joined import joined
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, curves, joined, kinematics, rotation
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.splicing.contracts import Gap, Transition, fill_gaps
 
 TOLERANCE_M = 0.003

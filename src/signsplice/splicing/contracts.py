@@ -17,7 +17,7 @@ from itertools import pairwise
 from typing import ClassVar, TypeVar
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""

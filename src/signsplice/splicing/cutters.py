@@ -13,9 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.rig.arms import Arms, active_span, arms
+from signsplice.motion import Clip, FloatArray
+from signsplice.rig.info import Arms, active_span, arms
 from signsplice.splicing.contracts import Cut, Cutter
 
 WINDOW_S = 0.3

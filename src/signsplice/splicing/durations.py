@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
-from signsplice.rig.arms import Arms, active_span, arms
+from signsplice.motion import Clip
+from signsplice.rig.info import Arms, active_span, arms
 from signsplice.splicing.contracts import Cut, Duration
 
 CITATION, NATURAL = "citation", "natural"

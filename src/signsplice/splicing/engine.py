@@ -17,7 +17,7 @@ from time import perf_counter
 from signsplice.body.capsules import Avatar
 from signsplice.body.retarget import retarget
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate, unchecked_copy
+from signsplice.motion import Clip, concatenate, unchecked_copy
 from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut, Transition, gap_at

@@ -23,8 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion import Clip, FloatArray, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing.passes import Pass
 from signsplice.splicing.result import Piece

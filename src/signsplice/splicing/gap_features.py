@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.motion.cache import CACHE
-from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, mirrored_deltas
-from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
+from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT, ROLES, TIPS, CanonicalMotion, mirrored_deltas
 from signsplice.splicing import word_features
 from signsplice.splicing.word_features import CanonicalTrajectory, MomentFrames
 

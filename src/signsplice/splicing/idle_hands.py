@@ -21,12 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import collision
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip, concatenate
-from signsplice.motion.joined import joined
-from signsplice.rig.arms import Arms, arms
-from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.motion import Clip, concatenate, joined, kinematics
+from signsplice.rig.info import Arms, arms, rig_info
+from signsplice.rig.roles import SIDES
 from signsplice.splicing.collisions import TOLERANCE_M, avoid_collisions, depths, turn_elbow
 from signsplice.splicing.contracts import Cut, Gap, gap_at
 from signsplice.splicing.curves import find_transition

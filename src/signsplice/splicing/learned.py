@@ -25,13 +25,10 @@ from numpy.typing import NDArray
 from scipy.special import log_softmax
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.motion.joined import JoinedClips, joined
-from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
-from signsplice.rig.canonical_map import ARM, ROLES
-from signsplice.rig.info import rig_info
+from signsplice.motion import Clip, FloatArray, JoinedClips, joined
+from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion, rig_info
 from signsplice.rig.metrics import is_keyed
+from signsplice.rig.roles import ARM
 from signsplice.splicing import gap_features, word_features
 from signsplice.splicing.bundle import Sessions, read_config
 from signsplice.splicing.contracts import Cut, Cutter, Duration, Gap, Transition

@@ -32,11 +32,8 @@ from numpy.typing import NDArray
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
 from signsplice.lexicon.gloss import LETTER_MARK
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, unchecked_copy
-from signsplice.rig.arms import Arms, active_span, arms, seen_from_trunk
-from signsplice.rig.info import rig_info
+from signsplice.motion import Clip, FloatArray, rotation, unchecked_copy
+from signsplice.rig.info import Arms, active_span, arms, rig_info, seen_from_trunk
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.passes import AvoidCollisions, Pass, Refill

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from signsplice.errors import InputError
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.splicing.bundle import BUNDLE_FILE, NetworkConfig, bundle_sha256
 from signsplice.splicing.contracts import Cutter, Duration, Method, Transition, find
 from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS

@@ -13,10 +13,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.rig import metrics
-from signsplice.rig.arms import arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.collisions import avoid_all_collisions
 from signsplice.splicing.contracts import Gap, Transition, fill_gaps, require_either
 from signsplice.splicing.durations import FAST_M_S, most_frames

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from signsplice.body.clearance import Contact
+from signsplice.body.contacts import Contact
 from signsplice.lexicon.gloss import is_letter
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.durations import NATURAL, seconds_a_sign
 from signsplice.splicing.seam import SeamScore
 

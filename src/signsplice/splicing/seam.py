@@ -13,13 +13,10 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.motion.joined import joined
+from signsplice.motion import Clip, FloatArray, joined, kinematics, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.rig.stray_frames import JUMP_DEG, JUMP_M_S
+from signsplice.rig.inspection import JUMP_DEG, JUMP_M_S
 from signsplice.splicing.contracts import CONTEXT, Cut, Gap, gap_at
 from signsplice.splicing.durations import FAST_M_S
 from signsplice.splicing.word import AlignedWord, Edit, edited

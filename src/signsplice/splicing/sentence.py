@@ -9,9 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from time import perf_counter
 
-from signsplice.body.clearance import Contact
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.body.contacts import Contact
+from signsplice.motion import Clip, FloatArray
 from signsplice.rig.align import Reference
 from signsplice.splicing import stages
 from signsplice.splicing.faces import BLINKS, BROWS, Blinks, released, with_rules

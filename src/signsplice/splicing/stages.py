@@ -18,11 +18,10 @@ from dataclasses import replace
 from signsplice.body.retarget import align
 from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.lexicon.gloss import is_letter
-from signsplice.motion.clip import Clip, resample
+from signsplice.motion import Clip, resample
 from signsplice.rig.align import Reference, reference
-from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_held
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames, with_ends_held
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, RunningDuration, seconds_a_sign
 from signsplice.splicing.faces import EaseFaces

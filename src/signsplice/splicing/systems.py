@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import InputError, SignspliceError
-from signsplice.motion.clip import Clip
-from signsplice.rig.align import Reference, is_same_skeleton
+from signsplice.motion import Clip
+from signsplice.rig.align import Placement, Reference, is_same_skeleton, placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import Placement, placement
 from signsplice.splicing.contracts import Cut, Method, gap_at
 from signsplice.splicing.seam import SYSTEM, Seam
 from signsplice.splicing.word import AlignedWord

@@ -16,14 +16,11 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
 
 from signsplice.body.capsules import body_capsules
-from signsplice.body.clearance import PART_M, Near, find_contacts, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.posed import posed_body
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
+from signsplice.body.collision import Near, near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import PART_M, find_contacts, posed_body
+from signsplice.motion import Clip, FloatArray, kinematics, sampled
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, sampled
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.contracts import Cutter
 from signsplice.splicing.word import AlignedWord, cut_words
 

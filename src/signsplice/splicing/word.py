@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from signsplice.body.clearance import Contact
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
+from signsplice.body.contacts import Contact
+from signsplice.motion import Clip, FloatArray, bone_translations, unchecked_copy
 from signsplice.splicing.contracts import Cut, Cutter, cut_clips
 
 if TYPE_CHECKING:

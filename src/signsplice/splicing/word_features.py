@@ -26,11 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_opening, find_objects, label
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, canonical_motion
-from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
+from signsplice.motion import Clip, FloatArray, rotation
+from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT, ROLES, TIPS, CanonicalMotion, canonical_motion
 from signsplice.splicing.bundle import Array, Sessions
 
 VERSION = 4

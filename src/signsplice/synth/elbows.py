@@ -11,10 +11,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from signsplice.body import swivel
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.motion.curves import between, sparse
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.synth import pose, trajectory
 from signsplice.synth.arm_costs import led_costs
 from signsplice.synth.figure import Figure, PosedArms

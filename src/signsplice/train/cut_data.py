@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.rig.canonical import FEATURE_FPS
-from signsplice.rig.canonical_map import ROLES
+from signsplice.motion import FloatArray, rotation
+from signsplice.rig.info import FEATURE_FPS, ROLES
 from signsplice.splicing import word_features as features
 from signsplice.splicing.word_features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream

@@ -21,12 +21,9 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate
-from signsplice.rig.canonical import FEATURE_FPS, canonical_motion
-from signsplice.rig.canonical_map import MIRROR, ROLES
-from signsplice.rig.naming import SIDES
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, rotation
+from signsplice.rig.info import FEATURE_FPS, MIRROR, ROLES, canonical_motion
+from signsplice.rig.roles import SIDES
 from signsplice.splicing import gap_features
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition

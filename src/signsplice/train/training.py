@@ -20,7 +20,7 @@ import torch
 
 from signsplice.errors import InputError
 from signsplice.formats import atomic
-from signsplice.rig.canonical import FEATURE_FPS
+from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing import word_features as features
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.learned import SYSTEM

@@ -20,11 +20,10 @@ import torch
 from signsplice.errors import InputError
 from signsplice.evaluation.hidden_frames import LENGTHS, SHOWN, hidden_frames
 from signsplice.lexicon.lexicon import open_lexicon
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, resample
-from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.motion import Clip, resample, rotation
+from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.inspection import stray_frames
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames
 from signsplice.splicing import word_features as features
 from signsplice.splicing.bundle import BUNDLE_FILE, read_file, write_bundle
 from signsplice.splicing.curves import find_transition
