@@ -13,8 +13,7 @@ from signsplice.formats.avatar_writer import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.motion.face_shapes import PRESETS
+from signsplice.motion.face import ARKIT_CHANNELS, PRESETS, Face
 from signsplice.rig.info import rig_info
 
 KINDS = ("arkit.glb", "vrm1.vrm", "vrm0.vrm", "presets.vrm")

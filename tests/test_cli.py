@@ -25,8 +25,7 @@ from signsplice.formats.avatar import read_avatar
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.render import film
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import active_span, arms, rig_info
 
 Run = subprocess.CompletedProcess[str]
 Call = Callable[..., Run]

@@ -21,7 +21,7 @@ from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.synth import planner, pose, running
 from signsplice.synth.phonology import IN_SPACE, Segment
 from signsplice.synth.planner import IsolatedWord

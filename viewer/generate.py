@@ -32,12 +32,12 @@ from signsplice.body import (
     thumb_contacts,
 )
 from signsplice.formats import FORMATS, gltf_mesh
-from signsplice.rig import arms, proportions, t_pose
+from signsplice.rig import info, t_pose
 from signsplice.service import stream_messages, wire
 
 SOURCES = Path(__file__).resolve().parent / "src"
 _BODIES = (
-    *(proportions, t_pose, arms, capsules, hand_capsules, gltf_mesh, skin_points, skin, skin_trunk, skin_head, relief),
+    *(t_pose, info, capsules, hand_capsules, gltf_mesh, skin_points, skin, skin_trunk, skin_head, relief),
     *(skin_surface, fit, skin_contacts, swivel, arm_ik, thumb_contacts, retarget),
 )
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}

@@ -22,7 +22,7 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.motion.number_space import NumberSpace, space_of
-from signsplice.rig.placement import ORIGIN, Placement, place, placement
+from signsplice.rig.align import ORIGIN, Placement, place, placement
 from signsplice.splicing import report
 from signsplice.splicing.networks.bundle import BUNDLE_FILE, write_bundle
 from signsplice.splicing.whole_system import SystemSplice

@@ -19,7 +19,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 WAYS: dict[str, dict[str, Any]] = {
     "vrm 1.0": {"version": "1.0"},

@@ -20,7 +20,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import Face
-from signsplice.rig.placement import ORIGIN, place
+from signsplice.rig.align import ORIGIN, place
 
 BOOK = shipped().clip("BOOK")
 

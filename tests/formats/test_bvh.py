@@ -17,9 +17,9 @@ from broken_bvh import VALID
 from signsplice.errors import InputError
 from signsplice.formats import bvh, load, save
 from signsplice.formats.bvh import format_rows
-from signsplice.motion import euler_channels, rotation
+from signsplice.motion import euler, rotation
 from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.motion.euler_channels import ROTATIONS
+from signsplice.motion.euler import ROTATIONS
 from signsplice.rig.inspection import left_out_warnings
 
 MIXED = """HIERARCHY
@@ -351,6 +351,6 @@ def test_files_longer_than_a_block_are_read_whole() -> None:
 def test_rotations_do_not_depend_on_the_length_of_the_clip(channels: tuple[str, ...]) -> None:
     names = (("Xposition", "Yposition", "Zposition", "Zrotation"), *([channels] * 6))
     values = np.random.default_rng(0).uniform(-400.0, 400.0, (8200, 4 + 6 * len(channels)))
-    whole = euler_channels.to_motion(names, values, np.zeros((7, 3)))[0]
+    whole = euler.to_motion(names, values, np.zeros((7, 3)))[0]
     for rows in (slice(0, 1), slice(4090, 4101), slice(8191, 8200)):
-        assert np.array_equal(euler_channels.to_motion(names, values[rows], np.zeros((7, 3)))[0], whole[rows])
+        assert np.array_equal(euler.to_motion(names, values[rows], np.zeros((7, 3)))[0], whole[rows])

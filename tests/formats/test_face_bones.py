@@ -20,9 +20,7 @@ from signsplice.formats.avatar_face import look_at_of
 from signsplice.formats.gltf_face import lost_in
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import Face
-from signsplice.motion.face_shapes import preset_of
-from signsplice.motion.gaze import LOOKS, SIDES, LookAt, eye_coefficients, eye_quats
+from signsplice.motion.face import LOOKS, SIDES, Face, LookAt, eye_coefficients, eye_quats, preset_of
 from signsplice.rig.info import rig_info
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"

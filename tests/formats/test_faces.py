@@ -20,8 +20,7 @@ from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.limits import ReadLimits
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.motion.face_shapes import shape_of
+from signsplice.motion.face import ARKIT_CHANNELS, Face, shape_of
 
 HEAD = "Timecode,BlendshapeCount," + ",".join(name[0].upper() + name[1:] for name in ARKIT_CHANNELS)
 HEAD += "," + ",".join(live_link.ROTATIONS)

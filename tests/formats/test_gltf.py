@@ -23,9 +23,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.rig.canonical import canonical_motion
-from signsplice.rig.canonical_map import ROLES
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import ROLES, canonical_motion, rig_info
 
 VIEWER = Path(__file__).parents[2] / "viewer"
 BOOK = shipped().clip("BOOK")

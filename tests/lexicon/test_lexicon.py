@@ -29,7 +29,7 @@ from signsplice.lexicon.index import INDEX, Index
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 
 
 @pytest.fixture

@@ -16,10 +16,9 @@ from signsplice.errors import RigMismatchError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.rig import proportions
-from signsplice.rig.align import Reference, copy_rotations, reference, settle
+from signsplice.rig import t_pose
+from signsplice.rig.align import Reference, copy_rotations, placement, reference, settle
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import placement
 
 
 def copied(clip: Clip, to: Reference) -> Retargeted:
@@ -59,7 +58,7 @@ def test_position_facing_and_height_are_undone(words: dict[str, Clip]) -> None:
 @pytest.mark.parametrize("unit", ["m", "inch", "mm"])
 def test_units_are_found_by_the_size_of_the_body(unit: str, words: dict[str, Clip]) -> None:
     clip = words["DEAF"]
-    scale = 0.01 / proportions.UNITS[unit]
+    scale = 0.01 / t_pose.UNITS[unit]
     other = replace(
         clip,
         skeleton=replace(clip.skeleton, offsets=clip.skeleton.offsets * scale),

@@ -1,4 +1,4 @@
-"""rig.canonical: one motion has the same canonical rotations on every rig, and small changes go back exactly."""
+"""rig.info: one motion has the same canonical rotations on every rig, and small changes go back exactly."""
 
 from __future__ import annotations
 
@@ -12,11 +12,18 @@ from signing import word
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.rig import canonical
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.canonical import apply_deltas, canonical_motion
-from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import (
+    LEFT,
+    RIGHT,
+    ROLES,
+    TIPS,
+    active_span,
+    apply_deltas,
+    arms,
+    canonical_motion,
+    mirrored_deltas,
+    rig_info,
+)
 from signsplice.rig.roles import FINGERS
 
 RNG = np.random.default_rng(3)
@@ -112,7 +119,7 @@ def test_mirrored_deltas_move_a_mirrored_clip_alike() -> None:
     deltas = RNG.normal(0.0, 0.3, (len(clip), len(ROLES), 3))
     one = mirror(replace(clip, local_rotations=apply_deltas(clip.skeleton, clip.local_rotations, deltas)))
     flipped = mirror(clip)
-    other = apply_deltas(flipped.skeleton, flipped.local_rotations, canonical.mirrored_deltas(deltas))
+    other = apply_deltas(flipped.skeleton, flipped.local_rotations, mirrored_deltas(deltas))
     np.testing.assert_allclose(rotation.angle_between(one.local_rotations, other), 0.0, atol=1e-6)
 
 

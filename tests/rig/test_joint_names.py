@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from known_rigs import RIGS, skeleton_of
-from signsplice.rig.naming import simplify
+from signsplice.rig.roles import simplify
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""rig.placement: where a signer stands, clips moved there as rigid wholes, and the clip that each was moved from."""
+"""rig.align: where a signer stands, clips moved there as rigid wholes, and the clip that each was moved from."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from conftest import random_clip
 from signsplice.body.retarget import align
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.align import reference
-from signsplice.rig.placement import Placement, place, placement
+from signsplice.rig.align import Placement, place, placement, reference
 
 
 def elsewhere(clip: Clip) -> Placement:

@@ -1,4 +1,4 @@
-"""rig.stray_frames: reference poses and jumps at the ends of clips, and what is none."""
+"""rig.inspection: reference poses and jumps at the ends of clips, and what is none."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from signing import word
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
-from signsplice.rig.arms import arms
-from signsplice.rig.inspection import inspect
-from signsplice.rig.stray_frames import JUMP_M_S, StrayFrames, stray_frames, with_ends_held
+from signsplice.rig.info import arms
+from signsplice.rig.inspection import JUMP_M_S, StrayFrames, inspect, stray_frames, with_ends_held
 from signsplice.synth import planner
 from signsplice.synth.signer import RESTS, STANDARD
 

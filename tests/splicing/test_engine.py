@@ -18,10 +18,9 @@ from signsplice.errors import InputError
 from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, resample
-from signsplice.motion.euler_channels import Channels
+from signsplice.motion.clip import Channels, Clip, resample
 from signsplice.rig.align import reference
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.inbetween import inbetween

@@ -6,7 +6,7 @@ import pytest
 
 from signing import made, word
 from signsplice.evaluation.corpus_checks import skin_distance
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.synth.avoidance import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord

@@ -11,8 +11,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.rig.canonical import canonical_motion
-from signsplice.rig.canonical_map import LEFT, ROLES, TIPS
+from signsplice.rig.info import LEFT, ROLES, TIPS, canonical_motion
 from signsplice.synth import planner, pseudo, training_data, truth
 from signsplice.synth.manner import TRAITS
 from signsplice.synth.phonology import Sign

@@ -9,7 +9,7 @@ pytest.importorskip("torch")
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.rig.canonical_map import LEFT, ROLES
+from signsplice.rig.info import LEFT, ROLES
 from signsplice.train import augmentation
 
 N_FRAMES = 60

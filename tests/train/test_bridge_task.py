@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 from signsplice.motion import kinematics, rotation  # noqa: E402
 from signsplice.motion.clip import Clip  # noqa: E402
 from signsplice.rig import metrics  # noqa: E402
-from signsplice.rig.canonical_map import ROLES, TIPS  # noqa: E402
+from signsplice.rig.info import ROLES, TIPS  # noqa: E402
 from signsplice.train import bridge_task  # noqa: E402
 from signsplice.train.bridge_task import BridgeTask  # noqa: E402
 from signsplice.train.gap_data import GapDataset  # noqa: E402

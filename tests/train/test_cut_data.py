@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("torch")
 
-from signsplice.rig.canonical import FEATURE_FPS
+from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES
 from signsplice.train import cut_data

@@ -12,8 +12,7 @@ torch = pytest.importorskip("torch")
 
 from signsplice.motion import rotation  # noqa: E402
 from signsplice.motion.clip import Clip  # noqa: E402
-from signsplice.rig.canonical import canonical_motion  # noqa: E402
-from signsplice.rig.canonical_map import ROLES  # noqa: E402
+from signsplice.rig.info import ROLES, canonical_motion  # noqa: E402
 from signsplice.splicing.gap import Gap  # noqa: E402
 from signsplice.splicing.methods.transition import find_transition  # noqa: E402
 from signsplice.splicing.networks import gap_features  # noqa: E402

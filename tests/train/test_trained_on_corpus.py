@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.rig.canonical import canonical_motion
+from signsplice.rig.info import canonical_motion
 from signsplice.splicing.networks.bundle import read_config
 from signsplice.synth import notation, training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs

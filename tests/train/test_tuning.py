@@ -19,7 +19,7 @@ from signsplice import lexicon
 from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
 from signsplice.motion.clip import concatenate
-from signsplice.rig.canonical import canonical_motion
+from signsplice.rig.info import canonical_motion
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.learned import LearnedTransition, open_sessions
 from signsplice.splicing.methods.transition import find_transition

@@ -20,9 +20,9 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton, resample
 from signsplice.motion.number_space import NumberSpace, space_of
+from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
-from signsplice.rig.placement import ORIGIN, place
 from signsplice.synth.pairs import EXTENT
 from signsplice.synth.rng import stream
 

@@ -14,8 +14,8 @@ import numpy as np
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.kinematics import rest_positions
+from signsplice.rig.align import placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import placement
 from signsplice.rig.roles import FINGERS
 
 TRUNK, LEFT, RIGHT, HIDDEN = "trunk", "left", "right", "hidden"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.gaze import LookAt
+from signsplice.motion.face import LookAt
 
 
 @dataclass(frozen=True)

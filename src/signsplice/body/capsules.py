@@ -15,11 +15,10 @@ from signsplice.body.relief import Relief
 from signsplice.body.skin_surface import AvatarSkin
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Skeleton
+from signsplice.motion.clip import HasDerived, Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 ARM = ("sleeve", "cuff")
 """Parts that an arm is made of: upper arm and forearm."""
@@ -98,7 +97,7 @@ class CapsuleGroups:
 
 
 @dataclass(frozen=True, eq=False)
-class BodyCapsules:
+class BodyCapsules(HasDerived):
     """C tapered capsules, each fixed to a joint.
 
     joints: (C,) the joint that carries each.
@@ -168,7 +167,7 @@ def body_capsules(skeleton: Skeleton) -> BodyCapsules:
     """
     if isinstance(skeleton, Avatar) and skeleton.body is not None:
         return skeleton.body
-    return CACHE.of(skeleton, _build)
+    return skeleton.derived[_build]
 
 
 def capsule_ends(

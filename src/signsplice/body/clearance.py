@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import ARM, BodyCapsules
 from signsplice.motion.arrays import FloatArray
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 Index = NDArray[np.intp]
 

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.body.clearance import TINY, clearances, dot, squared_distance
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import kept
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.motion.kinematics import forward
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 WARN_M, WARN_FOREARM_M = 0.01, 0.03
 """Depths of a hand, and of a forearm in the trunk, whose width is a guess, from which a clip is warned about, m."""
@@ -102,7 +101,7 @@ class PosedCapsules:
 
         Whole hands are tested first, as balls too: most of the time they are near to nothing.
         """
-        hands, others, n_solid, may_meet, thick = _meeting_parts(self.body)
+        hands, others, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
         if not forearms:
             hands, may_meet = hands[:2], may_meet[:2]
         radii = self.body.radii
@@ -186,7 +185,6 @@ class PosedCapsules:
         return self.near_pairs(firsts=firsts).penetration()
 
 
-@kept
 def _meeting_parts(
     body: BodyCapsules,
 ) -> tuple[list[NDArray[np.intp]], NDArray[np.intp], int, NDArray[np.bool_], FloatArray]:

@@ -30,7 +30,7 @@ from signsplice.body.capsules import BodyCapsules
 from signsplice.body.clearance import Near, SkinPairs, clearances, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.posed import PosedBody
 from signsplice.motion.arrays import FloatArray
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 Index = NDArray[np.intp]
 

@@ -19,7 +19,6 @@ from signsplice.body.mesh_part import N_JOINTS, MeshPart
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
@@ -74,7 +73,7 @@ def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
     """
     if isinstance(skeleton, Avatar) and skeleton.mesh:
         return skeleton.mesh
-    return CACHE.of(skeleton, _body_mesh)
+    return skeleton.derived[_body_mesh]
 
 
 def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:

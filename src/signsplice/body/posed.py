@@ -12,7 +12,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 _LEG = ("leg", "shoe")
 

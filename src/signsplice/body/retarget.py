@@ -20,13 +20,11 @@ from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.rig.align import Reference, copy_rotations, settle
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.align import Reference, copy_rotations, placement, settle
+from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.rig.inspection import clip_warnings
-from signsplice.rig.naming import SIDES
-from signsplice.rig.placement import placement
 from signsplice.rig.rest_pose import with_rest_pose
+from signsplice.rig.roles import SIDES
 
 ALIKE = 0.005
 """Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this are one body:
@@ -210,7 +208,7 @@ def _face_warnings(clip: Clip, avatar: Avatar) -> tuple[str, ...]:
     """A line about coefficients of a clip's face that an avatar read from a file cannot show."""
     if clip.face is None or avatar.file is None:
         return ()
-    from signsplice.motion.face_shapes import target_weights  # loads scipy, which few clips need
+    from signsplice.motion.face import target_weights  # loads scipy, which few clips need
 
     _, lost = target_weights(clip.face, [control.name for control in avatar.file.face])
     shown = ", ".join(lost[:_NAMED]) + (f" and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")

@@ -29,8 +29,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Skeleton
 from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS
+from signsplice.rig.roles import FINGERS, SIDES
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")

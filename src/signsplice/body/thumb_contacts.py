@@ -25,8 +25,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.curves import spread_in_time
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS
+from signsplice.rig.roles import FINGERS, SIDES
 
 Index = NDArray[np.intp]
 

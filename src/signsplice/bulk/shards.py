@@ -29,8 +29,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, tip_positions
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS, finger_roles
+from signsplice.rig.roles import FINGERS, SIDES, finger_roles
 from signsplice.splicing import report as reports
 from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods.choice import open_learned

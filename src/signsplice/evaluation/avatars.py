@@ -25,7 +25,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 WORDS = ("MOTHER", "THANK-YOU", "NAME", "BOOK", "FRIEND", "PLEASE")
 _STEP, _AROUND, _MOST_ACROSS = 0.003, 0.06, 0.006

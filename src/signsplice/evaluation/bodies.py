@@ -27,8 +27,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.rig.align import Reference, copy_rotations
-from signsplice.rig.placement import placement
+from signsplice.rig.align import Reference, copy_rotations, placement
 from signsplice.synth.rng import stream
 
 ROTATIONS, FITTED = "rotations", "fitted"

@@ -16,7 +16,7 @@ from signsplice.body.retarget import signing
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]

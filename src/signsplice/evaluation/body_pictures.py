@@ -18,8 +18,7 @@ from signsplice.motion.clip import Clip
 from signsplice.progress import Progress, counted
 from signsplice.render.page import INK, PAPER, pillow, write_line
 from signsplice.render.picture import Image, draw, make_scene
-from signsplice.rig.align import Reference, copy_rotations
-from signsplice.rig.placement import placement
+from signsplice.rig.align import Reference, copy_rotations, placement
 
 WORDS = ("NAME", "MOTHER", "APPLE", "FAMILY", "PLEASE", "DEAF", "FRIEND", "HAT")
 SHOWN = ("narrow", "broad", "child", "chibi", "long arms")

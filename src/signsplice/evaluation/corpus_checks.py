@@ -14,7 +14,7 @@ from signsplice.evaluation.tables import Progress
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.synth import hand, planner, pose, running
 from signsplice.synth.corpus import VERSION, Pairs
 from signsplice.synth.phonology import Sign

@@ -15,7 +15,7 @@ from signsplice.evaluation.hands import strong_side, strong_wrist
 from signsplice.evaluation.tables import Progress, counted
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.methods.transition import TRANSITIONS

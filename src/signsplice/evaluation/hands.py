@@ -11,8 +11,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS, finger_roles
+from signsplice.rig.roles import FINGERS, SIDES, finger_roles
 from signsplice.synth.corpus import Pairs
 
 

@@ -26,8 +26,7 @@ from signsplice.evaluation.tables import Progress, counted, markdown_columns, pe
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
-from signsplice.rig.arms import Arms, arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import Arms, arms, rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.choice import choose

@@ -27,7 +27,7 @@ from signsplice.formats import bvh, load, save
 from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.cut import CUTTERS, PairCutter, search_window

@@ -22,7 +22,7 @@ from scipy.signal import butter, filtfilt
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import arms
+from signsplice.rig.info import arms
 
 MARGIN_FRAMES = 5
 LONGEST_S = 0.8

@@ -11,7 +11,7 @@ from signsplice.body.capsules import BodyShape
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,7 @@ from signsplice.formats.reading import format_errors, read_bytes, stem
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS
+from signsplice.rig.roles import FINGERS, SIDES
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
 """Suffixes that ``read_avatar`` reads."""

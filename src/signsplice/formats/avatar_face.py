@@ -13,8 +13,7 @@ from typing import Any
 from signsplice.body.avatar_file import FaceControl
 from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, SkeletonDocument
-from signsplice.motion.face_shapes import preset_of, shape_of
-from signsplice.motion.gaze import LOOKS, LookAt
+from signsplice.motion.face import LOOKS, LookAt, preset_of, shape_of
 
 _RANGES = ("HorizontalInner", "HorizontalOuter", "VerticalDown", "VerticalUp")
 _MOST_DEG = 180.0

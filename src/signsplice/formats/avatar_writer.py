@@ -26,10 +26,9 @@ from signsplice.formats.reading import format_errors
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.face_shapes import target_weights
-from signsplice.motion.gaze import bone_quats
+from signsplice.motion.face import bone_quats, target_weights
+from signsplice.rig.align import place, placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import place, placement
 
 _SAME = 1e-12
 """A joint gets no animation channel where the cosine of its rotation with that at rest is nearer to 1 than this."""

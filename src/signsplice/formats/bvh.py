@@ -17,10 +17,9 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats.bvh_hierarchy import Hierarchy, number_of, short
 from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
 from signsplice.formats.reading import stem
-from signsplice.motion import euler_channels, euler_curves
+from signsplice.motion import euler
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton
-from signsplice.motion.euler_channels import Channels
+from signsplice.motion.clip import ChannelNames, Channels, Clip, EndSite, Skeleton
 
 _LINE = re.compile(rb"\S[^\n]*")
 """A line that is not blank; found one after another, so that blank ones cost next to nothing."""
@@ -105,14 +104,14 @@ def encode(clip: Clip) -> bytes:
     spaced = next((name for name in clip.skeleton.names if name.split() != [name]), None)
     if spaced is not None:
         raise InputError(f"joint name {spaced!r} is empty or has white space, which BVH cannot hold; rename it")
-    names, values = euler_curves.complete(clip)
+    names, values = euler.complete(clip)
     given = clip.channels
     offsets = clip.skeleton.offsets if given is None else given.offsets
     frame_time = 1.0 / clip.fps
     if given is not None and given.frame_time > 0.0 and standard_fps(given.frame_time) == clip.fps:
         frame_time = given.frame_time
     # The hierarchy is written depth first, and columns follow it, whatever the order of the joints.
-    starts = euler_channels.first_columns(names)
+    starts = euler.first_columns(names)
     columns = [starts[joint] + n for joint in _depth_first(clip.skeleton) for n in range(len(names[joint]))]
     if columns != sorted(columns):
         values = values[:, columns]
@@ -133,7 +132,7 @@ def _depth_first(skeleton: Skeleton) -> list[int]:
     return order
 
 
-def _write_joint(lines: list[str], skeleton: Skeleton, names: euler_channels.Names, offsets: FloatArray) -> None:
+def _write_joint(lines: list[str], skeleton: Skeleton, names: ChannelNames, offsets: FloatArray) -> None:
     """Append the hierarchy's lines; a stack instead of recursion, so that depth has no limit."""
     tips: dict[int, list[FloatArray]] = {}
     for site in skeleton.end_sites:
@@ -282,7 +281,7 @@ def _check_numbers(text: bytes, row: re.Match[bytes], file: str) -> None:
 def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str) -> Clip:
     written = np.array(hierarchy.offsets, np.float64)
     names = tuple(hierarchy.channels)
-    rotations, translations = euler_channels.to_motion(names, values, written)
+    rotations, translations = euler.to_motion(names, values, written)
     # Position channels that never change are bone lengths: they belong to the skeleton.
     moving = np.any(translations[:, 1:] != translations[:1, 1:])
     offsets = written.copy()

@@ -9,7 +9,7 @@ import numpy as np
 
 from signsplice.errors import FormatError, LimitError
 from signsplice.formats.limits import ReadLimits
-from signsplice.motion.euler_channels import POSITIONS, ROTATIONS
+from signsplice.motion.euler import POSITIONS, ROTATIONS
 
 _MAX_WORDS = 50_000
 _LONGEST = 32

@@ -7,8 +7,7 @@ import numpy as np
 from signsplice.formats.fbx_objects import FbxObjects, name_of, numbers_of
 from signsplice.formats.fbx_takes import PERCENT, Take
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.face import Face
-from signsplice.motion.face_shapes import face_from, shape_of
+from signsplice.motion.face import Face, face_from, shape_of
 
 
 def face_of(objects: FbxObjects, take: Take, times: FloatArray) -> tuple[Face | None, tuple[str, ...]]:

@@ -17,7 +17,7 @@ from signsplice.formats.fbx_objects import FbxObjects, Id, name_of, numbers_of, 
 from signsplice.formats.fbx_records import Record
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.face_shapes import shape_of
+from signsplice.motion.face import shape_of
 
 MOVES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
 PERCENT = "DeformPercent"

@@ -24,9 +24,21 @@ from signsplice.formats.limits import NO_LIMITS
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.motion.face_shapes import channel_of, face_from, shape_of, target_weights
-from signsplice.motion.gaze import LOOKS, SIDES, LookAt, bone_coefficients, eye_coefficients, gaze_quats, has_gaze
+from signsplice.motion.face import (
+    ARKIT_CHANNELS,
+    LOOKS,
+    SIDES,
+    Face,
+    LookAt,
+    bone_coefficients,
+    channel_of,
+    eye_coefficients,
+    face_from,
+    gaze_quats,
+    has_gaze,
+    shape_of,
+    target_weights,
+)
 from signsplice.rig.info import rig_info
 
 _AT_MOST = "degreesAtMost"

@@ -25,7 +25,7 @@ from signsplice.formats.reading import stem
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.face_shapes import shape_of
+from signsplice.motion.face import shape_of
 from signsplice.rig.roles import ROLES
 
 _AVATAR = "a figure to put signing on is no clip: `signsplice convert` puts clips onto avatars"

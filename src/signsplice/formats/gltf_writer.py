@@ -41,8 +41,8 @@ from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.rig.align import Placement, place
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import Placement, place
 
 Array = NDArray[Any]
 

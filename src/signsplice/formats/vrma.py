@@ -20,7 +20,7 @@ from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.gaze import LookAt, has_gaze
+from signsplice.motion.face import LookAt, has_gaze
 from signsplice.rig.info import rig_info
 
 __all__ = ["document", "encode", "parse"]

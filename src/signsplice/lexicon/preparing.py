@@ -19,10 +19,9 @@ from signsplice.lexicon import index
 from signsplice.lexicon.frames import encode
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.info import active_span, arms
+from signsplice.rig.inspection import clip_warnings, stray_frames
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames
 
 _VERSION = 2
 

@@ -10,11 +10,10 @@ import numpy as np
 
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.motion.joined import joined
+from signsplice.motion.clip import Clip, joined
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.rig.stray_frames import JUMP_DEG, JUMP_M_S
+from signsplice.rig.inspection import JUMP_DEG, JUMP_M_S
 from signsplice.splicing.gap import CONTEXT, Cut, FilledGap, Gap
 from signsplice.splicing.tempo import FAST_M_S
 

@@ -19,9 +19,8 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
-from signsplice.rig.align import Reference, is_same_skeleton
+from signsplice.rig.align import Placement, Reference, is_same_skeleton, placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import Placement, placement
 from signsplice.splicing.methods import Method
 
 FPS_TOLERANCE = 1e-3

@@ -16,7 +16,7 @@ from signsplice.body.collision import PosedCapsules
 from signsplice.motion import curves, kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.synth import pose
 from signsplice.synth.figure import Figure
 from signsplice.synth.phonology import Sign

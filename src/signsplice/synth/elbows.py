@@ -14,7 +14,7 @@ from signsplice.body import swivel
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import between, sparse
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.synth import pose, trajectory
 from signsplice.synth.arm_costs import led_costs
 from signsplice.synth.figure import Figure, PosedArms

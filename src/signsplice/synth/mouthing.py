@@ -16,8 +16,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.motion.face_shapes import MOUTH, VISEMES
+from signsplice.motion.face import ARKIT_CHANNELS, MOUTH, VISEMES, Face
 
 _ONE = {
     "PP": "p b m", "FF": "f v", "TH": "T D", "DD": "t d l 5 L", "kk": "k g N x h C G ? c X q",

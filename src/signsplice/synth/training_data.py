@@ -21,7 +21,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, concatenate, same_fps
 from signsplice.progress import Progress
-from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
 from signsplice.synth import planner, pseudo, running, truth
 from signsplice.synth.manner import PLAIN, TRAITS, only
 from signsplice.synth.pairs import Pairs

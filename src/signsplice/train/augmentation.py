@@ -18,8 +18,8 @@ import numpy as np
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.rig.canonical import FEATURE_FPS
-from signsplice.rig.canonical_map import ARM, LEFT, RIGHT
+from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT
+from signsplice.rig.roles import ARM
 from signsplice.splicing.networks import gap_features
 
 STILL, WANDERING = 0.12, 0.18

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from signsplice.rig.canonical_map import ROLES, TRUNK
+from signsplice.rig.info import ROLES, TRUNK
 from signsplice.train.gap_data import GapBatch
 from signsplice.train.networks.bridge import Bridge
 from signsplice.train.task import Task

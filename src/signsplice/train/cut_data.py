@@ -20,8 +20,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.rig.canonical import FEATURE_FPS
-from signsplice.rig.canonical_map import ROLES
+from signsplice.rig.info import FEATURE_FPS, ROLES
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
 from signsplice.synth.rng import stream

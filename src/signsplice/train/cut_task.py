@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.rig.canonical import FEATURE_FPS
+from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing.networks import features
 from signsplice.train.cut_data import CutBatch
 from signsplice.train.networks.cutting import Cutting

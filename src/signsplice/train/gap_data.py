@@ -24,9 +24,8 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate
-from signsplice.rig.canonical import FEATURE_FPS, canonical_motion
-from signsplice.rig.canonical_map import MIRROR, ROLES
-from signsplice.rig.naming import SIDES
+from signsplice.rig.info import FEATURE_FPS, MIRROR, ROLES, canonical_motion
+from signsplice.rig.roles import SIDES
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import gap_features

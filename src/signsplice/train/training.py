@@ -20,7 +20,7 @@ import torch
 
 from signsplice.errors import InputError
 from signsplice.formats import atomic
-from signsplice.rig.canonical import FEATURE_FPS
+from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing.methods.learned import SYSTEM
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.bundle import write_bundle

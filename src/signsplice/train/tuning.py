@@ -22,9 +22,9 @@ from signsplice.evaluation.hidden_frames import LENGTHS, SHOWN, hidden_frames
 from signsplice.lexicon.reader import open_lexicon
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, resample
-from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.inspection import stray_frames
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames
 from signsplice.splicing.methods.learned import LearnedTransition, open_sessions
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import features

@@ -15,7 +15,7 @@ from signsplice.lexicon.entry import is_letter
 from signsplice.lexicon.sentence import parse, starts
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.arms import arms, seen_from_trunk
+from signsplice.rig.info import arms, seen_from_trunk
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.joins.letters import letter_seam
 from signsplice.splicing.passes import doubled_letters

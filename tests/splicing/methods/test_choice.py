@@ -13,7 +13,7 @@ from conftest import GOLDEN
 import signsplice as ss
 from signing import word
 from signsplice.errors import InputError
-from signsplice.rig.arms import arms
+from signsplice.rig.info import arms
 from signsplice.splicing import report
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods import choice as methods

@@ -11,7 +11,7 @@ from conftest import random_clip
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import active_span, arms
+from signsplice.rig.info import active_span, arms
 from signsplice.splicing.methods import find
 from signsplice.splicing.methods.cut import CUTTERS, VELOCITY_TIME_S
 

@@ -7,7 +7,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import arms
+from signsplice.rig.info import arms
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods import find
 from signsplice.splicing.methods.duration import DURATIONS, travel_widths

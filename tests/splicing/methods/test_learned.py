@@ -24,9 +24,8 @@ from signsplice.errors import InputError
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
-from signsplice.rig.canonical import canonical_motion
-from signsplice.rig.canonical_map import ARM
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import canonical_motion, rig_info
+from signsplice.rig.roles import ARM
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.choice import WEIGHTS
 from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions

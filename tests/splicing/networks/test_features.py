@@ -11,8 +11,7 @@ from other_rigs import mirror
 from signing import word
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, resample
-from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
-from signsplice.rig.canonical_map import ROLES
+from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import features, gap_features

@@ -22,8 +22,7 @@ from signsplice.evaluation.hands import wrist_positions
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import reference
-from signsplice.rig.canonical_map import TRUNK
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import TRUNK, rig_info
 from signsplice.splicing import stages
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.gap import Cut

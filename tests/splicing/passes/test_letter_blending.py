@@ -12,7 +12,7 @@ from signsplice.lexicon import Lexicon, shipped
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import arms, seen_from_trunk
+from signsplice.rig.info import arms, seen_from_trunk
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.joins.held_letters import spelling_side
 from signsplice.splicing.passes.letter_blending import FREE

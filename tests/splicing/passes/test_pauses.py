@@ -17,7 +17,7 @@ from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate, sampled
 from signsplice.rig.align import reference
-from signsplice.rig.arms import arms
+from signsplice.rig.info import arms
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.gap import Cut

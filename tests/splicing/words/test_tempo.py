@@ -24,7 +24,7 @@ from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.tempo import compare, draw_words, table
 from signsplice.motion.clip import Clip, concatenate, resample, sampled
 from signsplice.rig.align import reference
-from signsplice.rig.stray_frames import with_ends_held
+from signsplice.rig.inspection import with_ends_held
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.gap import Cut, Gap

@@ -3,7 +3,7 @@
 import { Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import { type Bone, median, restPositions, SIDES } from './body.js';
-import { capsules as USUAL, hand_capsules as HANDS, proportions } from './constants.js';
+import { capsules as USUAL, hand_capsules as HANDS, t_pose as SIZES } from './constants.js';
 
 /** A capsule of the usual proportions. */
 export interface UsualCapsule extends FitCapsule {

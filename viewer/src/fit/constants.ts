@@ -1,6 +1,9 @@
 // Generated from the Python modules of the same names; do not edit.
 
-export const proportions = {
+export const t_pose = {
+  T_POSE_BONES: {"leftShoulder": ["leftUpperArm", [1.0, 0.0, 0.0]], "leftUpperArm": ["leftLowerArm", [1.0, 0.0, 0.0]], "leftLowerArm": ["leftHand", [1.0, 0.0, 0.0]], "leftIndexProximal": ["leftIndexIntermediate", [1.0, 0.0, 0.0]], "leftIndexIntermediate": ["leftIndexDistal", [1.0, 0.0, 0.0]], "leftMiddleProximal": ["leftMiddleIntermediate", [1.0, 0.0, 0.0]], "leftMiddleIntermediate": ["leftMiddleDistal", [1.0, 0.0, 0.0]], "leftRingProximal": ["leftRingIntermediate", [1.0, 0.0, 0.0]], "leftRingIntermediate": ["leftRingDistal", [1.0, 0.0, 0.0]], "leftLittleProximal": ["leftLittleIntermediate", [1.0, 0.0, 0.0]], "leftLittleIntermediate": ["leftLittleDistal", [1.0, 0.0, 0.0]], "leftThumbMetacarpal": ["leftThumbProximal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftThumbProximal": ["leftThumbDistal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftUpperLeg": ["leftLowerLeg", [0.0, -1.0, 0.0]], "leftLowerLeg": ["leftFoot", [0.0, -1.0, 0.0]], "rightShoulder": ["rightUpperArm", [-1.0, 0.0, 0.0]], "rightUpperArm": ["rightLowerArm", [-1.0, 0.0, 0.0]], "rightLowerArm": ["rightHand", [-1.0, 0.0, 0.0]], "rightIndexProximal": ["rightIndexIntermediate", [-1.0, 0.0, 0.0]], "rightIndexIntermediate": ["rightIndexDistal", [-1.0, 0.0, 0.0]], "rightMiddleProximal": ["rightMiddleIntermediate", [-1.0, 0.0, 0.0]], "rightMiddleIntermediate": ["rightMiddleDistal", [-1.0, 0.0, 0.0]], "rightRingProximal": ["rightRingIntermediate", [-1.0, 0.0, 0.0]], "rightRingIntermediate": ["rightRingDistal", [-1.0, 0.0, 0.0]], "rightLittleProximal": ["rightLittleIntermediate", [-1.0, 0.0, 0.0]], "rightLittleIntermediate": ["rightLittleDistal", [-1.0, 0.0, 0.0]], "rightThumbMetacarpal": ["rightThumbProximal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightThumbProximal": ["rightThumbDistal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightUpperLeg": ["rightLowerLeg", [0.0, -1.0, 0.0]], "rightLowerLeg": ["rightFoot", [0.0, -1.0, 0.0]]},
+  UPRIGHT: ["hips", "spine", "chest", "upperChest", "neck", "head", "jaw", "leftEye", "rightEye", "leftFoot", "rightFoot"],
+  BENT_DEG: 20.0,
   STATURE_M: 1.7,
   UNITS: {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048},
   PERSON_M: [0.5, 2.8],
@@ -11,15 +14,18 @@ export const proportions = {
   SHOULDER_FRACTION: 0.259,
 } as const;
 
-export const t_pose = {
-  T_POSE_BONES: {"leftShoulder": ["leftUpperArm", [1.0, 0.0, 0.0]], "leftUpperArm": ["leftLowerArm", [1.0, 0.0, 0.0]], "leftLowerArm": ["leftHand", [1.0, 0.0, 0.0]], "leftIndexProximal": ["leftIndexIntermediate", [1.0, 0.0, 0.0]], "leftIndexIntermediate": ["leftIndexDistal", [1.0, 0.0, 0.0]], "leftMiddleProximal": ["leftMiddleIntermediate", [1.0, 0.0, 0.0]], "leftMiddleIntermediate": ["leftMiddleDistal", [1.0, 0.0, 0.0]], "leftRingProximal": ["leftRingIntermediate", [1.0, 0.0, 0.0]], "leftRingIntermediate": ["leftRingDistal", [1.0, 0.0, 0.0]], "leftLittleProximal": ["leftLittleIntermediate", [1.0, 0.0, 0.0]], "leftLittleIntermediate": ["leftLittleDistal", [1.0, 0.0, 0.0]], "leftThumbMetacarpal": ["leftThumbProximal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftThumbProximal": ["leftThumbDistal", [0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "leftUpperLeg": ["leftLowerLeg", [0.0, -1.0, 0.0]], "leftLowerLeg": ["leftFoot", [0.0, -1.0, 0.0]], "rightShoulder": ["rightUpperArm", [-1.0, 0.0, 0.0]], "rightUpperArm": ["rightLowerArm", [-1.0, 0.0, 0.0]], "rightLowerArm": ["rightHand", [-1.0, 0.0, 0.0]], "rightIndexProximal": ["rightIndexIntermediate", [-1.0, 0.0, 0.0]], "rightIndexIntermediate": ["rightIndexDistal", [-1.0, 0.0, 0.0]], "rightMiddleProximal": ["rightMiddleIntermediate", [-1.0, 0.0, 0.0]], "rightMiddleIntermediate": ["rightMiddleDistal", [-1.0, 0.0, 0.0]], "rightRingProximal": ["rightRingIntermediate", [-1.0, 0.0, 0.0]], "rightRingIntermediate": ["rightRingDistal", [-1.0, 0.0, 0.0]], "rightLittleProximal": ["rightLittleIntermediate", [-1.0, 0.0, 0.0]], "rightLittleIntermediate": ["rightLittleDistal", [-1.0, 0.0, 0.0]], "rightThumbMetacarpal": ["rightThumbProximal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightThumbProximal": ["rightThumbDistal", [-0.6666666666666666, -0.3333333333333333, 0.6666666666666666]], "rightUpperLeg": ["rightLowerLeg", [0.0, -1.0, 0.0]], "rightLowerLeg": ["rightFoot", [0.0, -1.0, 0.0]]},
-  UPRIGHT: ["hips", "spine", "chest", "upperChest", "neck", "head", "jaw", "leftEye", "rightEye", "leftFoot", "rightFoot"],
-  BENT_DEG: 20.0,
-} as const;
-
-export const arms = {
+export const info = {
+  ARM: ["Shoulder", "UpperArm", "LowerArm", "Hand"],
+  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  SIDES: ["left", "right"],
+  TRUNK: ["spine", "chest", "upperChest", "neck", "head"],
+  ROLES: ["spine", "chest", "upperChest", "neck", "head", "leftShoulder", "leftUpperArm", "leftLowerArm", "leftHand", "leftThumbMetacarpal", "leftThumbProximal", "leftThumbDistal", "leftIndexProximal", "leftIndexIntermediate", "leftIndexDistal", "leftMiddleProximal", "leftMiddleIntermediate", "leftMiddleDistal", "leftRingProximal", "leftRingIntermediate", "leftRingDistal", "leftLittleProximal", "leftLittleIntermediate", "leftLittleDistal", "rightShoulder", "rightUpperArm", "rightLowerArm", "rightHand", "rightThumbMetacarpal", "rightThumbProximal", "rightThumbDistal", "rightIndexProximal", "rightIndexIntermediate", "rightIndexDistal", "rightMiddleProximal", "rightMiddleIntermediate", "rightMiddleDistal", "rightRingProximal", "rightRingIntermediate", "rightRingDistal", "rightLittleProximal", "rightLittleIntermediate", "rightLittleDistal"],
+  N_SIDE: 19,
+  TIPS: ["leftHand", "leftThumbDistal", "leftIndexDistal", "leftMiddleDistal", "leftRingDistal", "leftLittleDistal", "rightHand", "rightThumbDistal", "rightIndexDistal", "rightMiddleDistal", "rightRingDistal", "rightLittleDistal"],
+  MIRROR: [0, 1, 2, 3, 4, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23],
   RAISED_FRACTION: 0.4,
   NO_REST_LIFT: 0.1,
+  FEATURE_FPS: 30.0,
 } as const;
 
 export const capsules = {
@@ -75,8 +81,8 @@ export const skin_points = {
 export const skin = {
   HEM: 0.035,
   MIN_POINTS: 6,
-  SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  SIDES: ["left", "right"],
   TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
   HEAD: ["head", "jaw", "leftEye", "rightEye"],
   BODY: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder", "head", "jaw", "leftEye", "rightEye", "neck"],
@@ -216,8 +222,8 @@ export const arm_ik = {
 } as const;
 
 export const thumb_contacts = {
-  SIDES: ["left", "right"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
+  SIDES: ["left", "right"],
   ALIKE: 0.03,
   MOST_RADIANS: 0.2617993877991494,
   NEAR_M: 0.012,

@@ -18,8 +18,8 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations
 from signsplice.motion.number_space import NumberSpace, space_of
+from signsplice.rig.align import ORIGIN, Placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import ORIGIN, Placement
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.cut import PairCutter
 from signsplice.splicing.methods.transition import GapTransition

@@ -12,8 +12,7 @@ from signsplice.lexicon.entry import LETTER_MARK
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import Arms, active_span, arms, seen_from_trunk
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import Arms, active_span, arms, rig_info, seen_from_trunk
 from signsplice.rig.roles import FINGERS
 
 LEAST_HOLD_S, END_HOLD_S = 0.13, 0.25

@@ -16,7 +16,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import Arms, arms, seen_from_trunk
+from signsplice.rig.info import Arms, arms, seen_from_trunk
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.joins.held_letters import (
     END_HOLD_S,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import Arms, active_span, arms
+from signsplice.rig.info import Arms, active_span, arms
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods import Method
 from signsplice.splicing.tempo import FAST_M_S, RUNNING_S

@@ -18,12 +18,10 @@ from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.motion.joined import JoinedClips, joined
-from signsplice.rig.canonical import FEATURE_FPS, apply_deltas, canonical_motion
-from signsplice.rig.canonical_map import ARM, ROLES
-from signsplice.rig.info import rig_info
+from signsplice.motion.clip import Clip, JoinedClips, joined
+from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion, rig_info
 from signsplice.rig.metrics import is_keyed
+from signsplice.rig.roles import ARM
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.methods.duration import HUMAN_MEDIAN_S, Duration, travel_law

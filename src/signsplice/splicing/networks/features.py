@@ -2,7 +2,7 @@
 
 From a clip to features in three steps:
 
-    motion = canonical_motion(clip)         # rig/canonical.py: the clip on the canonical humanoid
+    motion = canonical_motion(clip)         # rig/info.py: the clip on the canonical humanoid
     whole = trajectory(motion)              # resampled to FEATURE_FPS
     tokens = word_tokens(whole)             # a word, for the network that cuts and times
     seen = gap_features(motion, ...)        # gap_features.py: a gap, for the network that makes transitions
@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion
-from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
+from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT, ROLES, TIPS, CanonicalMotion
 
 VERSION = 4
 """Of the features and of the networks' outputs: raised when either changes."""

@@ -15,8 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
-from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, mirrored_deltas
-from signsplice.rig.canonical_map import LEFT, RIGHT, ROLES, TIPS
+from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT, ROLES, TIPS, CanonicalMotion, mirrored_deltas
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import CanonicalTrajectory, MomentFrames
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.rig.canonical import FEATURE_FPS, CanonicalMotion, canonical_motion
+from signsplice.rig.info import FEATURE_FPS, CanonicalMotion, canonical_motion
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import WORD_FRAMES, CanonicalTrajectory
 from signsplice.splicing.networks.phases import Mask, are_away, frames_alone, stroke_span

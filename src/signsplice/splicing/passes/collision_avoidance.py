@@ -23,10 +23,9 @@ from signsplice.body import arm_ik, collision, swivel
 from signsplice.body.capsules import BodyCapsules
 from signsplice.motion import curves, kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate
-from signsplice.motion.joined import joined
+from signsplice.motion.clip import Clip, Skeleton, concatenate, joined
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.passes.seam_pass import GapPass
 

@@ -16,8 +16,7 @@ import numpy as np
 from signsplice.body.arm_ik import move_wrists
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.joins.held_letters import hand_joints
 from signsplice.splicing.joins.join import REFORMED, SLID, PlannedSeam, SeamKind
 from signsplice.splicing.passes.filling import Refill, led_around

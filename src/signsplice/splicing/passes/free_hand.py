@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip, concatenate
-from signsplice.motion.joined import joined
+from signsplice.motion.clip import Clip, concatenate, joined
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Cut, FilledGap, Gap, gap_at
 from signsplice.splicing.joins.join import PlannedSeam

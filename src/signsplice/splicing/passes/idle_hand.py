@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from signsplice.body import collision
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.rig.arms import Arms, arms
-from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.info import Arms, arms, rig_info
+from signsplice.rig.roles import SIDES
 from signsplice.splicing.gap import Cut
 
 _NEAR_REST, _TURNED_RAD = 0.13, np.deg2rad(20.0)

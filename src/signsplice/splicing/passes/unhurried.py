@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig import metrics
-from signsplice.rig.arms import arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.methods.duration import most_frames
 from signsplice.splicing.methods.transition import Transition

@@ -22,8 +22,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, sampled
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.words.word import SentenceWord, cut_words
 

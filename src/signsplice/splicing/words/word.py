@@ -15,9 +15,8 @@ from signsplice.lexicon.entry import is_letter
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations, resample, unchecked_copy
 from signsplice.rig.align import Reference, reference
-from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_held
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.stray_frames import stray_frames, with_ends_held
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.cut import Cutter, cut_clips
 from signsplice.splicing.whole_system import WholeSystem, output_fps, placed_reference, rate_warnings

@@ -15,8 +15,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.motion.face_shapes import VISEMES
+from signsplice.motion.face import ARKIT_CHANNELS, VISEMES, Face
 from signsplice.synth import mouthing
 from signsplice.synth.gestures import Gesture
 from signsplice.synth.tables import sections

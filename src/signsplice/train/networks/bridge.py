@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.rig.canonical_map import ROLES
+from signsplice.rig.info import ROLES
 from signsplice.splicing.networks.gap_features import N_CONTEXT, N_TOKEN
 
 MAX_DEVIATIONS = 5.0
