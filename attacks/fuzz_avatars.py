@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import avatars
-from signsplice.body.capsules import Avatar, BodyShape, shaped_capsules
-from signsplice.body.mesh_part import MeshPart
+from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.info import rig_info

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.body.capsules import Avatar, BodyShape, shaped_capsules
-from signsplice.body.mesh_part import MeshPart
+from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
 from signsplice.evaluation.stretched_bodies import BodyProportions, stretched
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation

@@ -15,30 +15,15 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.body import (
-    arm_ik,
-    capsules,
-    fit,
-    hand_capsules,
-    relief,
-    retarget,
-    skin,
-    skin_contacts,
-    skin_head,
-    skin_points,
-    skin_surface,
-    skin_trunk,
-    swivel,
-    thumb_contacts,
-)
+from signsplice.body import arm_ik, capsules, fit, retarget, skin, skin_contacts, skin_surface, swivel, thumb_contacts
 from signsplice.formats import FORMATS, gltf_mesh
 from signsplice.rig import info, t_pose
 from signsplice.service import stream_messages, wire
 
 SOURCES = Path(__file__).resolve().parent / "src"
 _BODIES = (
-    *(t_pose, info, capsules, hand_capsules, gltf_mesh, skin_points, skin, skin_trunk, skin_head, relief),
-    *(skin_surface, fit, skin_contacts, swivel, arm_ik, thumb_contacts, retarget),
+    *(t_pose, info, capsules, gltf_mesh, skin_surface, skin, fit, skin_contacts, swivel, arm_ik, thumb_contacts),
+    retarget,
 )
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
 

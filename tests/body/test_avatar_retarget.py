@@ -13,9 +13,8 @@ import avatars
 import signsplice as ss
 from signsplice.body import skin_surface
 from signsplice.body.capsules import Avatar, body_capsules
-from signsplice.body.posed import posed_body
-from signsplice.body.relief import Relief
-from signsplice.body.skin_points import SkinPoints
+from signsplice.body.contacts import posed_body
+from signsplice.body.skin_surface import Relief, SkinPoints
 from signsplice.cli.commands import app
 from signsplice.evaluation import avatars as avatar_measures
 from signsplice.lexicon import shipped

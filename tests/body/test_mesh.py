@@ -7,8 +7,8 @@ import pytest
 
 from signing import word
 from signsplice.body import capsules, collision
+from signsplice.body.capsules import MeshPart
 from signsplice.body.mesh import _distances, _MeshCapsules, _union, bind_pose, body_mesh
-from signsplice.body.mesh_part import MeshPart
 from signsplice.body.surface_nets import surface
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton

@@ -16,9 +16,8 @@ from other_rigs import on_other_rig
 from signsplice.body import arm_ik
 from signsplice.body import retarget as module
 from signsplice.body.capsules import body_capsules
-from signsplice.body.clearance import Contact, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.collision import overlap
-from signsplice.body.posed import posed_body
+from signsplice.body.collision import near_pairs, overlap, pair_clearances, skin_pairs
+from signsplice.body.contacts import Contact, posed_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.cli.commands import app
 from signsplice.formats import load, save

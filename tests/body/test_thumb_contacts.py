@@ -9,8 +9,8 @@ import pytest
 
 from signsplice.body import thumb_contacts
 from signsplice.body.capsules import BodyShape, shaped_capsules
-from signsplice.body.clearance import clearances
-from signsplice.body.posed import PosedBody, posed_body
+from signsplice.body.collision import clearances
+from signsplice.body.contacts import PosedBody, posed_body
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, Skeleton

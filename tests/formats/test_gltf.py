@@ -15,7 +15,7 @@ from pygltflib import GLTF2
 
 import signsplice as ss
 from other_rigs import on_other_rig
-from signsplice.body.mesh_part import MeshPart
+from signsplice.body.capsules import MeshPart
 from signsplice.errors import InputError
 from signsplice.formats import glb, vrma
 from signsplice.formats.gltf_writer import in_front

@@ -13,9 +13,9 @@ import numpy as np
 
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
-from signsplice.body.clearance import PART_M, Contact, Near, find_contacts, forearm_pairs, near_pairs, pair_clearances
+from signsplice.body.collision import Near, forearm_pairs, near_pairs, pair_clearances
+from signsplice.body.contacts import PART_M, Contact, PosedBody, find_contacts, posed_body
 from signsplice.body.fit import SIGNS, Fit
-from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.motion.arrays import FloatArray

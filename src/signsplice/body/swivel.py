@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.clearance import clearances
+from signsplice.body.collision import clearances
 from signsplice.motion.arrays import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))

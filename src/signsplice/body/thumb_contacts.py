@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.clearance import Clearances, clearances
-from signsplice.body.posed import PosedBody, posed_body
+from signsplice.body.collision import Clearances, clearances
+from signsplice.body.contacts import PosedBody, posed_body
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import Avatar, body_capsules
-from signsplice.body.clearance import KEPT_M, PRESS_M, TOUCH_M, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.posed import posed_body
+from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import KEPT_M, PRESS_M, TOUCH_M, posed_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.body.skin import BODY
 from signsplice.body.skin_surface import THICK_M, least_height

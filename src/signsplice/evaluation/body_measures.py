@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
-from signsplice.body.clearance import SkinPairs, forearm_pairs, near_pairs, pair_clearances, skin_pairs
+from signsplice.body.collision import SkinPairs, forearm_pairs, near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import PosedBody, posed_body
 from signsplice.body.fit import NEAR_M
-from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.retarget import signing
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip

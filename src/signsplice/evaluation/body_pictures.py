@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
-from signsplice.body.clearance import near_pairs, pair_clearances, skin_pairs
-from signsplice.body.posed import posed_body
+from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import posed_body
 from signsplice.body.retarget import fit_body, signing
 from signsplice.evaluation.body_measures import TOUCH_M
 from signsplice.evaluation.stretched_bodies import BODIES, stretched

@@ -17,8 +17,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from signsplice.body.avatar_file import AvatarFile
-from signsplice.body.capsules import Avatar
+from signsplice.body.capsules import Avatar, AvatarFile
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import listed

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
-from signsplice.body.avatar_file import FaceControl
+from signsplice.body.capsules import FaceControl
 from signsplice.formats.gltf_document import Fields
 from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, SkeletonDocument
 from signsplice.motion.face import LOOKS, LookAt, preset_of, shape_of

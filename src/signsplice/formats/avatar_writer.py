@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.body.avatar_file import AvatarFile
+from signsplice.body.capsules import AvatarFile
 from signsplice.formats.gltf_document import ROLES_EXTRA, Fields, chunks
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import format_errors

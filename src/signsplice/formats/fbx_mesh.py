@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.mesh_part import N_JOINTS, MeshPart
+from signsplice.body.capsules import N_JOINTS, MeshPart
 from signsplice.errors import InputError
 from signsplice.formats.fbx_objects import Id, name_of
 from signsplice.formats.fbx_records import Record

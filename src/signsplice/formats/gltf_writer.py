@@ -34,9 +34,8 @@ from pygltflib import (
     Sparse,
 )
 
-from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.capsules import MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import bind_pose
-from signsplice.body.mesh_part import MeshPart
 from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.capsules import BodyCapsules, MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh, capsule_mesh
-from signsplice.body.mesh_part import MeshPart
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray

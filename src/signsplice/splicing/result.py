@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from signsplice.body.clearance import Contact
+from signsplice.body.contacts import Contact
 from signsplice.motion.clip import Clip
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import ReachedTempo

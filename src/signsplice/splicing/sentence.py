@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-from signsplice.body.clearance import Contact
+from signsplice.body.contacts import Contact
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.align import Reference

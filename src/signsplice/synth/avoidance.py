@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import body_capsules, capsule_ends
-from signsplice.body.clearance import SkinPairs, pair_clearances, skin_pairs
-from signsplice.body.collision import PosedCapsules
+from signsplice.body.collision import PosedCapsules, SkinPairs, pair_clearances, skin_pairs
 from signsplice.motion import curves, kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip

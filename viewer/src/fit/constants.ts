@@ -29,7 +29,15 @@ export const info = {
 } as const;
 
 export const capsules = {
+  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   SIDES: ["left", "right"],
+  N_JOINTS: 4,
+  SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
+  THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
+  PALM: [0.12, 0.0095, 1.22, 1.35],
+  MITTEN: [0.08, 0.02, 0.018],
+  TAPER: [1.12, 0.09],
+  TIP: [0.2, 2.0, 0.8],
   ARM: ["sleeve", "cuff"],
   LIMBS: [["UpperArm", "LowerArm", 0.031, 0.024, "sleeve"], ["LowerArm", "Hand", 0.024, 0.0165, "cuff"], ["UpperLeg", "LowerLeg", 0.052, 0.036, "leg"], ["LowerLeg", "Foot", 0.036, 0.024, "leg"], ["Foot", "Toes", 0.024, 0.02, "shoe"]],
   COLUMNS: [[0.058, 0.053], [0.0, 0.06], [-0.058, 0.053]],
@@ -43,16 +51,6 @@ export const capsules = {
   COLLAR: [0.55, 0.45, 0.004, 0.034, 0.033],
   SHOULDER: [[0.2, 0.93], [0.035, 0.0325]],
   HEAD: [["face", [0.0, 0.03, 0.018], [0.0, 0.07, 0.016], 0.04, 0.051], ["face", [0.0, 0.006, 0.032], [0.0, 0.03, 0.026], 0.024, 0.04], ["nose", [0.0, 0.052, 0.068], [0.0, 0.038, 0.073], 0.0055, 0.0085], ["hair", [0.0, 0.08, -0.004], [0.0, 0.048, -0.016], 0.054, 0.051], ["eye", [0.0195, 0.061, 0.0585], [0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["eye", [-0.0195, 0.061, 0.0585], [-0.0195, 0.061, 0.0585], 0.0065, 0.0065], ["mouth", [0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046], ["mouth", [-0.0125, 0.0178, 0.057], [0.0, 0.017, 0.06], 0.0036, 0.0046]],
-} as const;
-
-export const hand_capsules = {
-  FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
-  SEGMENTS: ["Metacarpal", "Proximal", "Intermediate", "Distal"],
-  THICKNESS: {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049},
-  PALM: [0.12, 0.0095, 1.22, 1.35],
-  MITTEN: [0.08, 0.02, 0.018],
-  TAPER: [1.12, 0.09],
-  TIP: [0.2, 2.0, 0.8],
 } as const;
 
 export const gltf_mesh = {
@@ -69,24 +67,62 @@ export const gltf_mesh = {
   SOFT_SIGNS: ["胸", "乳"],
 } as const;
 
-export const skin_points = {
+export const skin_surface = {
+  AROUND_M: 0.015,
+  SHARP_M: 0.005,
+  FARTHEST_M: 0.05,
+  NEAREST: 64,
+  HIDDEN_M: 0.008,
+  SHOWN_M: 0.003,
   MIN_POINTS: 6,
   BARE: 4,
   MOST_ROWS: 8,
   MOST_SAMPLES: 300000,
   OWN: 0.49,
   WIDER: [1.0, 2.0, 4.0],
+  BLEND_M: 0.05,
+  MOST_WEIGHTS: 20000000,
+  CHUNK: 4096,
+  COVER: [0.0015, 0.015],
+  AROUND: 24,
+  FACING: 0.3,
+  REACH_M: 0.03,
+  THICK_M: [0.03, 0.015],
 } as const;
 
 export const skin = {
+  ARM: ["sleeve", "cuff"],
   HEM: 0.035,
   MIN_POINTS: 6,
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   SIDES: ["left", "right"],
+  LEVEL: 0.015,
+  NEAR: 0.01,
+  HEIGHTS: 7,
+  ACROSS: 0.55,
+  WIDEST: 0.98,
+  OUT: [0.3, 0.75],
+  LEAST_HEIGHTS: 3,
+  LOWER_CHEST: [0.55, 0.25],
+  CHIN: -0.0092,
+  TOP: 0.134,
+  WIDTH: 0.045,
+  BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
+  CELL: 0.006,
+  LEAST: 10,
+  FRONT: 0.4,
+  JAW: [0.6, 0.4],
+  TALL: [0.8, 1.3],
+  PROFILE: [["chin", 0, 0.012], ["chin", 1, 0.012], ["face", 0, 0.012], ["face", 1, 0.02]],
+  BELOW: 0.25,
+  BESIDE: 0.6,
+  OPEN: 0.25,
+  NOSE: [0.15, 0.2, 0.6, 0.5],
+  N_BALLS: 5,
+  GRAZING: 0.3,
   TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
   HEAD: ["head", "jaw", "leftEye", "rightEye"],
   BODY: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder", "head", "jaw", "leftEye", "rightEye", "neck"],
-  ARM: ["sleeve", "cuff"],
   LIMBS: {"arms": ["sleeve", "cuff"], "legs": ["leg"], "neck": ["neck"]},
   BINS: 6,
   STEP: 0.004,
@@ -99,61 +135,6 @@ export const skin = {
   WIDE: 1.7,
   THICK: 3.0,
   BETWEEN: [0.05, 0.95],
-} as const;
-
-export const skin_trunk = {
-  MIN_POINTS: 6,
-  LEVEL: 0.015,
-  NEAR: 0.01,
-  HEIGHTS: 7,
-  ACROSS: 0.55,
-  WIDEST: 0.98,
-  OUT: [0.3, 0.75],
-  LEAST_HEIGHTS: 3,
-  LOWER_CHEST: [0.55, 0.25],
-} as const;
-
-export const skin_head = {
-  MIN_POINTS: 6,
-  CHIN: -0.0092,
-  TOP: 0.134,
-  WIDTH: 0.045,
-  BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
-  CELL: 0.006,
-  LEAST: 10,
-  FRONT: 0.4,
-  JAW: [0.6, 0.4],
-  WIDEST: 0.98,
-  TALL: [0.8, 1.3],
-  PROFILE: [["chin", 0, 0.012], ["chin", 1, 0.012], ["face", 0, 0.012], ["face", 1, 0.02]],
-  BELOW: 0.25,
-  BESIDE: 0.6,
-  OPEN: 0.25,
-  NOSE: [0.15, 0.2, 0.6, 0.5],
-  N_BALLS: 5,
-  GRAZING: 0.3,
-} as const;
-
-export const relief = {
-  AROUND_M: 0.015,
-  SHARP_M: 0.005,
-  FARTHEST_M: 0.05,
-  NEAREST: 64,
-  FACING: 0.3,
-  HIDDEN_M: 0.008,
-  SHOWN_M: 0.003,
-  CHUNK: 4096,
-} as const;
-
-export const skin_surface = {
-  BLEND_M: 0.05,
-  MOST_WEIGHTS: 20000000,
-  CHUNK: 4096,
-  COVER: [0.0015, 0.015],
-  AROUND: 24,
-  FACING: 0.3,
-  REACH_M: 0.03,
-  THICK_M: [0.03, 0.015],
 } as const;
 
 export const fit = {

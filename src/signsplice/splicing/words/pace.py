@@ -16,8 +16,8 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
 
 from signsplice.body.capsules import body_capsules
-from signsplice.body.clearance import PART_M, Near, find_contacts, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.posed import posed_body
+from signsplice.body.collision import Near, near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import PART_M, find_contacts, posed_body
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.cache import CACHE

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from signsplice.body.clearance import Contact
+from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
 from signsplice.formats.limits import ReadLimits
 from signsplice.lexicon.entry import is_letter
