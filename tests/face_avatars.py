@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from signsplice.formats import glb
-from signsplice.formats.avatar_writer import pack
+from signsplice.formats.avatar import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
 from signsplice.motion.clip import Clip

@@ -14,7 +14,7 @@ import avatars
 import signsplice as ss
 from signsplice.body.capsules import Avatar, BodyCapsules, BodyShape, shaped_capsules
 from signsplice.errors import FormatError, InputError, LimitError
-from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Skeleton

@@ -18,7 +18,7 @@ import avatars
 import signsplice as ss
 from signsplice.body.capsules import Avatar
 from signsplice.errors import FormatError, LimitError
-from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.formats.reading import DEFAULT_LIMITS
 
 Document = dict[str, Any]
 UNDRAWN = {"attributes": {}, "mode": 1}

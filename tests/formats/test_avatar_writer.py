@@ -14,7 +14,7 @@ import avatars
 import signsplice as ss
 from signsplice.errors import InputError
 from signsplice.formats import encode, vrma
-from signsplice.formats.avatar_writer import pack
+from signsplice.formats.avatar import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics

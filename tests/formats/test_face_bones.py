@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 import face_avatars
 import signsplice as ss
 from signsplice.body.capsules import Avatar
-from signsplice.formats.avatar_face import look_at_of
-from signsplice.formats.gltf_face import lost_in
+from signsplice.formats.gltf_face import look_at_of, lost_in
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import LOOKS, SIDES, Face, LookAt, eye_coefficients, eye_quats, preset_of

@@ -17,7 +17,7 @@ from signsplice.evaluation.faces import random_face, with_random_face
 from signsplice.formats import glb, live_link, vrma
 from signsplice.formats.gltf_face import lost_in, target_names, vrm_expressions
 from signsplice.formats.gltf_writer import DocumentWriter
-from signsplice.formats.limits import ReadLimits
+from signsplice.formats.reading import ReadLimits
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, Face, shape_of

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 import signsplice as ss
 from fbx_files import Node, positions, text_6, text_7
 from signsplice.formats import fbx, load
-from signsplice.formats.fbx_curves import KeyCurve, Tangents
+from signsplice.formats.fbx_takes import KeyCurve, Tangents
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip

@@ -17,7 +17,7 @@ from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import load
 from signsplice.formats.fbx_avatar import as_glb
-from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.motion import kinematics
 
 FOLDER = Path(__file__).parent / "fbx"

@@ -19,7 +19,7 @@ from signsplice.errors import InputError, LimitError
 from signsplice.formats import glb, vrma
 from signsplice.formats.avatar import avatars_in, parse_avatar, read_avatar
 from signsplice.formats.gltf_document import chunks
-from signsplice.formats.limits import DEFAULT_LIMITS
+from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics
 from signsplice.rig.info import rig_info

@@ -13,7 +13,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.formats import load
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon.folder import Source, find_sources
 from signsplice.motion import kinematics

@@ -27,8 +27,7 @@ import numpy as np
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import load
 from signsplice.formats.json_files import check_type, parse_json
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.reading import read_bytes
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, read_bytes
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, concatenate, same_fps, sampled
 from signsplice.motion.number_space import NumberSpace, read_space

@@ -15,7 +15,7 @@ from signsplice.cli.options import ROLES
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
-from signsplice.formats.limits import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:

@@ -2,7 +2,8 @@
 
 Joints are the file's bones, or, where it has none, all that moves with what hangs below; of several skeletons the one
 with most parts of a body. The pose in which skins are bound becomes the rest pose, as in ``gltf_reader``, else that
-with all angles 0, which all files of an exporter share.
+with all angles 0, which all files of an exporter share. Faces are blend shapes that a take moves, known by their names
+(``motion.face``).
 """
 
 from __future__ import annotations
@@ -13,18 +14,36 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.errors import FormatError
-from signsplice.formats.fbx_face import face_of
-from signsplice.formats.fbx_objects import Id
+from signsplice.formats.fbx_records import FbxObjects, Id, name_of, numbers_of
 from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms
-from signsplice.formats.fbx_takes import MOVES, Take
-from signsplice.formats.gltf_keys import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate
-from signsplice.formats.gltf_skeleton import unique
-from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
-from signsplice.formats.reading import stem
+from signsplice.formats.fbx_takes import MOVES, PERCENT, Take
+from signsplice.formats.gltf_document import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate, unique
+from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.face import Face, face_from, shape_of
 from signsplice.rig.info import rig_info
+
+
+def face_of(objects: FbxObjects, take: Take, times: FloatArray) -> tuple[Face | None, tuple[str, ...]]:
+    """The face that a take shows at ``times`` (T,), None where it moves no blend shape that is known, and the blend
+    shapes that it moves besides. Of meshes that share a name the first counts.
+    """
+    tracks, unknown = dict[str, FloatArray](), dict[str, None]()
+    for key, record in objects.all("Deformer", "BlendShapeChannel"):
+        name = name_of(record.values[1])
+        if not any((key, PERCENT) in layer.curves for layer in take.layers) or name in tracks:
+            continue
+        if shape_of(name) is None:
+            unknown[f"blend shape {name}"] = None
+            continue
+        rest = numbers_of(record).get(PERCENT, record.numbers(PERCENT))
+        percent = take.values(key, PERCENT, np.append(rest, 0.0)[:1], times)
+        tracks[name] = np.broadcast_to(percent[:, 0] / 100.0, len(times))
+    face = face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
+    return face, tuple(unknown)
+
 
 _NO_JOINTS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
 _HELD = 1e-5

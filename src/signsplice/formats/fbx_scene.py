@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.formats.fbx_objects import FbxObjects, Id, name_of, numbers_of
-from signsplice.formats.fbx_records import Record
+from signsplice.formats.fbx_records import FbxObjects, Id, Record, name_of, numbers_of
 from signsplice.formats.fbx_takes import MOVES, Take, quats, read_takes
-from signsplice.formats.limits import ReadLimits
+from signsplice.formats.reading import ReadLimits
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 

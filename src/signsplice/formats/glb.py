@@ -32,9 +32,9 @@ def encode(clip: Clip, mesh: bool = True, whole_face: bool = False) -> bytes:
     Without ``mesh`` the joints and their motion alone. ``whole_face`` as in ``document``.
     """
     if mesh and isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
-        from signsplice.formats import avatar_writer
+        from signsplice.formats import avatar
 
-        return avatar_writer.encode(clip, clip.skeleton.file)
+        return avatar.encode(clip, clip.skeleton.file)
     return b"".join(document(clip, mesh, whole_face).save_to_bytes())
 
 

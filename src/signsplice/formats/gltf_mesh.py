@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import N_JOINTS, MeshPart
 from signsplice.body.skin_surface import SkinPoints
 from signsplice.errors import InputError
-from signsplice.formats.gltf_document import UNPACK, Fields
-from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument
+from signsplice.formats.gltf_document import UNPACK, VRM_0, Fields, SkeletonDocument
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 

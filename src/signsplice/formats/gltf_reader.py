@@ -15,13 +15,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, ROLES_EXTRA, Fields
+from signsplice.formats.gltf_document import (
+    DRIFT,
+    EVEN,
+    FPS_EXTRA,
+    GENERATOR,
+    INTERPOLATIONS,
+    LEAST_FPS,
+    MOST_FPS,
+    ROLES_EXTRA,
+    Fields,
+    Keys,
+    frame_rate,
+    printable,
+    sample,
+    unique,
+)
 from signsplice.formats.gltf_face import FaceReader, target_names, vrm_expressions
-from signsplice.formats.gltf_keys import DRIFT, INTERPOLATIONS, LEAST_FPS, MOST_FPS, Keys, frame_rate, sample
-from signsplice.formats.gltf_skeleton import EVEN, printable, unique
 from signsplice.formats.json_files import shortened
-from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
-from signsplice.formats.reading import stem
+from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton

@@ -13,7 +13,7 @@ from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
-from signsplice.formats.avatar_writer import with_bones
+from signsplice.formats.avatar import with_bones
 from signsplice.formats.gltf_document import VRM_ANIMATION
 from signsplice.formats.gltf_face import write_expressions, write_look_at
 from signsplice.formats.gltf_reader import parse

@@ -17,7 +17,7 @@ from signsplice.children import cores, in_order
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats import READ_SUFFIXES
 from signsplice.formats.atomic import resumable_folder
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.lexicon import archives, glosses
 from signsplice.lexicon.builder import building, check_target
 from signsplice.lexicon.entry import fold, gloss_of

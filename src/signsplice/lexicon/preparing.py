@@ -12,8 +12,8 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice.formats import FORMATS, atomic, load
-from signsplice.formats.limits import ReadLimits
 from signsplice.formats.live_link import with_face_of
+from signsplice.formats.reading import ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon import index
 from signsplice.lexicon.frames import encode

@@ -11,7 +11,7 @@ from ipaddress import ip_address
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 
 MIB = 1 << 20
 _LEAST_WORKER_BYTES = 256 * MIB

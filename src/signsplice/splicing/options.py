@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion.clip import Clip
 from signsplice.splicing.face_rules import check_rules
 from signsplice.splicing.methods import choice as methods

@@ -10,7 +10,7 @@ import numpy as np
 
 from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
-from signsplice.formats.limits import ReadLimits
+from signsplice.formats.reading import ReadLimits
 from signsplice.lexicon.entry import is_letter
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, bone_translations, resample, unchecked_copy
