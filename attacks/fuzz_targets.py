@@ -208,8 +208,7 @@ def _use_signs(signs: Any) -> None:
 def _use_report(read: Any) -> None:
     """What `view` and `render` make of a report."""
     from signsplice.cli.files import _spans_of
-    from signsplice.render.page import Mark, caption
-    from signsplice.render.sheet import sheet_frames
+    from signsplice.render.sheet import Mark, caption, sheet_frames
 
     shown = scene.from_clip(clip(), read, ())
     json.dumps(reports.plain({"scenes": [shown], "live": False}), allow_nan=False).encode()

@@ -24,10 +24,9 @@ from signsplice.lexicon.sentence import brows, parse, pauses, starts
 from signsplice.motion.clip import Clip, resample, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, VISEMES, Face
 from signsplice.render import film
-from signsplice.render.page import PAPER
 from signsplice.render.picture import Image as Pixels
 from signsplice.render.picture import Scene, draw, make_scene
-from signsplice.render.sheet import write_cells
+from signsplice.render.sheet import PAPER, write_cells
 from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.face_rules import RULES

@@ -9,8 +9,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
-from signsplice.render.page import PAPER, TRANSITION
-from signsplice.render.sheet import Strip, write_strips
+from signsplice.render.sheet import PAPER, TRANSITION, Strip, write_strips
 
 Image = pytest.importorskip("PIL.Image")
 LABEL, GAP = 20, 6

@@ -34,12 +34,11 @@ from signsplice.lexicon import building
 from signsplice.lexicon.reader import SHIPPED
 from signsplice.motion.clip import Clip
 from signsplice.service import work
-from signsplice.service.metrics import Metrics
+from signsplice.service.monitoring import Metrics
 from signsplice.service.settings import Settings
-from signsplice.service.stream_messages import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.streaming import StreamSession
-from signsplice.service.worker_process import BusyError, WorkerLostError
-from signsplice.service.workers import Worker
+from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC
+from signsplice.service.workers import BusyError, Worker, WorkerLostError
 
 
 class SlowProcess:

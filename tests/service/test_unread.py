@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from signsplice.service.protocols import UnreadWatch
 from signsplice.service.settings import Settings
-from signsplice.service.unread import UnreadWatch
 
 IDLE, WHOLE = 2.0, 10.0
 

@@ -171,7 +171,7 @@ def _settings(limits: Sequence[str], **values: Any) -> Settings:
 
 def _listen(settings: Settings, scenes: Sequence[Mapping[str, Any]], on_open: Callable[[str], None]) -> None:
     _require_extra()
-    from signsplice.service.run import serve as listen
+    from signsplice.service.app import serve as listen
 
     try:
         listen(settings, scenes, on_open)

@@ -16,8 +16,8 @@ from signsplice.evaluation.stretched_bodies import BODIES, stretched
 from signsplice.formats.atomic import replacing
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress, counted
-from signsplice.render.page import INK, PAPER, pillow, write_line
 from signsplice.render.picture import Image, draw, make_scene
+from signsplice.render.sheet import INK, PAPER, pillow, write_line
 from signsplice.rig.align import Reference, copy_rotations, placement
 
 WORDS = ("NAME", "MOTHER", "APPLE", "FAMILY", "PLEASE", "DEAF", "FRIEND", "HAT")

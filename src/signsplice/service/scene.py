@@ -19,8 +19,7 @@ from signsplice.formats import encode as encode_file
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, Skeleton, resample
 from signsplice.rig.info import rig_info
-from signsplice.service.stream_messages import FRAMES_HEADER, FRAMES_MAGIC
-from signsplice.service.wire import FORMAT_NAMES, Files, Format
+from signsplice.service.wire import FORMAT_NAMES, FRAMES_HEADER, FRAMES_MAGIC, Files, Format
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
 
@@ -97,7 +96,7 @@ def to_json(message: Mapping[str, Any]) -> bytes:
 
 
 def skeleton(clip: Clip) -> dict[str, Any]:
-    """The skeleton of a stream's frames as ``stream_messages.SkeletonMessage``, without the names of the methods."""
+    """The skeleton of a stream's frames as ``wire.SkeletonMessage``, without the names of the methods."""
     return {
         "type": "skeleton",
         "fps": clip.fps,
@@ -109,7 +108,7 @@ def skeleton(clip: Clip) -> dict[str, Any]:
 
 
 def frames(clip: Clip, first: int) -> bytes:
-    """The binary message of a clip's frames (``stream_messages.FRAMES_HEADER``); ``first``: number of the first one."""
+    """The binary message of a clip's frames (``wire.FRAMES_HEADER``); ``first``: number of the first one."""
     n_frames, n_joints = clip.local_rotations.shape[:2]
     rows = np.empty((n_frames, 3 + 4 * n_joints), "<f4")
     rows[:, :3] = clip.root_positions

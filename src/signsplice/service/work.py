@@ -20,10 +20,8 @@ from signsplice.lexicon.entry import LETTER_MARK
 from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed, starts
 from signsplice.lexicon.typed import typed_words
 from signsplice.motion.clip import Clip
-from signsplice.service import scene
+from signsplice.service import scene, wire
 from signsplice.service.settings import Settings
-from signsplice.service.stream_messages import OpenMessage, TextMessage, WordMessage
-from signsplice.service.wire import FORMAT_NAMES, PICTURES, AnswerFile, Dials, SentenceRequest, SpliceRequest
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice
 from signsplice.splicing.face_rules import RULES
 from signsplice.splicing.forms import open_lexicon
@@ -66,7 +64,7 @@ class _OpenStream:
 
     stream: Stream
     options: SpliceOptions
-    opening: OpenMessage
+    opening: wire.OpenMessage
     n_frames: int = 0
 
 
@@ -123,14 +121,14 @@ def warm_up(for_streams: bool) -> None:
     glosses = [*glosses[:_N_WARMING], *glosses[len(glosses) - n_letters :][:_N_WARMING]]
     if for_streams:
         key = "warming"
-        open_stream(key, OpenMessage(type="open"))
+        open_stream(key, wire.OpenMessage(type="open"))
         for gloss in glosses:
-            for word in read_typed(key, TextMessage("text", gloss))[0]:
+            for word in read_typed(key, wire.TextMessage("text", gloss))[0]:
                 add_word(key, word)
         end_stream(key)
         close_stream(key)
     else:
-        request = SentenceRequest(glosses=glosses, face_rules=True, formats=list(FORMAT_NAMES))
+        request = wire.SentenceRequest(glosses=glosses, face_rules=True, formats=list(wire.FORMAT_NAMES))
         splice_glosses(request, None)
 
 
@@ -138,7 +136,7 @@ def warm_up(for_streams: bool) -> None:
 
 
 def splice_glosses(
-    request: SentenceRequest, file: AnswerFile | None, uploaded: tuple[str, bytes] | None = None
+    request: wire.SentenceRequest, file: wire.AnswerFile | None, uploaded: tuple[str, bytes] | None = None
 ) -> Answer:
     """The answer to a sentence: one ``file`` of it, or all as JSON; on the avatar in a file (name, content) that was
     ``uploaded``, where there is one. Raises ``InputError``.
@@ -149,7 +147,9 @@ def splice_glosses(
     return _answer([_worker.clip(gloss) for gloss in glosses], request, file, units, avatar)
 
 
-def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: AnswerFile | None) -> Answer:
+def splice_files(
+    files: Sequence[tuple[str, bytes]], request: wire.SpliceRequest, file: wire.AnswerFile | None
+) -> Answer:
     """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON. A file of written signs
     stands for all of its signs.
 
@@ -175,8 +175,8 @@ def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
 
 def _answer(
     clips: list[Clip],
-    request: SentenceRequest | SpliceRequest,
-    file: AnswerFile | None,
+    request: wire.SentenceRequest | wire.SpliceRequest,
+    file: wire.AnswerFile | None,
     units: Sequence[SentenceToken],
     avatar: Avatar | None = None,
 ) -> Answer:
@@ -184,31 +184,31 @@ def _answer(
     seconds = sum(clip.seconds for clip in clips) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
-    held = pauses(units) if isinstance(request, SentenceRequest) and request.pauses else None
+    held = pauses(units) if isinstance(request, wire.SentenceRequest) and request.pauses else None
     avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
     result = splice(clips, options(request), starts(units), held, brows(units))
     if avatar is not None:
         result = onto_avatar(result, avatar)
-    glb_has = {"mesh": request.mesh, "whole_face": isinstance(request, SentenceRequest) and request.whole_face}
+    glb_has = {"mesh": request.mesh, "whole_face": isinstance(request, wire.SentenceRequest) and request.whole_face}
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
-        if file in PICTURES:
+        if file in wire.PICTURES:
             return Answer(scene.picture(result, file), f"image/{file}", name)
         return Answer(scene.encode(result.clip, file, **glb_has), scene.media_type(file), name)
     spliced = scene.from_result(result, request.formats, [asdict(unit) for unit in units], **glb_has)
     return Answer(scene.to_json(spliced))
 
 
-def options(dials: Dials) -> SpliceOptions:
+def options(dials: wire.Dials) -> SpliceOptions:
     """A caller's dials as the engine's options."""
-    chosen = {field.name: getattr(dials, field.name) for field in fields(Dials)}
+    chosen = {field.name: getattr(dials, field.name) for field in fields(wire.Dials)}
     time = dials.transition_time
     chosen |= {"duration": time, "transition_time": None} if isinstance(time, str) else {"duration": methods.AUTO}
-    rules = RULES if isinstance(dials, SentenceRequest | OpenMessage) and dials.face_rules else ()
+    rules = RULES if isinstance(dials, wire.SentenceRequest | wire.OpenMessage) and dials.face_rules else ()
     return SpliceOptions(**chosen, face_rules=rules, limits=_worker.settings.read_limits)
 
 
-def _units(text: str, wanted: SentenceRequest | OpenMessage, compounds: bool) -> list[SentenceToken]:
+def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
     """How a line is signed. Raises ``InputError``, also for more words or letters than a sentence may have."""
     most, lexicon = _worker.settings.max_glosses, _worker.lexicon
     n_words = len(typed_words(text, lexicon.__contains__))
@@ -229,7 +229,7 @@ def _units(text: str, wanted: SentenceRequest | OpenMessage, compounds: bool) ->
 # --- streams ---
 
 
-def open_stream(key: str, opening: OpenMessage) -> None:
+def open_stream(key: str, opening: wire.OpenMessage) -> None:
     """Begin a growing sentence. Raises ``InputError``."""
     chosen = options(opening)
     _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening)
@@ -251,7 +251,7 @@ class StreamWord:
     brow: str | None
 
 
-Typed = WordMessage | TextMessage
+Typed = wire.WordMessage | wire.TextMessage
 """What the client of a stream types."""
 
 
@@ -261,7 +261,7 @@ def read_typed(key: str, typed: Typed) -> tuple[list[StreamWord], list[dict[str,
     Raises ``InputError``.
     """
     opening = _worker.streams[key].opening
-    line, compounds = (typed.text, opening.compounds) if isinstance(typed, TextMessage) else (typed.gloss, False)
+    line, compounds = (typed.text, opening.compounds) if isinstance(typed, wire.TextMessage) else (typed.gloss, False)
     units = _units(line, opening, compounds)
     held, asked = pauses(units) if opening.pauses else {}, brows(units)
     glosses = [(gloss, k == 0) for unit in units for k, gloss in enumerate(unit.glosses)]
