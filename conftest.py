@@ -17,8 +17,7 @@ from serving import http_client, wait_until_warm
 from signing import sign
 from signsplice.formats import load
 from signsplice.lexicon import shipped
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion import Clip, EndSite, Skeleton, rotation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
 ROOT = Path(__file__).resolve().parent

@@ -20,7 +20,7 @@ from signsplice.errors import InputError
 from signsplice.lexicon.frames import FRAMES
 from signsplice.lexicon.index import INDEX
 from signsplice.lexicon.reader import SHIPPED, Lexicon
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 _PROBES = ("HELLO", "SIGN", "I")
 """Words that are read after every flip, besides those whose bytes hold it."""

@@ -10,8 +10,7 @@ import numpy as np
 
 import avatars
 from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 
 _CORNERS = 8

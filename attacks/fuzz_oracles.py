@@ -20,7 +20,7 @@ from fuzz_clips import unpacked
 from signsplice import formats, lexicon
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.inspection import left_out_warnings
 
 TOLERANCE = 1e-4

@@ -23,8 +23,7 @@ from signsplice.bulk import recipes
 from signsplice.bulk.job import BulkOptions, prepare
 from signsplice.bulk.shards import make_shard
 from signsplice.lexicon.reader import SHIPPED
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion import Clip, EndSite, Skeleton, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report as reports
 from signsplice.synth import notation

@@ -37,9 +37,8 @@ from signsplice.formats import live_link
 from signsplice.formats import roles as roles_files
 from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import glosses, sentence
-from signsplice.motion import kinematics
+from signsplice.motion import Clip, kinematics
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.splicing import report as reports

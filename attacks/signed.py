@@ -28,8 +28,7 @@ import numpy as np
 import fuzz_written
 from signsplice.body import collision
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.synth import notation, planner
 from signsplice.synth.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
 from signsplice.synth.signer import JOINTS

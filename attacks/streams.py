@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import signsplice as ss
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.engine import Piece
 
 N_SENTENCES = 200

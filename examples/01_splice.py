@@ -8,7 +8,7 @@ from pathlib import Path
 
 import signsplice as ss
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import concatenate
+from signsplice.motion import concatenate
 
 
 def main(folder: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import signsplice as ss
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import concatenate
+from signsplice.motion import concatenate
 
 GLOSSES = ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")
 

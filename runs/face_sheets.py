@@ -21,7 +21,7 @@ from PIL import Image, ImageSequence
 from signsplice import read_avatar, retarget, save
 from signsplice.lexicon import shipped
 from signsplice.lexicon.sentence import brows, parse, pauses, starts
-from signsplice.motion.clip import Clip, resample, unchecked_copy
+from signsplice.motion import Clip, resample, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, VISEMES, Face
 from signsplice.render import film
 from signsplice.render.picture import Image as Pixels

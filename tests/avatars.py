@@ -14,8 +14,7 @@ import numpy as np
 from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
 from signsplice.evaluation.stretched_bodies import BodyProportions, stretched
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.t_pose import posed_positions
 

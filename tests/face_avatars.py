@@ -12,7 +12,7 @@ from signsplice.formats import glb
 from signsplice.formats.avatar import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, PRESETS, Face
 from signsplice.rig.info import rig_info
 

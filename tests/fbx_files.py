@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 TICKS = 46186158000
 ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX")

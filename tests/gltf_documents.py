@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import signsplice as ss
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 
 def document(nodes: list[dict[str, Any]], channels: list[dict[str, Any]], **more: Any) -> dict[str, Any]:

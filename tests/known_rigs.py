@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton
 from signsplice.rig.roles import FINGERS, ROLES, finger_roles
 
 

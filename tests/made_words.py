@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.synth import planner, pose
 from signsplice.synth.handshapes import HANDSHAPES

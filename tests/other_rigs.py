@@ -6,9 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, rotation
 
 
 def on_other_rig(clip: Clip, turn: FloatArray, scale: float, rename: dict[str, str] | None = None) -> Clip:

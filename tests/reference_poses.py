@@ -6,9 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.rig.info import rig_info
 
 

@@ -7,9 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.synth import notation, planner
 from signsplice.synth.manner import PLAIN, Manner
 from signsplice.synth.phonology import Sign

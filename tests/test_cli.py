@@ -22,8 +22,7 @@ from signsplice.cli.terminal import with_option_names
 from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
 from signsplice.formats.avatar import read_avatar
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.render import film
 from signsplice.rig.info import active_span, arms, rig_info
 

@@ -14,7 +14,7 @@ import pytest
 
 from signsplice import cli, lexicon
 from signsplice.formats import load, save
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 
 def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -17,8 +17,7 @@ import fuzz_seeds
 from evaluators import MustRefuseError
 from fuzz_oracles import WrongMotionError
 from fuzz_targets import TARGETS
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 
 
 def _turned(clip: Clip) -> Clip:

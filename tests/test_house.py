@@ -18,6 +18,7 @@ SOURCES = (ROOT / "src", ROOT / "research" / "src")
 
 FLOORS = {
     "errors": 0,
+    "hooks": 0,
     "children": 0,
     "progress": 0,
     "motion": 1,

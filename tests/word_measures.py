@@ -18,9 +18,7 @@ import signsplice as ss
 from signing import SIGNS
 from signsplice.body import collision
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.roles import SIDES
 from signsplice.synth import planner, pose, running
 from signsplice.synth.phonology import IN_SPACE, Segment

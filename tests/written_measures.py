@@ -23,9 +23,7 @@ import numpy as np
 
 from signsplice.body import collision
 from signsplice.errors import InputError
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.synth.signer import JOINTS
 from signsplice.synth.written import signing
 from written_places import Place, place_points

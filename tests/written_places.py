@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.body.capsules import body_capsules
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.motion.kinematics import rest_positions
 from signsplice.synth.locations import body_locations
 from signsplice.synth.signer import JOINTS, STANDARD, skeleton

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from signsplice.formats import load
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice_paper import pair_export
 from toys import GLOSSES, corpus
 

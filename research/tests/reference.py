@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 
 def accuracy(predicted: FloatArray, true: FloatArray, sigma: float) -> float:

@@ -5,8 +5,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice_paper.systems.from_positions import rotations_from_positions
 
 

@@ -10,8 +10,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.formats import save
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, Skeleton, bone_translations, resample
+from signsplice.motion import Clip, Skeleton, bone_translations, resample, rotation
 from signsplice_paper import protocol
 from signsplice_paper.prediction import Prediction
 from test_own_words import FPS, build, written

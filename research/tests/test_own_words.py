@@ -15,8 +15,7 @@ import pytest
 from signsplice.cli.terminal import size
 from signsplice.errors import InputError
 from signsplice.formats import load, save
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics
 from signsplice.synth import training_data
 from signsplice.synth.pairs import FILES, Pairs
 from signsplice_paper import clip_methods, own_words, pair_export, protocol

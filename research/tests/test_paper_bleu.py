@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import reference
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice_paper import bleu
 from toys import motion
 

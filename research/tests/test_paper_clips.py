@@ -17,8 +17,7 @@ from registration import registered  # noqa: F401
 from signing import word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.networks.bundle import write_bundle
 from signsplice.synth.corpus import scaled_positions

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import reference
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.rig import metrics as scores
 from signsplice_paper import bleu, extra_metrics, metrics
 from signsplice_paper.prediction import Prediction

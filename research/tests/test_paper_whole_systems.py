@@ -19,8 +19,7 @@ from signing import word
 from signsplice.cli.commands import app
 from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, Skeleton, resample
+from signsplice.motion import Clip, Skeleton, resample, rotation
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.align import ORIGIN, Placement, place, placement
 from signsplice.splicing import report

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton
 from signsplice_paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic
 from toys import corpus
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice_paper import bleu, bundles, curve, metrics, results

@@ -4,7 +4,7 @@ The names below are all that most users need; each is imported when first used, 
 nothing.
 """
 
-from signsplice.motion import html_renderers
+from signsplice.hooks import html_renderers
 
 TYPE_CHECKING = False  # typing's own costs an import, in which an interrupt would show a traceback
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from signsplice.formats import load, save
     from signsplice.formats.avatar import read_avatar
     from signsplice.lexicon.reader import Lexicon
-    from signsplice.motion.clip import Clip, Skeleton
+    from signsplice.motion import Clip, Skeleton
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
     from signsplice.splicing.forms import open_lexicon
     from signsplice.splicing.inbetween import inbetween

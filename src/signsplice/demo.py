@@ -11,7 +11,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.render import film
 from signsplice.splicing import report

@@ -12,8 +12,7 @@ from other_rigs import on_other_rig, with_rest_pose
 from signing import word
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics, rotation
 from signsplice.rig.info import rig_info
 
 OTHER_AXES = rotation.exp([0.4, -1.1, 0.8])

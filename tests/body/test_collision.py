@@ -12,9 +12,7 @@ from other_rigs import without
 from signing import mirror, word
 from signsplice.body import capsules, collision
 from signsplice.body.capsules import capsule_ends
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, FloatArray, concatenate, kinematics, rotation
 from signsplice.synth import pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import resting

@@ -10,8 +10,7 @@ from signsplice.body import capsules, collision
 from signsplice.body.capsules import MeshPart
 from signsplice.body.mesh import _distances, _MeshCapsules, _union, bind_pose, body_mesh
 from signsplice.body.surface_nets import surface
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS

@@ -22,9 +22,7 @@ from signsplice.body.retarget import retarget, signing
 from signsplice.cli.commands import app
 from signsplice.formats import load, save
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, kinematics, rotation
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
 from signsplice.splicing import report as reports

@@ -12,8 +12,7 @@ from signsplice.body.capsules import BodyShape, shaped_capsules
 from signsplice.body.collision import clearances
 from signsplice.body.contacts import PosedBody, posed_body
 from signsplice.lexicon import shipped
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 

@@ -30,8 +30,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import npz
 from signsplice.formats.json_files import read_json
 from signsplice.lexicon.reader import SHIPPED
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.motion.kinematics import forward
 from signsplice.rig.info import rig_info
 from signsplice.splicing import report as reports

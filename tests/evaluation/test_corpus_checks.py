@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from signing import sign
 from signsplice.evaluation import corpus_checks
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.synth import notation, planner, pose
 from signsplice.synth.corpus import Pairs, scaled_positions
 from signsplice.synth.locations import resting

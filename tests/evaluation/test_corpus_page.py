@@ -17,8 +17,7 @@ from signsplice.evaluation import corpus_checks, corpus_page, corpus_pictures, r
 from signsplice.evaluation.corpus_difficulty import BY_WORD
 from signsplice.evaluation.tables import markdown, tables_in
 from signsplice.formats import save
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate, rotation
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.methods.transition import TRANSITIONS, find_transition

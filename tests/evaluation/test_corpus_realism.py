@@ -12,7 +12,7 @@ from signsplice.evaluation import corpus_realism
 from signsplice.evaluation.hands import flexions
 from signsplice.evaluation.signer_motion import signer_motion
 from signsplice.evaluation.tables import percentiles
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.roles import FINGERS
 from signsplice.synth import pose
 from signsplice.synth.corpus import Pairs

@@ -15,7 +15,7 @@ from signsplice.errors import InputError
 from signsplice.evaluation import seams
 from signsplice.evaluation.seam_rows import SeamRow
 from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.engine import SpliceOptions
 from signsplice.splicing.gap import Cut

@@ -11,9 +11,7 @@ import pytest
 from signing import mirror, word
 from signsplice.evaluation.hands import busier_side, hand_likeness
 from signsplice.evaluation.signer_motion import half_changed_at, reaches, signer_motion
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.synth import pose
 from signsplice.synth.locations import resting
 from signsplice.synth.signer import JOINTS, STANDARD

@@ -16,8 +16,7 @@ from signsplice.body.capsules import Avatar, BodyCapsules, BodyShape, shaped_cap
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 

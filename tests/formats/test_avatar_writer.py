@@ -17,8 +17,7 @@ from signsplice.formats import encode, vrma
 from signsplice.formats.avatar import pack
 from signsplice.formats.gltf_document import chunks
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics
 from signsplice.motion.face import Face
 from signsplice.rig.align import ORIGIN, place
 

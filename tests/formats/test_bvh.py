@@ -17,8 +17,7 @@ from broken_bvh import VALID
 from signsplice.errors import InputError
 from signsplice.formats import bvh, load, save
 from signsplice.formats.bvh import format_rows
-from signsplice.motion import euler, rotation
-from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.motion import Clip, concatenate, euler, resample, rotation
 from signsplice.motion.euler import ROTATIONS
 from signsplice.rig.inspection import left_out_warnings
 
@@ -269,8 +268,7 @@ def test_a_root_gets_the_position_channels_its_motion_needs() -> None:
 
 
 def test_joints_in_any_order_are_written_correctly() -> None:
-    from signsplice.motion import kinematics
-    from signsplice.motion.clip import Skeleton
+    from signsplice.motion import Skeleton, kinematics
 
     rng = np.random.default_rng(1)
     skeleton = Skeleton(("a", "b", "c", "b2", "c2"), np.array([-1, 0, 0, 1, 2]), rng.normal(size=(5, 3)))

@@ -17,8 +17,7 @@ import face_avatars
 import signsplice as ss
 from signsplice.body.capsules import Avatar
 from signsplice.formats.gltf_face import look_at_of, lost_in
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.motion.face import LOOKS, SIDES, Face, LookAt, eye_coefficients, eye_quats, preset_of
 from signsplice.rig.info import rig_info
 

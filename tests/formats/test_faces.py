@@ -18,8 +18,7 @@ from signsplice.formats import glb, live_link, vrma
 from signsplice.formats.gltf_face import lost_in, target_names, vrm_expressions
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import ReadLimits
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.motion.face import ARKIT_CHANNELS, Face, shape_of
 
 HEAD = "Timecode,BlendshapeCount," + ",".join(name[0].upper() + name[1:] for name in ARKIT_CHANNELS)

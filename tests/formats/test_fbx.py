@@ -21,9 +21,7 @@ import signsplice as ss
 from fbx_files import Node, positions, text_6, text_7
 from signsplice.formats import fbx, load
 from signsplice.formats.fbx_takes import KeyCurve, Tangents
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
 FOLDER = Path(__file__).parent / "fbx"

@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from fbx_files import TICKS, Node, Over, positions, text_6, text_7
 from signsplice.formats import fbx
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, kinematics
 
 FOLDER = Path(__file__).parent / "fbx"
 TIMES = np.linspace(0.0, 1.0, 31)

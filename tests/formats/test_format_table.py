@@ -27,7 +27,7 @@ from signsplice.formats import (
     parse,
     save,
 )
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 
 @pytest.mark.parametrize("suffix", READ_SUFFIXES)

@@ -20,8 +20,7 @@ from signsplice.errors import InputError
 from signsplice.formats import glb, vrma
 from signsplice.formats.gltf_writer import in_front
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.rig.info import ROLES, canonical_motion, rig_info
 

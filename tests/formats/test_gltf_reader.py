@@ -13,8 +13,7 @@ import signsplice as ss
 from gltf_documents import ARM, IDENTITY, QUARTER, changed, document, load_document, rotating
 from signsplice.errors import FormatError, InputError
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.rig.inspection import inspect
 
 BOOK = shipped().clip("BOOK")

@@ -25,7 +25,7 @@ from signsplice.cli.commands import app
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats import encode, load, parse, save
 from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, format_errors, read_bytes
-from signsplice.motion.clip import resample
+from signsplice.motion import resample
 from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
 

@@ -16,7 +16,7 @@ from conftest import random_clip
 from broken_bvh import VALID
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic, bvh, encode, load, npz, save
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.engine import SpliceOptions, splice
 
 

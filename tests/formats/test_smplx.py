@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from signsplice import lexicon
 from signsplice.errors import InputError
 from signsplice.formats import load, npz, save, smplx
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics, rotation
 from signsplice.rig.info import rig_info
 
 RNG = np.random.default_rng(11)

@@ -18,7 +18,7 @@ from signsplice.formats import live_link, load, save
 from signsplice.lexicon import preparing
 from signsplice.lexicon.archives import RECIPES, find_recipe
 from signsplice.lexicon.folder import reasons
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.motion.face import Face
 
 KIND = "SG ASL x No Mesh {}.bvh"

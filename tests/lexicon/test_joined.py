@@ -13,7 +13,7 @@ from signsplice import lexicon
 from signsplice.cli.commands import app
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.sentence import parse
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 OWN = {"HELLO": ("I", ("HEY",)), "ZEBRA": ("SIGN", ()), "MOTHER": ("DEAF", ())}
 """Gloss -> the word that ships whose clip it has here, and synonyms."""

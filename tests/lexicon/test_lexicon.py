@@ -26,8 +26,7 @@ from signsplice.lexicon import Lexicon, reader
 from signsplice.lexicon.entry import fold, gloss_of
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC
 from signsplice.lexicon.index import INDEX, Index
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.progress import Progress
 from signsplice.rig.info import active_span, arms
 

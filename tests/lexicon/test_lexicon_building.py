@@ -19,7 +19,7 @@ from signsplice import lexicon
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.lexicon.index import IndexWriter
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 
 def tree(folder: Path) -> dict[str, bytes]:

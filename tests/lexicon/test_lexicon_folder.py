@@ -15,9 +15,8 @@ from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.lexicon import folder as folders
 from signsplice.lexicon import preparing
-from signsplice.motion import rotation
+from signsplice.motion import Clip, Skeleton, rotation
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig import info, roles
 from signsplice.rig.inspection import inspect
 

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from signsplice.errors import InputError
 from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon.frames import FORMS, Shape, decode, encode
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 
 

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import pytest
 
+from signsplice.motion import Clip, unchecked_copy
 from signsplice.motion.cache import Cache
-from signsplice.motion.clip import Clip, HasDerived, unchecked_copy
+from signsplice.motion.clip import HasDerived
 
 
 class Owner(HasDerived):

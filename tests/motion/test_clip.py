@@ -7,8 +7,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
+from signsplice.motion import Clip, Skeleton, concatenate, resample, rotation
 
 
 def test_the_arrays_of_a_clip_are_read_only() -> None:

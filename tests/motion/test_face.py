@@ -10,7 +10,7 @@ from conftest import random_clip
 
 from signsplice.errors import InputError
 from signsplice.evaluation.faces import random_face, with_random_face
-from signsplice.motion.clip import concatenate, resample, sampled, unchecked_copy
+from signsplice.motion import concatenate, resample, sampled, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, PRESETS, VISEMES, Face, face_from, shape_of, target_weights
 
 

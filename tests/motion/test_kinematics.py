@@ -8,9 +8,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice.formats import save
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 
 
 def positions_by_loop(clip: Clip) -> FloatArray:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.motion.number_space import NumberSpace, read_space, space_of
 
 RNG = np.random.default_rng(3)

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 
 unit = arrays(np.float64, (5, 4), elements=st.floats(-1, 1)).filter(
     lambda q: bool((np.linalg.norm(q, axis=-1) > 0.1).all())

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.render import film, sheet
 from signsplice.render.film import Mark, gif_timing, write
 from signsplice.render.picture import draw, make_scene

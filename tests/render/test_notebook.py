@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 from conftest import random_clip
 
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.render import notebook
 from signsplice.render.picture import make_scene
 

@@ -11,8 +11,7 @@ from conftest import random_clip
 from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.mesh import CLOTHES, bind_pose, body_mesh
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.render.picture import draw, draw_hand, make_scene, posed
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.render.sheet import PAPER, TRANSITION, Strip, write_strips
 
 Image = pytest.importorskip("PIL.Image")

@@ -13,9 +13,7 @@ from known_rigs import reverse_depth_first, with_joints
 from other_rigs import on_other_rig, with_rest_pose, without
 from signsplice.body.retarget import Retargeted, align
 from signsplice.errors import RigMismatchError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.rig import t_pose
 from signsplice.rig.align import Reference, copy_rotations, placement, reference, settle
 from signsplice.rig.info import rig_info

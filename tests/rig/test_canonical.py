@@ -10,8 +10,7 @@ import pytest
 from other_rigs import mirror, on_other_rig, with_rest_pose, without
 from signing import word
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.rig.info import (
     LEFT,
     RIGHT,

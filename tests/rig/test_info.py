@@ -11,7 +11,7 @@ import pytest
 
 from known_rigs import HIK, skeleton_of
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import find_roles
 

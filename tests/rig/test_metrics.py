@@ -12,9 +12,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
 from signing import word
 from signsplice.evaluation.hidden_frames import hidden_frames, table
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, resample, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Gap

@@ -9,8 +9,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice.body.retarget import align
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.motion import Clip, concatenate, resample, rotation
 from signsplice.rig.align import Placement, place, placement, reference
 
 

@@ -12,9 +12,7 @@ from known_rigs import RIGS, skeleton_of
 from other_rigs import on_other_rig, with_rest_pose
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig import rest_pose
 from signsplice.rig.align import reference
 from signsplice.rig.info import rig_info

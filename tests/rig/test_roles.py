@@ -9,7 +9,7 @@ import pytest
 
 from known_rigs import FIVE, HIK, RIGS, finger_chains, reverse_depth_first, skeleton_of, with_joints
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton
 from signsplice.motion.kinematics import path_to_root
 from signsplice.rig.roles import ROLES, Humanoid, find_roles
 

@@ -10,7 +10,7 @@ from conftest import random_clip
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import roles
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.info import rig_info
 
 

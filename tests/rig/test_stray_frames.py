@@ -12,8 +12,7 @@ from other_rigs import on_other_rig, with_rest_pose
 from reference_poses import arms_out, with_pose
 from signing import word
 from signsplice.lexicon import shipped
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
+from signsplice.motion import Clip, Skeleton, concatenate, resample, rotation
 from signsplice.rig.info import arms
 from signsplice.rig.inspection import JUMP_M_S, StrayFrames, inspect, stray_frames, with_ends_held
 from signsplice.synth import planner

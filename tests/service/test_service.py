@@ -27,8 +27,7 @@ from signsplice.errors import MissingExtraError
 from signsplice.evaluation.faces import with_random_face
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.rig.inspection import inspect
 from signsplice.service import page, wire, work
 from signsplice.service.wire import json_type

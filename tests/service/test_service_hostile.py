@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from broken_bvh import BROKEN, VALID, wide
 from serving import PATIENCE_S, messages_and_close_code, raw_request, stream_client
 from signsplice.formats import WIRE_SUFFIXES, listed, vrma
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 
 def error_of(answer: httpx.Response, status: int = 422) -> str:

@@ -16,8 +16,7 @@ import avatars
 from browsing import CHROMIUM, VIEWER, drive
 from serving import serving
 from signsplice.formats import load, save
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics
 from signsplice.service import page
 
 pytestmark = [

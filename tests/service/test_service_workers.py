@@ -32,7 +32,7 @@ from serving import (
 )
 from signsplice.lexicon import building
 from signsplice.lexicon.reader import SHIPPED
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.service import work
 from signsplice.service.monitoring import Metrics
 from signsplice.service.settings import Settings

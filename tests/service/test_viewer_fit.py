@@ -28,9 +28,7 @@ from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
 from signsplice.service import scene

@@ -12,7 +12,7 @@ import pytest
 import signsplice as ss
 from signsplice.errors import SignspliceError
 from signsplice.lexicon import shipped
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import GapTransition, find_transition

@@ -16,9 +16,7 @@ from reference_poses import arms_out, with_pose
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.formats import bvh
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Channels, Clip, resample
+from signsplice.motion import Channels, Clip, FloatArray, kinematics, resample, rotation
 from signsplice.rig.align import reference
 from signsplice.rig.info import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream

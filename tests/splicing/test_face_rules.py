@@ -9,7 +9,7 @@ import signsplice as ss
 from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon import sentence as lines
 from signsplice.lexicon.reader import shipped
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
 from signsplice.splicing.face_rules import BLINKS, BROWS, CHANNELS, FURROWED, RAISED, RULES

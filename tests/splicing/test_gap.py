@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import random_clip
 
-from signsplice.motion.clip import Clip, resample
+from signsplice.motion import Clip, resample
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import CONTEXT, Cut, Gap, gap_at
 from signsplice.splicing.inbetween import inbetween

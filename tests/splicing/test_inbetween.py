@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.inbetween import inbetween
 from signsplice.splicing.methods.transition import TRANSITIONS, find_transition

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate, rotation
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.inbetween import inbetween

@@ -6,8 +6,7 @@ import numpy as np
 
 from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.formats import bvh
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, resample
+from signsplice.motion import Clip, kinematics, resample, rotation
 from signsplice.motion.euler import ROTATIONS
 from signsplice.splicing.engine import splice
 from signsplice.splicing.methods.transition import find_transition

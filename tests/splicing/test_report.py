@@ -12,7 +12,7 @@ from conftest import random_clip
 
 from signing import word
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceOptions, splice
 

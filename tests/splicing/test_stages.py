@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 import signsplice as ss
 from signing import word
 from signsplice.lexicon import shipped
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, sampled
+from signsplice.motion import Clip, rotation, sampled
 from signsplice.splicing import stages
 from signsplice.splicing.engine import joined_sentence, splice
 from signsplice.splicing.joins.join import LETTERS, REFORMED, SIGNS, SLID, PlannedSeam, SeamKind

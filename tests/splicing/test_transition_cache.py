@@ -12,7 +12,7 @@ from conftest import GOLDEN
 
 import signsplice as ss
 from signing import word
-from signsplice.motion.clip import Clip, EndSite, unchecked_copy
+from signsplice.motion import Clip, EndSite, unchecked_copy
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.methods.transition import CurveTransition, GapTransition, find_transition

@@ -11,8 +11,7 @@ import pytest
 from signing import mirror, sign, signer_of
 from signsplice.body import capsules, collision
 from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.synth import planner, pose, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.manner import PLAIN, USUAL, Manner

@@ -15,8 +15,7 @@ import pytest
 from signing import sign, word
 from signsplice.errors import InputError
 from signsplice.formats import load
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics
 from signsplice.synth import folders, planner, running
 from signsplice.synth.corpus import Recipe
 from signsplice.synth.signer import STANDARD, draw_signer, read_signer

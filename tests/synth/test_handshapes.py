@@ -10,9 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from signsplice.body import capsules as body
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, rotation
 from signsplice.rig.roles import FINGERS
 from signsplice.synth import hand, signer
 from signsplice.synth.handshapes import HANDSHAPES

@@ -7,7 +7,7 @@ import pytest
 
 from signing import SIGNS, made, sign, signer_of
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import inflection, notation, planner, pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.inflection import agree, form, inflect

@@ -10,9 +10,7 @@ import pytest
 
 from signing import seen_from_chest, signer_of
 from signsplice.body import capsules, collision
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.synth import hand, locations, pose
 from signsplice.synth.hand_parts import HandPart, hand_part
 from signsplice.synth.handshapes import HANDSHAPES

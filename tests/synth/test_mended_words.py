@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from signing import seen_from_chest, sign
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import hand, planner, pose
 from signsplice.synth.locations import body_locations
 from signsplice.synth.manner import PLAIN

@@ -9,7 +9,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.evaluation.faces import random_face
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.motion.face import VISEMES
 from signsplice.synth.mouthing import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from signing import sign, signer_of
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import notation, planner, pose, segment_plan, trajectory, truth, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, penetration
 from signsplice.synth.handshapes import HANDSHAPES

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, kinematics
 from signsplice.synth import planner, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.manner import PLAIN

@@ -9,8 +9,7 @@ import pytest
 
 from signing import mirror, seen_from_chest, signer_of, word
 from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import resting

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signing import made
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import IsolatedWord

@@ -11,7 +11,7 @@ import pytest
 
 from signing import SIGNS, sign, signer_of, word, wrists
 from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.low_pass import low_passed

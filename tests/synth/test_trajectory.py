@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signing import signer_of, word
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import hand, manner, planner, pose, trajectory
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.rng import stream

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.synth import locations, planner, pose, twists
 from signsplice.synth.avoidance import between_hands
 from signsplice.synth.notation import parse

@@ -7,8 +7,7 @@ import pytest
 
 pytest.importorskip("torch")
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.rig.info import LEFT, ROLES
 from signsplice.train import augmentation
 

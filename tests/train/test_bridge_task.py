@@ -9,8 +9,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice.motion import kinematics, rotation  # noqa: E402
-from signsplice.motion.clip import Clip  # noqa: E402
+from signsplice.motion import (  # noqa: E402
+    Clip,
+    kinematics,
+    rotation,
+)
 from signsplice.rig import metrics  # noqa: E402
 from signsplice.rig.info import ROLES, TIPS  # noqa: E402
 from signsplice.train import bridge_task  # noqa: E402

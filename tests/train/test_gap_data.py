@@ -10,8 +10,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice.motion import rotation  # noqa: E402
-from signsplice.motion.clip import Clip  # noqa: E402
+from signsplice.motion import Clip, rotation  # noqa: E402
 from signsplice.rig.info import ROLES, canonical_motion  # noqa: E402
 from signsplice.splicing.gap import Gap  # noqa: E402
 from signsplice.splicing.methods.transition import find_transition  # noqa: E402

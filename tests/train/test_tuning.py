@@ -18,7 +18,7 @@ from signing import word
 from signsplice import lexicon
 from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
-from signsplice.motion.clip import concatenate
+from signsplice.motion import concatenate
 from signsplice.rig.info import canonical_motion
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.learned import LearnedTransition, open_sessions

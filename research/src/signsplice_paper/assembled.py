@@ -16,9 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_softmax
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.passes.filling import fill
 from signsplice_paper import published

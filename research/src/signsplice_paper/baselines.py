@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import signsplice as ss
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.splicing.gap import Cut
 from signsplice.synth.corpus import Pairs
 from signsplice_paper.clip_methods import prediction_of

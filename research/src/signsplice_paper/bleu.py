@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 Bool = NDArray[np.bool_]
 

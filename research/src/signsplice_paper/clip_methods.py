@@ -17,8 +17,8 @@ from functools import cached_property
 from pathlib import Path
 
 from signsplice.errors import InputError
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods.choice import ChosenMethods, choose, open_learned
 from signsplice.splicing.methods.cut import CUTTERS

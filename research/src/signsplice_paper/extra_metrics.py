@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.motion.number_space import NumberSpace
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 from signsplice_paper.protocol import Answer, Protocol

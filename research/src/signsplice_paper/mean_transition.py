@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth.corpus import Pairs
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.prediction import Prediction

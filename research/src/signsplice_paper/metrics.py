@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice_paper import bleu, extra_metrics, pair_samples
 from signsplice_paper.prediction import Prediction
 

@@ -16,9 +16,7 @@ from signsplice.formats import load
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon.folder import Source, find_sources
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton, resample
+from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, resample
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info

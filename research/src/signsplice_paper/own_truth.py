@@ -28,8 +28,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import load
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, read_bytes
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate, same_fps, sampled
+from signsplice.motion import Clip, concatenate, rotation, same_fps, sampled
 from signsplice.motion.number_space import NumberSpace, read_space
 from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods.learned import NAME as LEARNED

@@ -22,7 +22,7 @@ from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.lexicon.glosses import TABLE
-from signsplice.motion.clip import concatenate
+from signsplice.motion import concatenate
 from signsplice.synth.folders import file_name
 from signsplice.synth.pairs import Pairs
 from signsplice_paper.own_truth import read_positions

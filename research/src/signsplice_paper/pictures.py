@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice_paper import kept_frames, published
 from signsplice_paper.extra_metrics import FIRST
 from signsplice_paper.kept_frames import KeptFrames

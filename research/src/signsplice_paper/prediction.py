@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 N_NUMBERS = 159
 """Numbers per frame: 53 joints with three coordinates each, in [-0.5, 0.5]."""

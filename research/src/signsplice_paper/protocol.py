@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 from signsplice_paper import extra_metrics, metrics, viewed

@@ -11,8 +11,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.align import placement
 from signsplice.rig.info import rig_info

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.synth.corpus import Pairs

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from signing import word
 from signsplice.formats import save
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton
 from signsplice.synth.pairs import Pairs
 from signsplice.train.processes import Processes
 from signsplice_paper import own_words

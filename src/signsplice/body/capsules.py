@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.skin_surface import AvatarSkin, Relief
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import HasDerived, Skeleton
+from signsplice.motion import FloatArray, Skeleton, rotation
+from signsplice.motion.clip import HasDerived
 from signsplice.motion.face import LookAt
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info

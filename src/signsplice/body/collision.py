@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import ARM, BodyCapsules, body_capsules, capsule_ends
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.kinematics import forward
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES

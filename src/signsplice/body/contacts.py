@@ -8,9 +8,7 @@ import numpy as np
 
 from signsplice.body.capsules import BodyCapsules, capsule_ends
 from signsplice.body.collision import Near, SkinPairs, pair_clearances
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 

@@ -28,7 +28,7 @@ from scipy.linalg import solveh_banded
 from signsplice.body.capsules import BodyCapsules
 from signsplice.body.collision import Near, SkinPairs, clearances, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.contacts import PosedBody
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.rig.roles import SIDES
 
 

@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import N_JOINTS, Avatar, BodyCapsules, MeshPart, body_capsules, capsule_ends
 from signsplice.body.surface_nets import surface
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS

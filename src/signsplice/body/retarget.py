@@ -18,8 +18,7 @@ from signsplice.body.contacts import PART_M, Contact, PosedBody, find_contacts, 
 from signsplice.body.fit import SIGNS, Fit
 from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, placement, settle
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.rig.inspection import clip_warnings

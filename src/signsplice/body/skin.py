@@ -20,9 +20,7 @@ import numpy as np
 
 from signsplice.body.capsules import ARM, HEM, BodyCapsules, BodyShape, shaped_capsules
 from signsplice.body.skin_surface import MIN_POINTS, AvatarSkin, Relief, SkinPoints, quantile, surface, window
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES

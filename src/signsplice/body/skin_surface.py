@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

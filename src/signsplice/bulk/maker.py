@@ -14,7 +14,7 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.entry import Entry
 from signsplice.lexicon.reader import Lexicon
 from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, starts
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing import report as reports
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.engine import splice

@@ -25,8 +25,8 @@ from signsplice.bulk.maker import WORDS_KEPT, FailedSentence, MadeSentence, Sent
 from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.formats import FORMATS, encode, live_link, npz, save
 from signsplice.formats.atomic import replacing
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, tip_positions
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES, finger_roles

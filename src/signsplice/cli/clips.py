@@ -20,7 +20,7 @@ from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
     from signsplice.body.capsules import Avatar
-    from signsplice.motion.clip import Clip
+    from signsplice.motion import Clip
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""

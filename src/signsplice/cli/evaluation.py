@@ -19,7 +19,7 @@ from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
-    from signsplice.motion.clip import Clip
+    from signsplice.motion import Clip
     from signsplice.splicing.methods.transition import Transition
 
 Measured = tuple[str, Sequence[Any], list[str]]
@@ -212,7 +212,7 @@ def _frame_range(text: str) -> tuple[int, int]:
 
 def _loaded(files: tuple[str, ...], fps: float | None, roles: str | None) -> list[Clip]:
     """The clips, at another rate where one is given."""
-    from signsplice.motion.clip import resample
+    from signsplice.motion import resample
 
     loaded = [load(file, roles) for file in files]
     if fps is None:

@@ -26,7 +26,7 @@ from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
-    from signsplice.motion.clip import Clip
+    from signsplice.motion import Clip
 
 
 @click.command()

@@ -21,9 +21,7 @@ from signsplice.body.skin import BODY
 from signsplice.body.skin_surface import THICK_M, least_height
 from signsplice.errors import InputError
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 

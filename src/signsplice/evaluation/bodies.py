@@ -24,9 +24,8 @@ from signsplice.evaluation.body_measures import TOUCH_M, BodyMeasurement, LostCo
 from signsplice.evaluation.stretched_bodies import BODIES, BodyProportions, stretched
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, shown
 from signsplice.lexicon import shipped
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations, placement
 from signsplice.synth.rng import stream
 

@@ -13,8 +13,7 @@ from signsplice.body.collision import SkinPairs, forearm_pairs, near_pairs, pair
 from signsplice.body.contacts import PosedBody, posed_body
 from signsplice.body.fit import NEAR_M
 from signsplice.body.retarget import signing
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 

@@ -14,7 +14,7 @@ from signsplice.body.retarget import fit_body, signing
 from signsplice.evaluation.body_measures import TOUCH_M
 from signsplice.evaluation.stretched_bodies import BODIES, stretched
 from signsplice.formats.atomic import replacing
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress, counted
 from signsplice.render.picture import Image, draw, make_scene
 from signsplice.render.sheet import INK, PAPER, pillow, write_line

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.splicing.gap import Cut, gap_at
 from signsplice.splicing.methods.transition import TRANSITIONS, Transition
 from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M, depths

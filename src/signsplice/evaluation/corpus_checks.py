@@ -11,9 +11,7 @@ from signsplice.body import collision
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.errors import InputError
 from signsplice.evaluation.tables import Progress
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.roles import SIDES
 from signsplice.synth import hand, planner, pose, running
 from signsplice.synth.corpus import VERSION, Pairs

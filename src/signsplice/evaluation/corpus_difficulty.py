@@ -13,7 +13,7 @@ import numpy as np
 from signsplice.evaluation import corpus_checks
 from signsplice.evaluation.hands import strong_side, strong_wrist
 from signsplice.evaluation.tables import Progress, counted
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig import metrics
 from signsplice.rig.info import active_span, arms
 from signsplice.splicing.gap import Gap

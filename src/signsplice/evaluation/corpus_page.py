@@ -19,7 +19,7 @@ from signsplice.evaluation.hidden_frames import SHOWN
 from signsplice.evaluation.tables import HEAD, csv_text, markdown, tables_in
 from signsplice.formats import atomic, load
 from signsplice.formats.reading import read_bytes
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress
 from signsplice.rig.info import rig_info
 from signsplice.splicing.methods.cut import CUTTERS

@@ -14,7 +14,7 @@ from signsplice.evaluation.corpus_realism import WristMotion
 from signsplice.evaluation.hands import strong_side, strong_wrist
 from signsplice.evaluation.tables import Quantity
 from signsplice.formats.atomic import replacing
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.render.picture import draw, draw_hand, make_scene
 from signsplice.render.sheet import Strip, write_cells, write_strips
 from signsplice.synth import notation, planner, pseudo

@@ -14,8 +14,7 @@ from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.evaluation.sign_kinds import AIMED, ASL_LEX, symmetric_words
 from signsplice.evaluation.signer_motion import MeasuredMotion, half_formed, signer_motion
 from signsplice.evaluation.tables import Quantity, percentiles
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.rig.info import rig_info
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.synth.corpus import Pairs

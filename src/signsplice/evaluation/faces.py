@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion import Clip, FloatArray, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.passes.face_seams import LIDS, LIMIT_PERCENTILE, largest_step

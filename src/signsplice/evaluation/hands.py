@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES, finger_roles
 from signsplice.synth.corpus import Pairs

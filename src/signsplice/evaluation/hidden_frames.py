@@ -10,7 +10,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.tables import Progress, markdown
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Gap

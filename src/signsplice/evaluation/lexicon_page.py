@@ -16,8 +16,7 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.formats import atomic
 from signsplice.lexicon import Lexicon
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.progress import Progress, counted
 from signsplice.render.sheet import Strip, write_strips
 from signsplice.rig.info import rig_info

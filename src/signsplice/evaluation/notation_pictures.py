@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.evaluation.sign_pictures import DOT
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.render.picture import Image, Scene, around_hand, dotted, draw, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.synth import locations, notation, planner, pose

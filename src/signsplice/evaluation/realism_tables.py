@@ -12,8 +12,7 @@ from signsplice.evaluation import corpus_pictures, corpus_realism, hands, sign_k
 from signsplice.evaluation.corpus_realism import rms_jerk, speeds
 from signsplice.evaluation.signer_motion import MOVING
 from signsplice.evaluation.tables import MEDIAN_WITHIN, TAILS_WITHIN, markdown, number, percentiles, table
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.rig import metrics
 from signsplice.synth.corpus import Pairs
 from signsplice.synth.phonology import Sign

@@ -23,8 +23,7 @@ from signsplice.evaluation.seam_rows import SeamMeasurement, SeamRow
 from signsplice.evaluation.stitcher import stitch
 from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import Arms, arms, rig_info
 from signsplice.splicing.engine import SpliceOptions, splice

@@ -8,9 +8,7 @@ import numpy as np
 
 from signsplice.evaluation.hands import strong_side
 from signsplice.evaluation.tables import Quantity, percentiles
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.synth import notation, pseudo
 from signsplice.synth.corpus import Pairs

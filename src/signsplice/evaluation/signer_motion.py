@@ -12,9 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from signsplice.evaluation.hands import flexions
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 

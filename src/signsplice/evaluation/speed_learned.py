@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from signsplice.lexicon import shipped
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.splicing.engine import splice, stream
 from signsplice.splicing.methods.choice import choose
 from signsplice.splicing.methods.learned import LearnedCutter

@@ -25,8 +25,7 @@ from signsplice.evaluation.speed_learned import forget, median_milliseconds
 from signsplice.evaluation.tables import Progress, counted
 from signsplice.formats import bvh, load, save
 from signsplice.lexicon import building, open_lexicon, shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.motion import Clip, concatenate, kinematics, resample, rotation
 from signsplice.rig.info import active_span, arms
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import Cut, Gap

@@ -19,9 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import arms
 
 MARGIN_FRAMES = 5

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from signsplice.body.capsules import BodyShape
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import EndSite, Skeleton
+from signsplice.motion import EndSite, Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.progress import Progress as Progress
 from signsplice.progress import counted as counted
 

@@ -15,8 +15,7 @@ from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S

@@ -16,7 +16,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, read_bytes
 
 if TYPE_CHECKING:
-    from signsplice.motion.clip import Clip
+    from signsplice.motion import Clip
 
 
 @dataclass(frozen=True)

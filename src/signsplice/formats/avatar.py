@@ -40,9 +40,7 @@ from signsplice.formats.gltf_face import bones_of, face_controls
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, read_bytes, stem
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton
+from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, rotation
 from signsplice.motion.face import bone_quats, target_weights
 from signsplice.rig.align import place, placement
 from signsplice.rig.info import rig_info

@@ -16,9 +16,8 @@ import numpy as np
 
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
-from signsplice.motion import euler
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import ChannelNames, Channels, Clip, EndSite, Skeleton
+from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton, euler
+from signsplice.motion.clip import ChannelNames
 from signsplice.motion.euler import POSITIONS, ROTATIONS
 
 _MAX_WORDS = 50_000

@@ -19,9 +19,7 @@ from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms
 from signsplice.formats.fbx_takes import MOVES, PERCENT, Take
 from signsplice.formats.gltf_document import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate, unique
 from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import Face, face_from, shape_of
 from signsplice.rig.info import rig_info
 

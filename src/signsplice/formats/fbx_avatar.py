@@ -22,8 +22,7 @@ from signsplice.formats.gltf_document import unique
 from signsplice.formats.gltf_mesh import normals
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, read_bytes
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 
 Rows = NDArray[np.int64]
 _VERTEX_BYTES, _CORNER_BYTES, _MOVE_BYTES = 300, 60, 48

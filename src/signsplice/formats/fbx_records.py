@@ -20,7 +20,7 @@ import numpy as np
 from signsplice.errors import FormatError
 from signsplice.formats.gltf_document import printable
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 MAGIC = b"Kaydara FBX Binary  \x00\x1a\x00"
 _WIDE_HEADS = 7500

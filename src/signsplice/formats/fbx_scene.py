@@ -17,8 +17,7 @@ from signsplice.errors import InputError
 from signsplice.formats.fbx_records import FbxObjects, Id, Record, name_of, numbers_of
 from signsplice.formats.fbx_takes import MOVES, Take, quats, read_takes
 from signsplice.formats.reading import ReadLimits
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 
 BONES = ("LimbNode", "Limb", "Root")
 """Kinds of models that are joints."""

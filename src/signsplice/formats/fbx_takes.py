@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.fbx_records import FbxObjects, Id, Record, name_of, numbers_of, within
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.motion.face import shape_of
 
 _HELD, _LINEAR, _NEXT, _USER, _BROKEN = 0x2, 0x4, 0x100, 0x400, 0x800

@@ -15,9 +15,7 @@ from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
 from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations
+from signsplice.motion import Clip, FloatArray, bone_translations, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from signsplice.errors import FormatError, LimitError
 from signsplice.formats.json_files import parse_json, shortened
 from signsplice.formats.reading import ReadLimits, read_bytes
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.rig.roles import ROLES
 
 VRM_ANIMATION = "VRMC_vrm_animation"

@@ -32,9 +32,7 @@ from signsplice.formats.gltf_document import (
 )
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import NO_LIMITS
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.motion.face import (
     ARKIT_CHANNELS,
     LOOKS,

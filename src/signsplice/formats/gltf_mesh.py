@@ -15,8 +15,7 @@ from signsplice.body.capsules import N_JOINTS, MeshPart
 from signsplice.body.skin_surface import SkinPoints
 from signsplice.errors import InputError
 from signsplice.formats.gltf_document import UNPACK, VRM_0, Fields, SkeletonDocument
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 
 _TRIANGLES = 4
 _DRACO = "KHR_draco_mesh_compression"

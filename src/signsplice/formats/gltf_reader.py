@@ -34,9 +34,7 @@ from signsplice.formats.gltf_document import (
 from signsplice.formats.gltf_face import FaceReader, target_names, vrm_expressions
 from signsplice.formats.json_files import shortened
 from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import shape_of
 from signsplice.rig.roles import ROLES
 

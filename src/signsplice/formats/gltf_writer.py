@@ -37,9 +37,7 @@ from pygltflib import (
 from signsplice.body.capsules import MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import bind_pose
 from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.rig.align import Placement, place
 from signsplice.rig.info import rig_info
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, opened, stem
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Channels, Clip, EndSite, Skeleton
+from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
 from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
 

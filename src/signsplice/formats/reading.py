@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from signsplice.errors import FormatError, InputError, LimitError
 
 if TYPE_CHECKING:
-    from signsplice.motion.clip import Clip
+    from signsplice.motion import Clip
 
 
 FRAME_BYTES = 80

@@ -15,7 +15,7 @@ from signsplice.lexicon import index
 from signsplice.lexicon.entry import Entry, fold, gloss_of, kind_of
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, fingerprint
 from signsplice.lexicon.preparing import PreparedWord, SharedSkeletons, prepare
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 
 
 class Builder:

@@ -27,8 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 
 Buffer = bytes | memoryview

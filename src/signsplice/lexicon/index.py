@@ -20,7 +20,7 @@ from signsplice.formats import skeletons
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import opened
 from signsplice.lexicon.entry import KINDS, Entry, fold
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton
 
 INDEX = "index.sqlite"
 VERSION = 1

@@ -9,7 +9,7 @@ from signsplice.errors import UnknownGlossError
 from signsplice.lexicon.entry import Entry, fold
 from signsplice.lexicon.index import Head
 from signsplice.lexicon.reader import Lexicon
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress
 
 

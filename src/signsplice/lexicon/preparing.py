@@ -17,8 +17,8 @@ from signsplice.formats.reading import ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon import index
 from signsplice.lexicon.frames import encode
+from signsplice.motion import Clip, Skeleton, unchecked_copy
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.rig.info import active_span, arms
 from signsplice.rig.inspection import clip_warnings, stray_frames
 from signsplice.rig.rest_pose import with_rest_pose

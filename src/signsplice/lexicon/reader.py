@@ -16,7 +16,7 @@ from signsplice.lexicon.entry import LETTER_MARK, Entry, fold
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
 from signsplice.lexicon.index import INDEX, REBUILD, ClipLocation, Head, Index
 from signsplice.lexicon.suggestions import Suggestions
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton
 from signsplice.progress import Progress
 from signsplice.rig.inspection import clip_warnings
 

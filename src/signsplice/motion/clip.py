@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import html_renderers, rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.hooks import html_renderers
+from signsplice.motion import rotation
 from signsplice.motion.face import Face, joined_faces
+from signsplice.motion.rotation import FloatArray
 
 _UNIT_TOLERANCE = 1e-6
 _BLOCK = 32

@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import ChannelNames, Channels, Clip, bone_translations
+from signsplice.motion.rotation import FloatArray
 
 _BLOCK = 4096
 """Frames that are converted at a time, to keep the memory of intermediate results small."""

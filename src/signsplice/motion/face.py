@@ -21,7 +21,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion.rotation import FloatArray
 
 SIDES = ("Left", "Right")
 _EYE = ("Blink", "LookDown", "LookIn", "LookOut", "LookUp", "Squint", "Wide")

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.rotation import FloatArray
 
 
 def forward(

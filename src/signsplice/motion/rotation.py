@@ -9,10 +9,10 @@ leading axes, are pure and leave their arguments as they are.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from signsplice.motion.arrays import FloatArray
-
+FloatArray = NDArray[np.float64]
+"""An array of 64-bit numbers; its docstring or comment gives the shape."""
 IDENTITY: FloatArray = np.array([0.0, 0.0, 0.0, 1.0])
 IDENTITY.flags.writeable = False
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats.atomic import replacing
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress, counted
 from signsplice.render import PICTURE_SUFFIXES
 from signsplice.render.picture import Scene, detail_colours, draw, make_scene

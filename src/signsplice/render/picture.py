@@ -12,9 +12,7 @@ from scipy.sparse import csr_array
 from signsplice.body.capsules import BodyCapsules, MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh, capsule_mesh
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.face import Face
 from signsplice.render.raster import Canvas, Pixels, lit
 from signsplice.rig.align import placement

@@ -16,7 +16,7 @@ import numpy as np
 
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress, counted
 from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene
 

@@ -16,9 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import RigMismatchError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, at_frames, resample, unchecked_copy
+from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, kinematics, resample, rotation, unchecked_copy
 from signsplice.motion.kinematics import forward, global_quats, rest_positions
 from signsplice.rig.info import rig_info
 from signsplice.rig.rest_pose import IDENTICAL, axes_on_one_body, bones_apart, size_ratio

@@ -23,9 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.rig.roles import ARM, FINGERS, SIDES, Humanoid, arm_joints, find_roles, finger_roles, simplify
 from signsplice.rig.t_pose import BodySizes, TPose, measure, t_pose
 

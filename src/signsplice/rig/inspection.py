@@ -19,9 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, at_frames, unchecked_copy
+from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, kinematics, rotation, unchecked_copy
 from signsplice.rig.align import placement
 from signsplice.rig.info import LEFT, RIGHT, Arms, active_span, arms, canonical_motion, rig_info
 from signsplice.rig.rest_pose import rest_frame, rests_as_person, with_rest_pose

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import convolve1d
 
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.info import TRUNK, rig_info
 from signsplice.rig.roles import ARM, FINGERS, SIDES
 

@@ -19,9 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.kinematics import global_quats
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES

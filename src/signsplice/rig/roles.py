@@ -22,7 +22,7 @@ from types import MappingProxyType
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.fingers import find_fingers, starts_with_finger
 

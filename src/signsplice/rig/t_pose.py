@@ -13,9 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import global_quats, rest_positions
 from signsplice.rig.roles import Humanoid
 

@@ -16,8 +16,7 @@ from signsplice.body.retarget import signing
 from signsplice.errors import InputError
 from signsplice.formats import FORMATS, glb
 from signsplice.formats import encode as encode_file
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton, resample
+from signsplice.motion import Clip, Skeleton, kinematics, resample, rotation
 from signsplice.rig.info import rig_info
 from signsplice.service.wire import FORMAT_NAMES, FRAMES_HEADER, FRAMES_MAGIC, Files, Format
 from signsplice.splicing import report as reports

@@ -19,7 +19,7 @@ from signsplice.lexicon import Lexicon
 from signsplice.lexicon.entry import LETTER_MARK
 from signsplice.lexicon.sentence import SentenceToken, brows, parse, pauses, signed, starts
 from signsplice.lexicon.typed import typed_words
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.service import scene, wire
 from signsplice.service.settings import Settings
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, splice

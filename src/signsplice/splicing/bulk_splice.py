@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 from signsplice.errors import SignspliceError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.gap import FilledGap
 from signsplice.splicing.options import SpliceOptions

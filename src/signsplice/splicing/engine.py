@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from time import perf_counter
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.splicing.methods.duration import MAX_TRANSITION_S
 from signsplice.splicing.options import SpliceOptions, not_clips
 from signsplice.splicing.result import FaceSources, Piece, Span, SpliceResult

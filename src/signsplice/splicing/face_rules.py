@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion import Clip, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing.passes.face_seams import LIDS
 from signsplice.splicing.result import Piece

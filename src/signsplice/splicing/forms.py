@@ -18,7 +18,7 @@ from signsplice.lexicon.index import describe, sha256
 from signsplice.lexicon.joined import JoinedLexicon
 from signsplice.lexicon.preparing import rest_frames
 from signsplice.lexicon.reader import SHIPPED, Lexicon, shipped
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion import Clip, unchecked_copy
 
 if TYPE_CHECKING:
     from signsplice.synth.phonology import Sign

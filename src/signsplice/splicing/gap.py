@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""

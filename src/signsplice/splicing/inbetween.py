@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip, concatenate, unchecked_copy
+from signsplice.motion import Clip, concatenate, unchecked_copy
 from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.gap import Cut, gap_at

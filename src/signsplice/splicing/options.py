@@ -7,7 +7,7 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.face_rules import check_rules
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.methods.choice import ChosenMethods

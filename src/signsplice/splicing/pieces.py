@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.joins.join import SYSTEM, PlannedSeam
 from signsplice.splicing.passes.pauses import last_kept

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from signsplice.body.contacts import Contact
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import ReachedTempo
 

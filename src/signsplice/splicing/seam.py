@@ -8,9 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, joined
+from signsplice.motion import Clip, FloatArray, joined, kinematics, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import JUMP_DEG, JUMP_M_S

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 from signsplice.body.contacts import Contact
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.rig.align import Reference
 from signsplice.splicing import stages
 from signsplice.splicing.face_rules import BLINKS, BROWS, Blinks, released, with_rules

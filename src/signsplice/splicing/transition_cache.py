@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from signsplice.motion import Clip, Skeleton, unchecked_copy
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, Skeleton, unchecked_copy
 from signsplice.splicing.gap import FilledGap, Gap
 from signsplice.splicing.passes.seam_pass import GapPasses
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.align import Placement, Reference, is_same_skeleton, placement
 from signsplice.rig.info import rig_info
 from signsplice.splicing.methods import Method

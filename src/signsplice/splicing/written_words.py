@@ -23,7 +23,7 @@ from signsplice.lexicon.index import describe, sha256
 from signsplice.lexicon.joined import JoinedLexicon
 from signsplice.lexicon.preparing import PreparedWord, prepare, rest_frames
 from signsplice.lexicon.reader import SHIPPED, Lexicon, shipped
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress
 from signsplice.splicing.forms import WordsWithForms, lexicon_folder, open_lexicon
 from signsplice.synth.written import files, signing

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.motion.curves import minimum_jerk
 from signsplice.synth.signer import COLLAR, FOREARM, SHOULDER, UPPER_ARM, Signer
 

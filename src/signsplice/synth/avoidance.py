@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.collision import PosedCapsules, SkinPairs, pair_clearances, skin_pairs
-from signsplice.motion import curves, kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, curves, kinematics
 from signsplice.rig.roles import SIDES
 from signsplice.synth import pose
 from signsplice.synth.figure import Figure

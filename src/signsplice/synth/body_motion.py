@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import hand, pose, trajectory
 from signsplice.synth.carrying import Nearness, carried, kept_away, nearness
 from signsplice.synth.phonology import Local, Segment

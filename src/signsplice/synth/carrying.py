@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from signsplice.body.collision import PosedCapsules
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.motion.curves import between, sparse
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import pose

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import locations, pose
 from signsplice.synth.contact import PosedSigner, posed_signer
 from signsplice.synth.locations import MIRROR, WeakArm

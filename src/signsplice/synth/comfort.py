@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.synth import elbows, pose
 from signsplice.synth.arm_costs import MARGIN
 from signsplice.synth.signer import Signer

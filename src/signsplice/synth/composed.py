@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, frozen
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import frozen
 from signsplice.synth import hand
 from signsplice.synth.handshapes import HANDSHAPES, Handshape
 from signsplice.synth.thumbs import thumb_depth

@@ -13,7 +13,7 @@ import numpy as np
 
 from signsplice.body.capsules import BodyCapsules
 from signsplice.body.collision import PosedCapsules
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import hand, pose
 from signsplice.synth.avoidance import between_hands, hand_clearances
 from signsplice.synth.figure import ARMS, Figure, Frames, PosedArms

@@ -18,8 +18,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.progress import Progress
 from signsplice.synth import pairs as storing
 from signsplice.synth import planner, pose, truth

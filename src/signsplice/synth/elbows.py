@@ -11,8 +11,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from signsplice.body import swivel
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.motion.curves import between, sparse
 from signsplice.rig.roles import SIDES
 from signsplice.synth import pose, trajectory

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import PosedCapsules
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.cache import kept
-from signsplice.motion.clip import Clip, Skeleton
 from signsplice.synth import pose
 from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
 

@@ -19,7 +19,7 @@ from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.formats.bvh import encode
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import format_errors, opened, read_bytes
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress, counted
 from signsplice.synth import planner, running
 from signsplice.synth.corpus import VERSION, Recipe

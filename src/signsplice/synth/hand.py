@@ -24,9 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import frozen
+from signsplice.motion import FloatArray, frozen, rotation
 
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")
 JOINTS = tuple(f"{finger}{n}" for finger in FINGERS for n in (1, 2, 3))

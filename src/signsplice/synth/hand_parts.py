@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.synth import hand
 from signsplice.synth.tables import sections

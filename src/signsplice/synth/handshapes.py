@@ -20,8 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import frozen
+from signsplice.motion import FloatArray, frozen
 from signsplice.synth import hand
 from signsplice.synth.tables import sections
 

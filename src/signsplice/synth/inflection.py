@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import locations, pose
 from signsplice.synth.phonology import IN_SPACE, ON_BASE, ROLES, Posture, Segment, Sign, Vector, faults
 from signsplice.synth.pseudo import easy

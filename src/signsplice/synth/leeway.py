@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.synth import locations, pose
 from signsplice.synth.elbows import GRID, hardship
 from signsplice.synth.locations import WeakArm

@@ -12,10 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from signsplice.body import capsules
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.synth import hand, pose
 from signsplice.synth.avoidance import hand_clearances

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 _LEAST_PASS = 0.18
 """Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %

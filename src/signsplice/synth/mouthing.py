@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.motion.face import ARKIT_CHANNELS, MOUTH, VISEMES, Face
 
 _ONE = {

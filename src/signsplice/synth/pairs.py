@@ -33,7 +33,7 @@ from signsplice.formats.atomic import put_file
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.npz import mapped_array
 from signsplice.formats.reading import read_bytes
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, Skeleton
 from signsplice.motion.number_space import NumberSpace, read_space, space_of
 from signsplice.synth import truth
 from signsplice.synth.signer import Signer, read_signer, skeleton

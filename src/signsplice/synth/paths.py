@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.motion.curves import minimum_jerk
 from signsplice.synth import locations, pose, trajectory
 from signsplice.synth.avoidance import touching

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.synth import elbows, gestures, leeway, pose, strokes, thumbs, trajectory, twists, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, clear_collisions, penetration, skin_clearances, touching_sides
 from signsplice.synth.body_motion import add_body_motion, wrist_movements

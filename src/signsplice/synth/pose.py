@@ -21,10 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip
 from signsplice.synth import arm_costs, hand
 from signsplice.synth.arm_costs import MARGIN, angles_of, soft_clip, swivel_costs
 from signsplice.synth.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer, skeleton

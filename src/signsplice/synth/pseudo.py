@@ -24,7 +24,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import locations, phonology, pose
 from signsplice.synth.avoidance import hand_clearances
 from signsplice.synth.locations import MIRROR, WeakArm, resting

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.synth import pose
 from signsplice.synth.avoidance import TOLERANCE_CM, penetration
 from signsplice.synth.figure import Figure

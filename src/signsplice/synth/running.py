@@ -16,8 +16,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.synth import pose, truth
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.planner import IsolatedWord

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import locations, pose
 from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, touching
 from signsplice.synth.body_motion import add_gesture, add_local_movement

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import EndSite, FloatArray, Skeleton
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import EndSite, Skeleton
 from signsplice.synth import hand
 from signsplice.synth.manner import USUAL, Manner, draw_manner
 from signsplice.synth.rng import stream

@@ -14,8 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.synth import comfort, elbows, hand, locations, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, penetration
 from signsplice.synth.composed import handshape

@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import clearances
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.motion.curves import fade_window
 from signsplice.rig.roles import FINGERS
 from signsplice.synth import hand, pose

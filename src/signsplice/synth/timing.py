@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.synth.phonology import Sign
 from signsplice.synth.rng import stream

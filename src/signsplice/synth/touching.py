@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import collision
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.synth import elbows, hand, locations, pose
 from signsplice.synth.avoidance import MIRRORED_HANDS
 from signsplice.synth.contact import PosedSigner, posed_figure, surface

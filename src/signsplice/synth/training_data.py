@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
+from signsplice.motion import Clip, concatenate, same_fps
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, concatenate, same_fps
 from signsplice.progress import Progress
 from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
 from signsplice.synth import planner, pseudo, running, truth

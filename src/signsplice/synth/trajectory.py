@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import hand, pose
 from signsplice.synth.manner import PLAIN
 from signsplice.synth.rng import stream

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.motion.curves import minimum_jerk_by_powers
 from signsplice.synth import elbows, pose, thumbs, trajectory
 from signsplice.synth.avoidance import clear_collisions, penetration

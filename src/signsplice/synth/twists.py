@@ -11,8 +11,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from signsplice.body import swivel
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.synth import elbows, pose
 from signsplice.synth.signer import Signer
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.synth import hand, pose, trajectory
 from signsplice.synth.avoidance import TOUCH_CM, between_hands, hand_clearances, penetration
 from signsplice.synth.rng import stream

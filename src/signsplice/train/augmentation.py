@@ -16,8 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT
 from signsplice.rig.roles import ARM
 from signsplice.splicing.networks import gap_features

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.rig.info import FEATURE_FPS, ROLES
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory

@@ -21,9 +21,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, rotation
 from signsplice.rig.info import FEATURE_FPS, MIRROR, ROLES, canonical_motion
 from signsplice.rig.roles import SIDES
 from signsplice.splicing.gap import Gap

@@ -20,8 +20,7 @@ import torch
 from signsplice.errors import InputError
 from signsplice.evaluation.hidden_frames import LENGTHS, SHOWN, hidden_frames
 from signsplice.lexicon.reader import open_lexicon
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, resample
+from signsplice.motion import Clip, resample, rotation
 from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
 from signsplice.rig.inspection import stray_frames
 from signsplice.rig.rest_pose import with_rest_pose

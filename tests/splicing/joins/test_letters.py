@@ -13,8 +13,7 @@ from signsplice.body.arm_ik import move_wrists
 from signsplice.lexicon import Lexicon, shipped
 from signsplice.lexicon.entry import is_letter
 from signsplice.lexicon.sentence import parse, starts
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.motion import Clip, concatenate, resample, rotation
 from signsplice.rig.info import arms, seen_from_trunk
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.joins.letters import letter_seam

@@ -9,8 +9,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.rig.info import active_span, arms
 from signsplice.splicing.methods import find
 from signsplice.splicing.methods.cut import CUTTERS, VELOCITY_TIME_S

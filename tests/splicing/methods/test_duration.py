@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.info import arms
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods import find

@@ -22,8 +22,7 @@ from other_rigs import mirror, on_other_rig
 from signing import sign, word
 from signsplice.errors import InputError
 from signsplice.lexicon import shipped
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
+from signsplice.motion import Clip, Skeleton, concatenate, kinematics, resample, rotation
 from signsplice.rig.info import canonical_motion, rig_info
 from signsplice.rig.roles import ARM
 from signsplice.splicing.gap import Cut, Gap

@@ -10,7 +10,7 @@ import pytest
 from made_words import KINDS, made_words
 from signing import SIGNS, sign, word
 from signsplice.evaluation.strokes import keeps_stroke, stroke
-from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.motion import Clip, concatenate, resample
 from signsplice.rig.info import arms
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.methods.choice import open_learned

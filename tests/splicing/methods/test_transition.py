@@ -10,9 +10,7 @@ from conftest import random_clip
 from scipy.interpolate import CubicHermiteSpline
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, rotation
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import TRANSITIONS, fade_times, find_transition
 

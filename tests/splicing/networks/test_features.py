@@ -9,8 +9,7 @@ import pytest
 
 from other_rigs import mirror
 from signing import word
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip, concatenate, resample
+from signsplice.motion import Clip, concatenate, resample, rotation
 from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition

@@ -15,8 +15,7 @@ from signing import word
 from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
 from signsplice.body.capsules import body_capsules, capsule_ends
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition

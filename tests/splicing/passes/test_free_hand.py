@@ -19,8 +19,7 @@ from signsplice.body.arm_ik import move_wrists
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate, kinematics
 from signsplice.rig.align import reference
 from signsplice.rig.info import TRUNK, rig_info
 from signsplice.splicing import stages

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from signsplice.lexicon import Lexicon, shipped
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.rig.info import arms, seen_from_trunk
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.joins.held_letters import spelling_side

@@ -14,8 +14,7 @@ import signsplice as ss
 from signing import word
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, concatenate, sampled
+from signsplice.motion import Clip, FloatArray, concatenate, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.info import arms
 from signsplice.splicing.bulk_splice import splice_many

@@ -22,7 +22,7 @@ from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.tempo import compare, draw_words, table
-from signsplice.motion.clip import Clip, concatenate, resample, sampled
+from signsplice.motion import Clip, concatenate, resample, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.inspection import with_ends_held
 from signsplice.splicing import report as reports

@@ -14,9 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations
+from signsplice.motion import Clip, FloatArray, bone_translations, kinematics, rotation
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.align import ORIGIN, Placement
 from signsplice.rig.info import rig_info

@@ -7,9 +7,7 @@ from collections.abc import Container, Sequence
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import FloatArray, Skeleton, rotation
 
 
 def rotations_from_positions(

@@ -14,7 +14,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.splicing.networks.sessions import Array, Sessions
 from signsplice_paper.configs import PaperConfig, RunConfig
 from signsplice_paper.culling import check, cull

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.lexicon.entry import LETTER_MARK
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.rig.info import Arms, active_span, arms, rig_info, seen_from_trunk
 from signsplice.rig.roles import FINGERS
 

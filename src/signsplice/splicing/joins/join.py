@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.gap import Cut, FilledGap, Gap, gap_at
 from signsplice.splicing.words.word import Edit, SentenceWord, edited
 

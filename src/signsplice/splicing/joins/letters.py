@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.rig.info import Arms, arms, seen_from_trunk
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.joins.held_letters import (

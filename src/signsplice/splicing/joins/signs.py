@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from signsplice.errors import FormatError, InputError
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.joins.held_letters import held_until
 from signsplice.splicing.joins.join import SIGNS, Join, PlannedSeam, planned

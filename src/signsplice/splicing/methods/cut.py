@@ -16,8 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.rig.info import Arms, active_span, arms
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods import Method

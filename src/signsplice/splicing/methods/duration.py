@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.info import Arms, active_span, arms
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods import Method

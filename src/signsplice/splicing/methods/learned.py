@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import log_softmax
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, JoinedClips, joined
+from signsplice.motion import Clip, FloatArray, JoinedClips, joined
 from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion, rig_info
 from signsplice.rig.metrics import is_keyed
 from signsplice.rig.roles import ARM

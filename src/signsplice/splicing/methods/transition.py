@@ -25,9 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations, unchecked_copy
+from signsplice.motion import Clip, FloatArray, bone_translations, rotation, unchecked_copy
 from signsplice.motion.curves import minimum_jerk
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods import Method, find

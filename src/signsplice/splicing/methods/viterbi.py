@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 _TOO_EARLY = 1e6
 """Cost of every frame that a word is left too early: larger than any score, but finite, so that there is an answer."""

@@ -20,8 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray, rotation
 from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT, ROLES, TIPS, CanonicalMotion
 
 VERSION = 4

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 from signsplice.motion.cache import CACHE
 from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT, ROLES, TIPS, CanonicalMotion, mirrored_deltas
 from signsplice.splicing.networks import features

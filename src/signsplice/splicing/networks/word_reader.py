@@ -9,8 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.rig.info import FEATURE_FPS, CanonicalMotion, canonical_motion
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import WORD_FRAMES, CanonicalTrajectory

@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 
 from signsplice.body import arm_ik, collision, swivel
 from signsplice.body.capsules import BodyCapsules
-from signsplice.motion import curves, kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton, concatenate, joined
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, curves, joined, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 from signsplice.splicing.gap import FilledGap, Gap

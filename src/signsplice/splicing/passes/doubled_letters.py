@@ -14,8 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from signsplice.body.arm_ik import move_wrists
-from signsplice.motion import rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, rotation
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.joins.held_letters import hand_joints
 from signsplice.splicing.joins.join import REFORMED, SLID, PlannedSeam, SeamKind

@@ -14,8 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import unchecked_copy
+from signsplice.motion import FloatArray, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing.joins.join import PlannedSeam
 from signsplice.splicing.passes.seam_pass import SeamPass

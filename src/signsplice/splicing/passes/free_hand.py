@@ -19,8 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip, concatenate, joined
+from signsplice.motion import Clip, concatenate, joined, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Cut, FilledGap, Gap, gap_at
 from signsplice.splicing.joins.join import PlannedSeam

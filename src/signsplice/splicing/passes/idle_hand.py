@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import collision
-from signsplice.motion import kinematics
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics
 from signsplice.rig.info import Arms, arms, rig_info
 from signsplice.rig.roles import SIDES
 from signsplice.splicing.gap import Cut

@@ -16,9 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion import Clip, FloatArray, rotation, unchecked_copy
 from signsplice.rig.info import arms, rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing.joins.held_letters import LEAST_HOLD_S, letter, spelling_side

@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, concatenate, sampled
+from signsplice.motion import Clip, FloatArray, concatenate, sampled
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Cut, FilledGap
 from signsplice.splicing.joins.held_letters import held_until

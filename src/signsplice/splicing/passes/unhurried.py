@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from signsplice.motion.clip import Clip, concatenate
+from signsplice.motion import Clip, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.gap import FilledGap, Gap

@@ -18,10 +18,8 @@ from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import Near, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.contacts import PART_M, find_contacts, posed_body
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import Clip, FloatArray, kinematics, sampled
 from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, sampled
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.methods.cut import Cutter
 from signsplice.splicing.words.word import SentenceWord, cut_words

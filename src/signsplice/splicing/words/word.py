@@ -12,8 +12,7 @@ from signsplice.body.contacts import Contact
 from signsplice.body.retarget import align
 from signsplice.formats.reading import ReadLimits
 from signsplice.lexicon.entry import is_letter
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations, resample, unchecked_copy
+from signsplice.motion import Clip, FloatArray, bone_translations, resample, unchecked_copy
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_held
 from signsplice.rig.rest_pose import with_rest_pose

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray
 from signsplice.motion.face import ARKIT_CHANNELS, VISEMES, Face
 from signsplice.synth import mouthing
 from signsplice.synth.gestures import Gesture

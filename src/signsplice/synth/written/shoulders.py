@@ -10,9 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.body import collision
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.synth import gestures
 from signsplice.synth.signer import JOINTS
 from signsplice.synth.written import faces

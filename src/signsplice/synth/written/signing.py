@@ -10,8 +10,7 @@ import numpy as np
 
 from signsplice.body import collision
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, kinematics, rotation
 from signsplice.synth import planner
 from signsplice.synth.segment_plan import FPS
 from signsplice.synth.signer import JOINTS
