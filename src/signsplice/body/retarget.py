@@ -134,8 +134,9 @@ def _fade_in(n_frames: int, is_later: bool) -> FloatArray:
 def _fitted(clip: Clip, to: Reference) -> Retargeted:
     carried, warnings, is_one_body = copy_rotations(clip, to, by_role=isinstance(to.skeleton, Avatar))
     source, target = clip.skeleton, to.skeleton
-    has_arms = rig_info(source).has_arms and rig_info(target).has_arms
-    if (is_one_body and not isinstance(target, Avatar)) or not has_arms or _is_alike(source, target):
+    if is_one_body and not isinstance(target, Avatar):
+        return Retargeted(carried, warnings)
+    if not (rig_info(source).has_arms and rig_info(target).has_arms) or _is_alike(source, target):
         return Retargeted(carried, warnings)
     fitted = fit_body(clip, body_capsules(source), carried, body_capsules(target))
     return Retargeted(fitted.clip, (*warnings, *fitted.warnings), fitted.contacts)

@@ -108,8 +108,8 @@ def pack(document: Fields, blob: bytes) -> bytes:
 def _local_quats(clip: Clip, file: AvatarFile) -> FloatArray:
     """The rotations (T, J, 4) of the nodes that are joints."""
     turn = rotation.from_matrix(file.turn)
-    rest = np.stack([_quat(matrix) for matrix in file.worlds])
-    parents = np.array([_quat(file.above), *rest])[clip.skeleton.parents + 1]
+    rest = np.stack([rotation.nearest(matrix[:3, :3]) for matrix in file.worlds])
+    parents = np.array([rotation.nearest(file.above[:3, :3]), *rest])[clip.skeleton.parents + 1]
     local = rotation.multiply(rotation.multiply(rotation.inverse(turn), clip.local_rotations), turn)
     return rotation.normalize(rotation.multiply(rotation.multiply(rotation.inverse(parents), local), rest))
 
@@ -126,16 +126,10 @@ def _face(clip: Clip, file: AvatarFile) -> dict[int, FloatArray]:
     return {node: np.clip(weights, 0.0, 1.0) for node, weights in out.items()}
 
 
-def _quat(matrix: FloatArray) -> FloatArray:
-    """The rotation (4,) nearest to a matrix (4, 4) that may scale."""
-    u, _, vt = np.linalg.svd(matrix[:3, :3])
-    return rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
-
-
 def _rest(node: Fields) -> FloatArray:
     """A node's own rotation (4,)."""
     if node.get("matrix") is not None:
-        return _quat(np.array(node["matrix"], np.float64).reshape(4, 4).T)
+        return rotation.nearest(np.array(node["matrix"], np.float64).reshape(4, 4).T[:3, :3])
     return rotation.normalize(np.array(node.get("rotation") or rotation.IDENTITY, np.float64))
 
 
@@ -143,8 +137,8 @@ def _free_matrix(node: Fields) -> None:
     """Store a node's matrix as translation, rotation and scale."""
     if node.get("matrix") is None:
         return
-    matrix, quat = np.array(node.pop("matrix"), np.float64).reshape(4, 4).T, None
-    quat = _quat(matrix)
+    matrix = np.array(node.pop("matrix"), np.float64).reshape(4, 4).T
+    quat = rotation.nearest(matrix[:3, :3])
     scale = np.diag(rotation.to_matrix(quat).T @ matrix[:3, :3])
     node |= {"translation": matrix[:3, 3].tolist(), "rotation": quat.tolist(), "scale": scale.tolist()}
 

@@ -17,7 +17,16 @@ from signsplice.errors import FormatError
 from signsplice.formats.fbx_records import FbxObjects, Id, name_of, numbers_of
 from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms
 from signsplice.formats.fbx_takes import MOVES, PERCENT, Take
-from signsplice.formats.gltf_document import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate, unique
+from signsplice.formats.gltf_document import (
+    DRIFT,
+    LEAST_FPS,
+    MOST_FPS,
+    USUAL_FPS,
+    frame_rate,
+    others_left,
+    to_rest_axes,
+    unique,
+)
 from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import Face, face_from, shape_of
@@ -48,7 +57,7 @@ _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _LEAST_JOINTS = 3
 _NAMED = 5
-"""Most takes or skeletons that a note names."""
+"""Most takes that an error names."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, take: str = "") -> Clip:
@@ -77,7 +86,7 @@ class _Reader:
         tops = [self.scene.models[other[0]].name for other in skeletons if len(other) > 1]
         takes = [other.name for other in self.scene.takes if other is not take and other.layers]
         what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
-        notes = [*_note(f"the take {take.name!r:.80}", takes), *_note(what, tops)]
+        notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(what, tops)]
         face, shapes = face_of(self.scene.objects, take, times)
         return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
 
@@ -184,10 +193,7 @@ class _Reader:
         self.scene.to_axes(bound)
         parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
         skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
-        for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
-            turned = rotation.multiply(rotation.multiply(parent_bound[k], quats[:, k]), rotation.inverse(bound[k]))
-            quats[:, k] = rotation.continuous(rotation.normalize(turned))
-            positions[:, k] = rotation.rotate(parent_bound[k], positions[:, k])
+        to_rest_axes(quats, positions, bound, parent_bound)
         stretches = np.ptp(positions, axis=0).max() > _HELD * np.abs(skeleton.offsets).max()
         return Clip(skeleton, quats, roots, fps, stem(self.file), positions if stretches else None)
 
@@ -204,12 +210,3 @@ class _Reader:
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, file=self.file)
-
-
-def _note(what: str, others: Sequence[str]) -> tuple[str, ...]:
-    """A line that says what is read, and what is not; none where there is nothing else."""
-    if not others:
-        return ()
-    names = ", ".join(f"{name!r:.80}" for name in others[:_NAMED])
-    more = f", nor {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-    return (f"{what} is read, not {names}{more}",)

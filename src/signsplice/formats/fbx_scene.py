@@ -224,8 +224,7 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray | None:
     """The rotation (4,) nearest to a matrix (3, 3); None where there is none."""
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) == 0.0:
         return None
-    u, _, vt = np.linalg.svd(matrix)
-    return rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    return rotation.nearest(matrix)
 
 
 def _model(record: Record) -> Model:

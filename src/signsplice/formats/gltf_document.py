@@ -355,6 +355,8 @@ _LENGTH, _ROW = 0.05, 1e-5
 """By how much the length of a stored rotation may differ from 1, which is below 0.02 in 8 bits, and the numbers of a
 matrix's last row from 0, 0, 0, 1.
 """
+_NAMED = 5
+"""Most others that a note names."""
 _THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}
 """Bones of a thumb in VRM 0.x -> their roles in VRM 1.0."""
 
@@ -487,6 +489,25 @@ def _role_of_vrm_0(bone: str) -> str:
         if bone.endswith(old):
             return bone.removesuffix(old) + new
     return bone
+
+
+def to_rest_axes(quats: FloatArray, translations: FloatArray, bound: FloatArray, parent_bound: FloatArray) -> None:
+    """Turn local rotations (T, J, 4) and translations (T, J, 3), in place, into those of joints whose axes at rest are
+    the world's; ``bound``, ``parent_bound``: (J, 4) global rotations at rest of each joint and of that above it.
+    """
+    for k in range(len(bound)):  # joint by joint, to keep the memory of intermediate results small
+        turned = rotation.multiply(rotation.multiply(parent_bound[k], quats[:, k]), rotation.inverse(bound[k]))
+        quats[:, k] = rotation.continuous(rotation.normalize(turned))
+        translations[:, k] = rotation.rotate(parent_bound[k], translations[:, k])
+
+
+def others_left(what: str, others: Sequence[str]) -> tuple[str, ...]:
+    """A line that says what is read, and what is not; none where there is nothing else."""
+    if not others:
+        return ()
+    names = ", ".join(f"{name!r:.80}" for name in others[:_NAMED])
+    more = f", nor {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+    return (f"{what} is read, not {names}{more}",)
 
 
 def printable(name: Any, otherwise: str) -> str:

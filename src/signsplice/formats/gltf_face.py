@@ -102,14 +102,14 @@ def look_at_of(document: Fields) -> tuple[LookAt, bool | None]:
     """The range maps of a VRM avatar's look-at, the usual ranges where it has none that are valid, and whether it moves
     bones; None where the file does not say so.
     """
-    extensions = _object(document.get("extensions"))
-    newer, older = _object(extensions.get(VRM_1)).get("lookAt"), _object(extensions.get(VRM_0)).get("firstPerson")
-    rows, kind = _object(newer), _object(newer).get("type")
+    extensions = as_object(document.get("extensions"))
+    newer, older = as_object(extensions.get(VRM_1)).get("lookAt"), as_object(extensions.get(VRM_0)).get("firstPerson")
+    rows, kind = as_object(newer), as_object(newer).get("type")
     prefix, keys = "rangeMap", ("inputMaxValue", "outputScale")
     if VRM_1 not in extensions:
-        rows, kind = _object(older), _object(older).get("lookAtTypeName")
+        rows, kind = as_object(older), as_object(older).get("lookAtTypeName")
         prefix, keys = "lookAt", ("xRange", "yRange")
-    maps = [_object(rows.get(prefix + name)) for name in _RANGES]
+    maps = [as_object(rows.get(prefix + name)) for name in _RANGES]
     degrees = [[row.get(key) for row in maps] for key in keys]
     is_bones = None if kind is None else str(kind).lower() == "bone"
     if not is_bones or not all(isinstance(v, int | float) and 0.0 <= v <= _MOST_DEG for row in degrees for v in row):
@@ -149,7 +149,8 @@ def _expressions(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[F
         yield FaceControl(str(name), tuple(found))
 
 
-def _object(value: Any) -> Fields:
+def as_object(value: Any) -> Fields:
+    """A value of JSON, empty where it is no object."""
     return value if isinstance(value, dict) else {}
 
 
@@ -188,21 +189,21 @@ class FaceReader(SkeletonDocument):
         shown = {channel for name in tracks for channel in shape_of(name) or ()}
         if not any(channel.startswith(LOOKS) for channel in shown):
             tracks |= self._look_at(animation, times, fps)
-        for name in _names(_object(animation.get("extras")).get(FACE_EXTRA)):
+        for name in _names(as_object(animation.get("extras")).get(FACE_EXTRA)):
             if channel_of(name) is not None:
                 tracks.setdefault(name, np.zeros(len(times)))
         return face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
 
     def _look_at(self, animation: Fields, times: FloatArray, fps: float) -> dict[str, FloatArray]:
         """Coefficient -> values (T,) of the gaze of a VRM animation; empty where it has none."""
-        fields = _object(_object(_object(self.json.get("extensions")).get(VRM_ANIMATION)).get("lookAt"))
+        fields = as_object(as_object(as_object(self.json.get("extensions")).get(VRM_ANIMATION)).get("lookAt"))
         found: dict[str, FloatArray] = {}
         for channel in animation["channels"]:
             if channel["target"]["path"] == "rotation" and channel["target"].get("node") == fields.get("node", -1):
                 quats = self._weights(animation, channel["sampler"], times, fps)
                 if quats.shape[1] != 4 or not np.abs(quats).sum(axis=1).all():
                     raise self._error("its look-at is no rotation")
-                at_most = _object(fields.get("extras")).get(_AT_MOST)
+                at_most = as_object(fields.get("extras")).get(_AT_MOST)
                 valid = isinstance(at_most, list) and len(at_most) == 4 and all(isinstance(v, float) for v in at_most)
                 degrees = tuple(at_most) if valid and at_most else LookAt().gaze
                 for side in SIDES:
@@ -248,10 +249,10 @@ class FaceReader(SkeletonDocument):
 
 def vrm_expressions(document: Fields) -> Iterator[tuple[str, int]]:
     """The name and the node of each expression of a VRM animation."""
-    vrm = _object(_object(document.get("extensions")).get(VRM_ANIMATION))
+    vrm = as_object(as_object(document.get("extensions")).get(VRM_ANIMATION))
     for kind in ("preset", "custom"):
-        for name, row in _object(_object(vrm.get("expressions")).get(kind)).items():
-            node = _object(row).get("node")
+        for name, row in as_object(as_object(vrm.get("expressions")).get(kind)).items():
+            node = as_object(row).get("node")
             if isinstance(node, int):
                 yield name, node
 
@@ -261,12 +262,12 @@ def target_names(document: Fields, node: Any) -> list[str]:
     where a name is not known. Empty where neither is there.
     """
     nodes = document.get("nodes") or []
-    number = _object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
+    number = as_object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
     meshes = document.get("meshes") or []
-    mesh = _object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
+    mesh = as_object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
     parts = mesh.get("primitives")
     holders = (mesh, parts[0] if isinstance(parts, list) and parts else None)  # older exporters name them in a part
-    found = [_object(_object(holder).get("extras")).get("targetNames") for holder in holders]
+    found = [as_object(as_object(holder).get("extras")).get("targetNames") for holder in holders]
     named = next(([str(name) for name in names] for names in found if isinstance(names, list) and names), [])
     if any(shape_of(name) is None for name in named) or not named:
         bound = {index: name for name, where, index in _binds(document) if where in (("mesh", number), ("node", node))}
@@ -277,16 +278,16 @@ def target_names(document: Fields, node: Any) -> list[str]:
 
 def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
     """The name, the mesh or node, and the target of each expression of a VRM avatar that moves one target of it."""
-    extensions = _object(document.get("extensions"))
-    groups = _object(_object(extensions.get(VRM_0)).get("blendShapeMaster")).get("blendShapeGroups")
-    rows = [_object(row) for row in groups] if isinstance(groups, list) else []
+    extensions = as_object(document.get("extensions"))
+    groups = as_object(as_object(extensions.get(VRM_0)).get("blendShapeMaster")).get("blendShapeGroups")
+    rows = [as_object(row) for row in groups] if isinstance(groups, list) else []
     named = [(row.get("presetName"), row.get("name"), row.get("binds"), "mesh") for row in rows]
-    expressions = _object(_object(extensions.get(VRM_1)).get("expressions"))
+    expressions = as_object(as_object(extensions.get(VRM_1)).get("expressions"))
     for kind in ("preset", "custom"):
-        named += [(name, name, _object(row).get("morphTargetBinds"), "node")
-                  for name, row in _object(expressions.get(kind)).items()]  # fmt: skip
+        named += [(name, name, as_object(row).get("morphTargetBinds"), "node")
+                  for name, row in as_object(expressions.get(kind)).items()]  # fmt: skip
     for preset, name, binds, key in named:
-        moved = [_object(bind) for bind in binds] if isinstance(binds, list) else []
+        moved = [as_object(bind) for bind in binds] if isinstance(binds, list) else []
         targets = [(bind.get(key), bind.get("index")) for bind in moved]
         for where, index in targets:
             if isinstance(index, int) and 0 <= index < 10_000 and [other for other, _ in targets].count(where) == 1:

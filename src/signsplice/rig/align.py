@@ -99,7 +99,7 @@ def place(clip: Clip, target: Placement) -> Clip:
 def _placement(clip: Clip) -> Placement:
     joints = rig_info(clip.skeleton).roles.joints
     wanted = [role for role in _BODY if role in joints]
-    n_frames = len(clip)
+    n_frames = len(clip.local_rotations)
     n = min(_SAMPLES, n_frames)
     frames = np.round(np.arange(n) * ((n_frames - 1) / max(n - 1, 1))).astype(np.intp)
     _, positions = kinematics.forward(at_frames(clip, frames), [0, *(joints[role] for role in wanted)])  # (n, K, 3)

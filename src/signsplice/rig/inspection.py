@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, kinematics, rotation, unchecked_copy
 from signsplice.rig.align import placement
-from signsplice.rig.info import LEFT, RIGHT, Arms, active_span, arms, canonical_motion, rig_info
+from signsplice.rig.info import LEFT, RIGHT, Arms, RigInfo, active_span, arms, canonical_motion, rig_info
 from signsplice.rig.rest_pose import rest_frame, rests_as_person, with_rest_pose
 from signsplice.rig.roles import FINGERS, SIDES
 
@@ -81,7 +81,8 @@ def with_ends_held(clip: Clip) -> Clip:
     numbers; the clip itself where all belong. Kept as long as the clip lives.
     """
     found = stray_frames(clip)
-    return clip if found.stop - found.start == len(clip) else clip.derived[_with_ends_held]
+    is_whole = found.stop - found.start == len(clip.local_rotations)
+    return clip if is_whole else clip.derived[_with_ends_held]
 
 
 def _with_ends_held(clip: Clip) -> Clip:
@@ -91,14 +92,15 @@ def _with_ends_held(clip: Clip) -> Clip:
 
 
 def _stray_frames(clip: Clip) -> StrayFrames:
-    angles, speeds = _steps(clip)
+    info = rig_info(clip.skeleton)
+    angles, speeds = _steps(clip, info)
+    n_frames = len(angles) + 1
     jumps = _jumps(angles[:, clip.skeleton.derived[_body_joints]].max(axis=1), JUMP_DEG) | _jumps(speeds, JUMP_M_S)
-    first, last = _reference_poses(clip)
+    first, last = _reference_poses(clip, info)
     if not (first[0] or last[0] or jumps.any() or (angles > JUMP_DEG).any()):
-        return StrayFrames(0, len(clip))
+        return StrayFrames(0, n_frames)
     before, shown_before = _stray_at_start(clip, jumps, *first)
     after, shown_after = _stray_at_start(at_frames(clip, slice(None, None, -1)), jumps[::-1], *last)
-    n_frames = len(clip)
     start, stop = before, n_frames - after
     if before + after and stop - start < 2:
         shown = shown_before or shown_after
@@ -115,13 +117,12 @@ def _numbers(start: int, stop: int) -> str:
     return f"frame {start}" if stop - start == 1 else f"frames {start} to {stop - 1}"
 
 
-def _steps(clip: Clip) -> tuple[FloatArray, FloatArray]:
+def _steps(clip: Clip, info: RigInfo) -> tuple[FloatArray, FloatArray]:
     """From frame to frame, how far each joint turns (T - 1, J), degrees, and how fast the fastest of hands and root
     moves (T - 1,), m/s.
     """
     cosines = np.abs(np.einsum("tjc,tjc->tj", clip.local_rotations[:-1], clip.local_rotations[1:]))
     angles = 2.0 * np.rad2deg(np.arccos(np.minimum(cosines, 1.0)))
-    info = rig_info(clip.skeleton)
     hands = [info.roles.joints[role] for role in ("leftHand", "rightHand") if role in info.roles.joints]
     positions = kinematics.forward(clip, [0, *hands])[1]
     speeds = np.linalg.norm(np.diff(positions, axis=0), axis=-1).max(axis=1, initial=0.0)
@@ -181,11 +182,11 @@ def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
 # --- reference poses ---
 
 
-def _reference_poses(clip: Clip) -> list[tuple[str, bool]]:
+def _reference_poses(clip: Clip, info: RigInfo) -> list[tuple[str, bool]]:
     """Which reference poses the first and the last frame show, and whether exactly; empty where one shows none or the
     rig's arms are not known.
     """
-    if not rig_info(clip.skeleton).has_arms:
+    if not info.has_arms:
         return [("", False)] * 2
     ends = at_frames(clip, np.array([0, -1]))
     frames = zip(_bone_directions(ends), ends.local_rotations, strict=True)
@@ -351,7 +352,7 @@ def _axis(direction: np.ndarray[Any, np.dtype[np.float64]]) -> str:
 
 def _rest_spans(clip: Clip, stray: StrayFrames, seen: Arms) -> list[tuple[int, int]]:
     """The frames [start, stop) of rest before and after the sign, by what belongs to the motion and the arms."""
-    if stray.stop - stray.start < len(clip):
+    if stray.stop - stray.start < len(seen.wrists):
         seen = arms(clip[stray.start : stray.stop])
     start, stop = (stray.start + frame for frame in active_span(seen))
     return [(stray.start, start), (stop, stray.stop)]
@@ -363,12 +364,12 @@ def _arm_warnings(clip: Clip, stray: StrayFrames) -> list[str]:
         seen = arms(clip)
     except InputError as error:
         return [str(error)]
+    is_raised, lines = seen.lift > _RAISED, []
     spans = _rest_spans(clip, stray, seen)
-    lines = []
     if all(a == b for a, b in spans):
         lines.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
     ahead = (seen.wrists - seen.shoulders.mean(axis=1, keepdims=True)) @ placement(clip).forward / seen.length
-    signing = ahead[seen.lift > _RAISED]
+    signing = ahead[is_raised]
     if len(signing) and np.median(signing) < -_BEHIND:
         lines.append("the hands sign behind the body: left and right are exchanged, or the rig is mirrored")
     return lines
@@ -376,9 +377,9 @@ def _arm_warnings(clip: Clip, stray: StrayFrames) -> list[str]:
 
 def _motion_warnings(clip: Clip) -> list[str]:
     """Clips that do not move."""
-    if len(clip) < 2:
-        return ["a single frame: it has no velocity, so transitions into and out of it start from rest"]
     before, after = clip.local_rotations[:-1], clip.local_rotations[1:]
+    if not len(after):
+        return ["a single frame: it has no velocity, so transitions into and out of it start from rest"]
     turns = np.abs(np.einsum("tjc,tjc->tj", before, after)).min() < 0.999  # quicker than the angles of them all
     is_still = not turns and np.rad2deg(rotation.angle_between(before, after)).max() < 0.01
     return ["nothing turns: every frame is the same pose"] if is_still else []
