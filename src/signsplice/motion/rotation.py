@@ -118,7 +118,7 @@ def from_matrix(m: ArrayLike) -> FloatArray:
     return np.asarray(np.where(q[..., 3:] < 0.0, -q, q))
 
 
-def nearest(m: ArrayLike) -> FloatArray:
+def nearest(m: FloatArray) -> FloatArray:
     """The unit quaternion (4,) of the rotation nearest to a matrix (3, 3) in least squares (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(m)
     return from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
