@@ -18,6 +18,7 @@ SOURCES = (ROOT / "src", ROOT / "research" / "src")
 
 FLOORS = {
     "errors": 0,
+    "hooks": 0,
     "children": 0,
     "progress": 0,
     "motion": 1,
@@ -40,9 +41,9 @@ FLOORS = {
 """Imports run down only. What is not named here (the command line, the demo) lies on top of the product."""
 
 SPLICING = (
-    "contracts", "durations", "runtime", "bundle", "word_features", "gap_features", "cutters", "curves", "learned", "word",
-    "seam", "collisions", "passes", "tempo", "letters", "idle_hands", "pauses", "result", "faces", "systems", "options",
-    "stages", "sentence", "engine", "bulk_splice", "report",
+    "contracts", "durations", "runtime", "bundle", "word_features", "gap_features", "cutters", "curves", "learned",
+    "word", "seam", "collisions", "passes", "tempo", "letters", "idle_hands", "pauses", "result", "faces", "systems",
+    "options", "stages", "sentence", "engine", "bulk_splice", "report",
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""
 

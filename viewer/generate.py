@@ -1,6 +1,6 @@
 """Writes the page's generated files: the wire's dataclasses, and the constants of bodies and fits, as TypeScript.
 
-python viewer/generate.py          # after a change of service/wire.py, stream_messages.py, or of those constants
+python viewer/generate.py          # after a change of service/wire.py or of those constants
 """
 
 from __future__ import annotations
@@ -15,30 +15,15 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.body import (
-    arm_ik,
-    capsules,
-    fit,
-    hand_capsules,
-    relief,
-    retarget,
-    skin,
-    skin_contacts,
-    skin_head,
-    skin_points,
-    skin_surface,
-    skin_trunk,
-    swivel,
-    thumb_contacts,
-)
+from signsplice.body import arm_ik, capsules, fit, retarget, skin, skin_contacts, skin_surface, swivel, thumb_contacts
 from signsplice.formats import FORMATS, gltf_mesh
-from signsplice.rig import arms, proportions, t_pose
-from signsplice.service import stream_messages, wire
+from signsplice.rig import info, t_pose
+from signsplice.service import wire
 
 SOURCES = Path(__file__).resolve().parent / "src"
 _BODIES = (
-    *(proportions, t_pose, arms, capsules, hand_capsules, gltf_mesh, skin_points, skin, skin_trunk, skin_head, relief),
-    *(skin_surface, fit, skin_contacts, swivel, arm_ik, thumb_contacts, retarget),
+    *(t_pose, info, capsules, gltf_mesh, skin_surface, skin, fit, skin_contacts, swivel, arm_ik, thumb_contacts),
+    retarget,
 )
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
 
@@ -69,15 +54,13 @@ def _plain(value: np.ndarray | set[str]) -> Any:
 
 def render() -> str:
     """The text of ``wire.ts``."""
-    values = {**vars(wire), **vars(stream_messages)}.values()
+    values = vars(wire).values()
     shapes = [value for value in values if isinstance(value, type) and is_dataclass(value)]
     parts = ["// Generated from the service's wire.py; do not edit.", f"export type Format = {_type(wire.Format)};"]
     media_types = [f"  {name}: '{FORMATS[f'.{name}'].media_type}'," for name in wire.FORMAT_NAMES]
     parts.append("\n".join(["export const MEDIA_TYPES: Record<Format, string> = {", *media_types, "};"]))
     parts += [_interface(shape) for shape in shapes]
-    parts += [
-        f"export type {name} = {_type(getattr(stream_messages, name))};" for name in ("ClientMessage", "ServiceMessage")
-    ]
+    parts += [f"export type {name} = {_type(getattr(wire, name))};" for name in ("ClientMessage", "ServiceMessage")]
     return "\n\n".join(parts) + "\n"
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from signsplice.body.contacts import posed_body
 
 import avatars
 import signsplice as ss
 from signsplice.body import skin_surface
 from signsplice.body.capsules import Avatar, body_capsules
+from signsplice.body.contacts import posed_body
 from signsplice.body.skin_surface import Relief, SkinPoints
 from signsplice.cli.commands import app
 from signsplice.evaluation import avatars as avatar_measures

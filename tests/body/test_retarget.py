@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from signsplice.body.contacts import Contact, posed_body
 
 import signsplice as ss
 from other_rigs import on_other_rig
@@ -18,6 +17,7 @@ from signsplice.body import arm_ik
 from signsplice.body import retarget as module
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import near_pairs, overlap, pair_clearances, skin_pairs
+from signsplice.body.contacts import Contact, posed_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.cli.commands import app
 from signsplice.formats import load, save

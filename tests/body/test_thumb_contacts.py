@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.body.contacts import PosedBody, posed_body
 
 from signsplice.body import thumb_contacts
 from signsplice.body.capsules import BodyShape, shaped_capsules
 from signsplice.body.collision import clearances
+from signsplice.body.contacts import PosedBody, posed_body
 from signsplice.lexicon import shipped
 from signsplice.motion import Clip, Skeleton, rotation
 from signsplice.rig.info import rig_info

@@ -12,14 +12,13 @@ import pytest
 from conftest import GOLDEN, random_clip
 from hypothesis import given
 from hypothesis import strategies as st
-from signsplice.motion.euler import ROTATIONS
 
 from broken_bvh import VALID
 from signsplice.errors import InputError
 from signsplice.formats import bvh, load, save
 from signsplice.formats.bvh import format_rows
-from signsplice.motion import Clip, concatenate, resample, rotation
-from signsplice.motion import euler as euler_channels
+from signsplice.motion import Clip, concatenate, euler, resample, rotation
+from signsplice.motion.euler import ROTATIONS
 from signsplice.rig.inspection import left_out_warnings
 
 MIXED = """HIERARCHY
@@ -350,6 +349,6 @@ def test_files_longer_than_a_block_are_read_whole() -> None:
 def test_rotations_do_not_depend_on_the_length_of_the_clip(channels: tuple[str, ...]) -> None:
     names = (("Xposition", "Yposition", "Zposition", "Zrotation"), *([channels] * 6))
     values = np.random.default_rng(0).uniform(-400.0, 400.0, (8200, 4 + 6 * len(channels)))
-    whole = euler_channels.to_motion(names, values, np.zeros((7, 3)))[0]
+    whole = euler.to_motion(names, values, np.zeros((7, 3)))[0]
     for rows in (slice(0, 1), slice(4090, 4101), slice(8191, 8200)):
-        assert np.array_equal(euler_channels.to_motion(names, values[rows], np.zeros((7, 3)))[0], whole[rows])
+        assert np.array_equal(euler.to_motion(names, values[rows], np.zeros((7, 3)))[0], whole[rows])

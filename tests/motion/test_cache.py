@@ -1,16 +1,20 @@
-"""motion.cache: a value lives as long as the object it was computed from, and only the last few results are kept."""
+"""Values computed from an object live as long as it does, and only the last few results of a function are kept."""
 
 from __future__ import annotations
 
 import gc
+import pickle
 import weakref
+from dataclasses import replace
 
 import pytest
 
-from signsplice.motion.cache import CACHE, Cache, kept
+from signsplice.motion import Clip, unchecked_copy
+from signsplice.motion.cache import Cache
+from signsplice.motion.clip import HasDerived
 
 
-class Owner:
+class Owner(HasDerived):
     """An object from which values are computed."""
 
 
@@ -32,21 +36,32 @@ def test_a_value_is_computed_once_and_lives_as_long_as_its_owner() -> None:
     def compute(owner: Owner) -> Value:
         return Value()
 
-    cache, owner = Cache(), Owner()
-    value = weakref.ref(cache.of(owner, compute))
+    owner = Owner()
+    value = weakref.ref(owner.derived[compute])
     gc.collect()
-    assert value() is cache.of(owner, compute)
-    del owner
-    gc.collect()
-    assert value() is None
+    assert value() is owner.derived[compute]
+    gc.disable()
+    try:
+        del owner
+        assert value() is None, "no circle keeps it until memory is searched"
+    finally:
+        gc.enable()
 
 
 def test_every_function_and_every_owner_has_its_own_value() -> None:
-    cache, owners, functions = Cache(), (Owner(), Owner()), (Counted(), Counted())
-    values = [cache.of(owner, function) for owner in owners for function in functions]
+    owners, functions = (Owner(), Owner()), (Counted(), Counted())
+    values = [owner.derived[function] for owner in owners for function in functions]
     assert len({id(value) for value in values}) == 4
-    assert [cache.of(owner, function) for owner in owners for function in functions] == values
+    assert [owner.derived[function] for owner in owners for function in functions] == values
     assert [function.n_calls for function in functions] == [2, 2]
+
+
+def test_copies_of_a_clip_begin_without_values(words: dict[str, Clip]) -> None:
+    clip, function = replace(words["SIGN"]), Counted()
+    value = clip.derived[function]
+    for copy in (unchecked_copy(clip), clip[:], replace(clip), pickle.loads(pickle.dumps(clip))):
+        assert copy.derived[function] is not value
+    assert clip.derived[function] is value
 
 
 def test_only_the_most_recently_used_results_are_kept() -> None:
@@ -71,42 +86,19 @@ def test_a_function_that_raises_is_called_again() -> None:
     calls: list[object] = []
     cache, owner = Cache(), Owner()
     with pytest.raises(ValueError, match="first call"):
-        cache.of(owner, raises_first)
-    assert cache.of(owner, raises_first) == 2
+        owner.derived[raises_first]
+    assert owner.derived[raises_first] == 2
     calls.clear()
     with pytest.raises(ValueError, match="first call"):
         cache.recent(raises_first, 1, most=1)
     assert cache.recent(raises_first, 1, most=1) == 2
 
 
-def test_a_decorated_function_is_called_once_an_owner_and_keeps_its_name() -> None:
-    calls: list[Owner] = []
-
-    @kept
-    def counted(owner: Owner) -> int:
-        """How often it was called."""
-        calls.append(owner)
-        return len(calls)
-
-    first, second = Owner(), Owner()
-    assert [counted(one) for one in (first, second, first, second)] == [1, 2, 1, 2]
-    assert (counted.__name__, counted.__doc__) == ("counted", "How often it was called.")
-    CACHE.forget(first)
-    assert (counted(first), counted(second)) == (3, 2)
-
-
 def test_clearing_forgets_everything() -> None:
     cache, owner, functions = Cache(), Owner(), (Counted(), Counted())
     for _ in range(2):
-        cache.of(owner, functions[0])
-        cache.recent(functions[1], 1, most=3)
+        cache.recent(functions[0], 1, most=3)
         cache.clear()
+        _ = owner.derived[functions[1]]
+        owner.derived.clear()
     assert [function.n_calls for function in functions] == [2, 2]
-
-
-def test_forgetting_an_owner_keeps_the_values_of_others() -> None:
-    cache, function, owners = Cache(), Counted(), (Owner(), Owner())
-    first, second = (cache.of(owner, function) for owner in owners)
-    cache.forget(owners[0], Owner())
-    assert cache.of(owners[0], function) is not first
-    assert cache.of(owners[1], function) is second

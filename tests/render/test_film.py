@@ -14,7 +14,6 @@ from PIL import Image, ImageSequence
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.motion import Clip
 from signsplice.render import film, sheet
-from signsplice.render import sheet as page
 from signsplice.render.film import Mark, gif_timing, write
 from signsplice.render.picture import draw, make_scene
 from signsplice.render.sheet import _text_and_font, caption, sheet_frames
@@ -72,9 +71,9 @@ def test_the_timeline_is_visible_in_signs_and_transitions(words: dict[str, Clip]
         pixels = np.asarray(picture)
         row = pixels[size[1] - 2]
         spans = [tuple(row[x]) for x in (150, 170, 215, 235)]
-        assert spans == [page.SIGN, page.TRANSITION, page.TRANSITION, page.SIGN]
-        assert tuple(row[16 * frame + 8]) == page.INK
-        assert (tuple(pixels[0, 100]) == page.TRANSITION) == (frame == 12)
+        assert spans == [sheet.SIGN, sheet.TRANSITION, sheet.TRANSITION, sheet.SIGN]
+        assert tuple(row[16 * frame + 8]) == sheet.INK
+        assert (tuple(pixels[0, 100]) == sheet.TRANSITION) == (frame == 12)
 
 
 def test_a_sheet_shows_and_marks_every_seam(words: dict[str, Clip], tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from other_rigs import on_other_rig, with_rest_pose, without
 from signsplice.body.retarget import Retargeted, align
 from signsplice.errors import RigMismatchError
 from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
-from signsplice.rig import t_pose as proportions
+from signsplice.rig import t_pose
 from signsplice.rig.align import Reference, copy_rotations, placement, reference, settle
 from signsplice.rig.info import rig_info
 
@@ -56,7 +56,7 @@ def test_position_facing_and_height_are_undone(words: dict[str, Clip]) -> None:
 @pytest.mark.parametrize("unit", ["m", "inch", "mm"])
 def test_units_are_found_by_the_size_of_the_body(unit: str, words: dict[str, Clip]) -> None:
     clip = words["DEAF"]
-    scale = 0.01 / proportions.UNITS[unit]
+    scale = 0.01 / t_pose.UNITS[unit]
     other = replace(
         clip,
         skeleton=replace(clip.skeleton, offsets=clip.skeleton.offsets * scale),

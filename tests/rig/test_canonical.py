@@ -1,4 +1,4 @@
-"""rig.canonical: one motion has the same canonical rotations on every rig, and small changes go back exactly."""
+"""rig.info: one motion has the same canonical rotations on every rig, and small changes go back exactly."""
 
 from __future__ import annotations
 
@@ -11,8 +11,18 @@ from other_rigs import mirror, on_other_rig, with_rest_pose, without
 from signing import word
 from signsplice.errors import InputError
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
-from signsplice.rig import info as canonical
-from signsplice.rig.info import LEFT, RIGHT, ROLES, TIPS, active_span, apply_deltas, arms, canonical_motion, rig_info
+from signsplice.rig.info import (
+    LEFT,
+    RIGHT,
+    ROLES,
+    TIPS,
+    active_span,
+    apply_deltas,
+    arms,
+    canonical_motion,
+    mirrored_deltas,
+    rig_info,
+)
 from signsplice.rig.roles import FINGERS
 
 RNG = np.random.default_rng(3)
@@ -108,7 +118,7 @@ def test_mirrored_deltas_move_a_mirrored_clip_alike() -> None:
     deltas = RNG.normal(0.0, 0.3, (len(clip), len(ROLES), 3))
     one = mirror(replace(clip, local_rotations=apply_deltas(clip.skeleton, clip.local_rotations, deltas)))
     flipped = mirror(clip)
-    other = apply_deltas(flipped.skeleton, flipped.local_rotations, canonical.mirrored_deltas(deltas))
+    other = apply_deltas(flipped.skeleton, flipped.local_rotations, mirrored_deltas(deltas))
     np.testing.assert_allclose(rotation.angle_between(one.local_rotations, other), 0.0, atol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""rig.placement: where a signer stands, clips moved there as rigid wholes, and the clip that each was moved from."""
+"""rig.align: where a signer stands, clips moved there as rigid wholes, and the clip that each was moved from."""
 
 from __future__ import annotations
 

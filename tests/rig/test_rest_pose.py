@@ -1,4 +1,4 @@
-"""rig.rest_pose, rig.one_body: rigs whose zero pose shows no person, or another than that of the first clip."""
+"""rig.rest_pose: rigs whose zero pose shows no person, or another than that of the first clip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""rig.stray_frames: reference poses and jumps at the ends of clips, and what is none."""
+"""rig.inspection: reference poses and jumps at the ends of clips, and what is none."""
 
 from __future__ import annotations
 

@@ -31,7 +31,6 @@ from signsplice.lexicon import shipped
 from signsplice.motion import Clip, rotation
 from signsplice.rig.inspection import inspect
 from signsplice.service import page, wire, work
-from signsplice.service import wire as stream_messages
 from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
@@ -62,10 +61,10 @@ def frames(messages: list[Message]) -> np.ndarray[Any, Any]:
     rows, n = [], 0
     for message in messages:
         if isinstance(message, bytes):
-            magic, first, n_frames, n_joints = stream_messages.FRAMES_HEADER.unpack_from(message)
-            assert magic == stream_messages.FRAMES_MAGIC
+            magic, first, n_frames, n_joints = wire.FRAMES_HEADER.unpack_from(message)
+            assert magic == wire.FRAMES_MAGIC
             assert first == n
-            values = np.frombuffer(message, "<f4", offset=stream_messages.FRAMES_HEADER.size)
+            values = np.frombuffer(message, "<f4", offset=wire.FRAMES_HEADER.size)
             rows.append(values.reshape(n_frames, 3 + 4 * n_joints))
             n += n_frames
     return np.concatenate(rows)
@@ -298,7 +297,7 @@ def test_a_face_by_rule_is_in_the_files_of_a_sentence_that_asks_for_it(service: 
 def test_a_stream_sends_a_face_before_its_frames() -> None:
     """Of the words that ship none has a face: what a worker makes of pieces is looked at here."""
     pieces = list(stream([with_random_face(clip, k) for k, clip in enumerate(clips(GLOSSES))]))
-    opened = work._OpenStream(Stream(), SpliceOptions(), stream_messages.OpenMessage(type="open"))
+    opened = work._OpenStream(Stream(), SpliceOptions(), wire.OpenMessage(type="open"))
     messages = work._messages(opened, pieces)
     faces = [message for message in messages if isinstance(message, dict) and message["type"] == "face"]
     assert [face["first"] for face in faces] == [piece.span.output[0] for piece in pieces]
@@ -309,7 +308,7 @@ def test_a_stream_sends_a_face_before_its_frames() -> None:
         after = messages[messages.index(face) + 1]
         assert isinstance(after, bytes)
         assert struct.unpack_from("<II", after, 4) == (face["first"], len(face["weights"]))
-        TypeAdapter(stream_messages.FaceMessage).validate_python(face)
+        TypeAdapter(wire.FaceMessage).validate_python(face)
 
 
 def test_forms_of_signs_are_signed(service: httpx.Client) -> None:
@@ -343,7 +342,7 @@ def test_a_paced_stream_sends_the_same_frames_one_by_one(service: httpx.Client) 
     paced = streamed(service, ["fs-A", "fs-B"], paced=True, sign_speed=4.0)
     unpaced = streamed(service, ["fs-A", "fs-B"], sign_speed=4.0)
     np.testing.assert_array_equal(frames(paced), frames(unpaced))
-    counts = [stream_messages.FRAMES_HEADER.unpack_from(message)[2] for message in paced if isinstance(message, bytes)]
+    counts = [wire.FRAMES_HEADER.unpack_from(message)[2] for message in paced if isinstance(message, bytes)]
     assert set(counts) == {1}
 
 
@@ -473,7 +472,7 @@ def test_answers_and_messages_match_their_types(service: httpx.Client) -> None:
     spliced = TypeAdapter(wire.Spliced)
     answer = service.post("/v1/sentence", json={"glosses": ["HELLO", "fs-AB"]}).json()
     assert json.loads(spliced.dump_json(spliced.validate_python(answer))) == answer
-    adapter: TypeAdapter[stream_messages.ServiceMessage] = TypeAdapter(stream_messages.ServiceMessage)
+    adapter: TypeAdapter[wire.ServiceMessage] = TypeAdapter(wire.ServiceMessage)
     messages = streamed(service, ["HELLO", "HELO9", "NO SUCH", "DEAF"])
     texts = [message for message in messages if isinstance(message, dict)]
     assert {message["type"] for message in texts} >= {"skeleton", "span", "seam", "warning", "done"}

@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from serving import PATIENCE_S, FakeSocket, http_client, raw_request, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.service import monitoring as log
+from signsplice.service import monitoring
 from signsplice.service.app import create, serve
 from signsplice.service.limits import Shares, client_of
 from signsplice.service.settings import Settings
@@ -217,8 +217,8 @@ def test_a_service_that_others_can_reach_warns(
 
 
 def test_clients_that_are_gone_are_logged_in_one_line_a_minute(caplog: pytest.LogCaptureFixture) -> None:
-    log.quieten()
-    log.quieten()  # again, as a second service in this process does
+    monitoring.quieten()
+    monitoring.quieten()  # again, as a second service in this process does
     uvicorn_logger = logging.getLogger("uvicorn.error")
     try:
         for _ in range(10):
@@ -232,7 +232,7 @@ def test_clients_that_are_gone_are_logged_in_one_line_a_minute(caplog: pytest.Lo
         ]
         (limit,) = logging.getLogger("signsplice.service").filters
         limit._passed.clear()  # type: ignore[union-attr]
-        log.LOG.warning("a client hung up before it had its answer")
+        monitoring.LOG.warning("a client hung up before it had its answer")
         assert caplog.records[-1].getMessage().endswith("answer (29 more since this was last said)")
     finally:
         for name in ("signsplice.service", "uvicorn.error", "asyncio"):

@@ -19,7 +19,6 @@ from typing import Any
 import httpx
 import psutil
 import pytest
-from signsplice.service.monitoring import Metrics
 
 from serving import (
     PATIENCE_S,
@@ -35,6 +34,7 @@ from signsplice.lexicon import building
 from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion import Clip
 from signsplice.service import work
+from signsplice.service.monitoring import Metrics
 from signsplice.service.settings import Settings
 from signsplice.service.streaming import StreamSession
 from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from signsplice.motion.euler import ROTATIONS
 
 from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.formats import bvh
 from signsplice.motion import Clip, kinematics, resample, rotation
+from signsplice.motion.euler import ROTATIONS
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.engine import splice
 

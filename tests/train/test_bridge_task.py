@@ -10,7 +10,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from signsplice.motion import (  # noqa: E402
-    Clip,  # noqa: E402
+    Clip,
     kinematics,
     rotation,
 )

@@ -11,12 +11,12 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from signsplice.motion import (
-    Clip,  # noqa: E402
-    rotation,  # noqa: E402
+    Clip,
+    rotation,
 )
 from signsplice.rig.info import (
-    ROLES,  # noqa: E402
-    canonical_motion,  # noqa: E402
+    ROLES,
+    canonical_motion,
 )
 from signsplice.splicing import gap_features  # noqa: E402
 from signsplice.splicing.contracts import Gap  # noqa: E402

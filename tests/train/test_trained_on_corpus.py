@@ -8,9 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("torch")
-
 import torch
 from click.testing import CliRunner
 
@@ -27,6 +24,8 @@ from signsplice.train.cut_task import CuttingTask
 from signsplice.train.gap_data import GapDataset
 from training_toys import ALONE, GLOSSES, empty_graphs, signing
 from training_toys import corpus as slow_corpus
+
+pytest.importorskip("torch")
 
 
 @pytest.fixture(scope="module")

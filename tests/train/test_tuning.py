@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("torch")
-
 from click.testing import CliRunner
 from conftest import GOLDEN
 
@@ -28,6 +25,9 @@ from signsplice.splicing.learned import LearnedTransition, open_sessions
 from signsplice.train import provenance, tuning
 from signsplice.train.export import ExportGraph, compare
 from training_toys import ALONE
+
+pytest.importorskip("torch")
+
 
 TINY = GOLDEN / "tiny_bundle"
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE", "MOTHER", "BOOK", "I", "THANK-YOU", "GOOD", "WATER", "HOUSE")

@@ -43,7 +43,7 @@ export interface Span {
   pause: Pause | null;
 }
 
-/** The join of two signs. */
+/** How good a seam is: its row in the result and in the report. */
 export interface Seam {
   before: string;
   after: string;

@@ -13,9 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.info import rig_info
 
 _REACH = 0.999

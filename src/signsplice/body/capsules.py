@@ -1,25 +1,169 @@
-"""The body around a skeleton: tapered capsules in human proportions, for pictures and for collision."""
+"""The body around a skeleton: tapered capsules in human proportions, for pictures and for collision; and avatars, whose
+body and mesh come from a file.
+
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.avatar_file import AvatarFile
-from signsplice.body.hand_capsules import Capsule, hand_capsules
-from signsplice.body.mesh_part import MeshPart
-from signsplice.body.relief import Relief
-from signsplice.body.skin_surface import AvatarSkin
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Skeleton
+from signsplice.body.skin_surface import AvatarSkin, Relief
+from signsplice.motion import FloatArray, Skeleton, rotation
+from signsplice.motion.clip import HasDerived
+from signsplice.motion.face import LookAt
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import FINGERS, SIDES
+
+N_JOINTS = 4
+"""Joints, at most, that carry a vertex."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A part of the mesh in one colour.
+
+    name: what it is, with its side.
+    colour: sRGB, 0 to 1.
+    vertices, normals: (V, 3) in the bind pose, clip units, the root at the origin.
+    triangles: (F, 3) indices of vertices.
+    joints, weights: (V, 4) which joints carry each vertex, and how much; unused ones have weight 0.
+    morphs: coefficient of a face -> vertices that it moves (N,), and how far at 1 (N, 3).
+    uvs: (V, 2) texture coordinates, v down; None for none.
+    """
+
+    name: str
+    colour: tuple[float, float, float]
+    vertices: FloatArray
+    normals: FloatArray
+    triangles: NDArray[np.int64]
+    joints: NDArray[np.int64]
+    weights: FloatArray
+    morphs: Mapping[str, tuple[NDArray[np.int64], FloatArray]] = field(default_factory=dict)
+    uvs: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class FaceControl:
+    """What moves an avatar's face: an expression of VRM, or one morph target.
+
+    name: its name in the file.
+    binds: node, number of the morph target, and weight there with the control at 1.
+    """
+
+    name: str
+    binds: tuple[tuple[int, int, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class AvatarFile:
+    """The file that an avatar was read from, and where its J joints are in it.
+
+    content: a whole .glb file: it names no other.
+    nodes: (J,) the node of each joint.
+    turn: (3, 3) from the file's world to the avatar's axes: VRM 0.x avatars face -Z, ours +Z.
+    worlds: (J, 4, 4) the joints at rest in the file's world.
+    above: (4, 4) what the root hangs on.
+    face: what moves its face.
+    n_targets: node -> number of morph targets, of the nodes that the face moves.
+    expressions: names of the expressions of VRM that move a target, presets as VRM 1.0 has them.
+    look_at: how eyes that are bones turn; None where the gaze moves none.
+    opens_jaw: whether the jaw is a bone and no morph target opens the mouth.
+    """
+
+    content: bytes
+    nodes: tuple[int, ...]
+    turn: FloatArray
+    worlds: FloatArray
+    above: FloatArray
+    face: tuple[FaceControl, ...] = ()
+    n_targets: Mapping[int, int] = field(default_factory=dict)
+    expressions: tuple[str, ...] = ()
+    look_at: LookAt | None = None
+    opens_jaw: bool = False
+
+
+_SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
+_THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
+"""Half a finger's breadth as a fraction of stature, about 10 mm on 1.70 m."""
+_PALM, _MITTEN = (0.12, 0.0095, 1.22, 1.35), (0.08, 0.02, 0.018)
+"""Where on the way to a knuckle its part of the palm begins, and the radius there; the radius at the knuckle, in those
+of the finger, and of the thumb. Length and radii of a hand without fingers.
+"""
+_TAPER, _TIP = (1.12, 0.09), (0.2, 2.0, 0.8)
+"""Radius of a first phalanx at its beginning, in those of the finger, and how much it falls with each. Least and
+largest length of a last phalanx, in those of the one before, and the length where no end is known.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """One capsule: its key, joint, both ends (3,) in the joint's frame, the radii there, part and side."""
+
+    key: str
+    joint: int
+    start: FloatArray
+    end: FloatArray
+    start_radius: float
+    end_radius: float
+    part: str
+    side: str = ""
+
+
+def hand_capsules(
+    skeleton: Skeleton, joints: Mapping[str, int], rest: FloatArray, side: str, height: float, thickness: float
+) -> list[Capsule]:
+    """The palm of one hand as capsules from the wrist to each knuckle, and every phalanx; none without a wrist.
+
+    joints: of roles. rest: (J, 3) of the joints at rest. height: stature, in the unit of the skeleton. thickness: of
+    fingers, 1 as usual.
+    """
+    wrist = joints.get(f"{side}Hand")
+    if wrist is None:
+        return []
+    rows: list[Capsule] = []
+    for finger in FINGERS:
+        chain = [(r, joints[r]) for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
+        if not chain:
+            continue
+        thick, palm = _THICKNESS[finger] * height * thickness, _PALM[1] * height * thickness
+        knuckle, wider = rest[chain[0][1]] - rest[wrist], _PALM[3 if finger == "Thumb" else 2]
+        ends, radii = (_PALM[0] * knuckle, knuckle), (palm, thick * wider)
+        rows.append(Capsule(f"{side}{finger}Palm", wrist, *ends, *radii, "palm", side))
+        for n, (role, joint) in enumerate(chain):
+            is_last, taper = n + 1 == len(chain), _TAPER[0] - _TAPER[1] * n
+            after = chain[min(n + 1, len(chain) - 1)][1]
+            bone = _tip(skeleton, joint, [j for _, j in chain], rest) if is_last else rest[after] - rest[joint]
+            part = finger + "Tip" if is_last else finger
+            radii = thick * taper, thick * (taper - _TAPER[1])
+            rows.append(Capsule(role, joint, np.zeros(3), bone, *radii, part, side))
+    if not rows:  # no fingers: a mitten as long as a hand
+        elbow = joints.get(f"{side}LowerArm")
+        bone = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
+        (length, r0, r1), thick = _MITTEN, height * thickness
+        bone = bone / np.linalg.norm(bone) * length * height
+        rows.append(Capsule(f"{side}Mitten", wrist, np.zeros(3), bone, r0 * thick, r1 * thick, "palm", side))
+    return rows
+
+
+def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: FloatArray) -> FloatArray:
+    """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight
+    on.
+    """
+    sites = [site.offset for site in skeleton.end_sites if site.joint == joint]
+    sites += [skeleton.offsets[child] for child in skeleton.children[joint]]
+    before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]
+    usual = float(np.linalg.norm(before))
+    for bone in sites:
+        if _TIP[0] * usual < np.linalg.norm(bone) < _TIP[1] * usual:
+            return bone
+    return np.asarray(_TIP[2] * before)
+
 
 ARM = ("sleeve", "cuff")
 """Parts that an arm is made of: upper arm and forearm."""
@@ -98,7 +242,7 @@ class CapsuleGroups:
 
 
 @dataclass(frozen=True, eq=False)
-class BodyCapsules:
+class BodyCapsules(HasDerived):
     """C tapered capsules, each fixed to a joint.
 
     joints: (C,) the joint that carries each.
@@ -168,7 +312,7 @@ def body_capsules(skeleton: Skeleton) -> BodyCapsules:
     """
     if isinstance(skeleton, Avatar) and skeleton.body is not None:
         return skeleton.body
-    return CACHE.of(skeleton, _build)
+    return skeleton.derived[_build]
 
 
 def capsule_ends(

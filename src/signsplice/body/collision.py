@@ -1,7 +1,10 @@
-"""Collision of the body with itself: how deep the capsules of a hand lie in head, trunk, the other arm or its hand.
+"""Distances within one body: from hands and forearms to head, trunk, arms and the other hand; and how deep they lie
+there.
 
+Two bodies of the same roles have the same capsules by key, so that a distance on one has its counterpart on the other.
 A depth is positive inside and negative outside, in clip units. An exit direction is the unit vector along which a
 capsule would leave the other one by the shortest path.
+
 """
 
 from __future__ import annotations
@@ -13,14 +16,188 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
-from signsplice.body.clearance import TINY, clearances, dot, squared_distance
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import kept
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.body.capsules import ARM, BodyCapsules, body_capsules, capsule_ends
+from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.kinematics import forward
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
+from signsplice.rig.roles import SIDES
+
+Index = NDArray[np.intp]
+
+TINY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """All pairs of some capsules with others: rows of a body's capsules, (A,) and (B,)."""
+
+    own: Index
+    other: Index
+
+
+@dataclass(frozen=True, eq=False)
+class SkinPairs:
+    """Pairs of capsules whose distance matters, as rows of a body's capsules.
+
+    own, other: (K,) of each pair; ``own`` is of a hand or forearm.
+    own_side: (K,) 0 where ``own`` is of the left arm, 1 of the right.
+    other_side: (K,) likewise of ``other``; -1 where it is of head or trunk, which do not move with a wrist.
+    blocks: the same pairs as products: all of one hand, or one forearm, with all that it may meet.
+    """
+
+    own: Index
+    other: Index
+    own_side: Index
+    other_side: Index
+    blocks: tuple[_Block, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """Pairs of capsules that are near one another at some frames.
+
+    frames, k: (N,) in order of frames.
+    distance: (N,) from skin to skin at the source, m.
+    """
+
+    frames: Index
+    k: Index
+    distance: FloatArray
+
+
+def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
+    """All pairs of a hand's capsules and those of head, neck, trunk, other arm and other hand, among these keys."""
+    hands, arms, solid = _parts(body, keys)
+    blocks = [(hands[side], [*solid, *arms[1 - side]]) for side in (0, 1)]
+    return _paired(body, [*blocks, (hands[0], hands[1])])
+
+
+def forearm_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
+    """All pairs of a forearm and a capsule of head, neck, trunk, but where arms begin, or the other arm, among these
+    keys.
+    """
+    _, arms, solid = _parts(body, keys)
+    free = [n for n in solid if n in body.groups.head or n in body.groups.below_arms]
+    return _paired(
+        body,
+        [([n for n in arms[side] if body.parts[n] == "cuff"], [*free, *arms[1 - side]]) for side in (0, 1)],
+    )
+
+
+def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], list[list[int]], list[int]]:
+    """Rows of both hands, of both arms, and of head, neck and trunk."""
+    groups = body.groups
+    hands = [[n for n in group if body.keys[n] in keys] for group in (groups.left, groups.right)]
+    solid = [n for n in (*groups.head, *groups.trunk) if body.keys[n] in keys]
+    arms = [
+        [n for n, key in enumerate(body.keys) if key in keys and body.sides[n] == side and body.parts[n] in ARM]
+        for side in SIDES
+    ]
+    return hands, arms, solid
+
+
+def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:
+    side = np.array([SIDES.index(side) if side else -1 for side in body.sides], np.intp)
+    rows = [_Block(np.array(own, np.intp), np.array(other, np.intp)) for own, other in blocks]
+    own = np.concatenate([np.repeat(block.own, len(block.other)) for block in rows])
+    other = np.concatenate([np.tile(block.other, len(block.own)) for block in rows])
+    return SkinPairs(own, other, side[own], side[other], tuple(rows))
+
+
+def near_pairs(
+    starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, margin: float
+) -> tuple[Index, Index]:
+    """Frames and pairs (N,), in order of frames, that may be nearer than ``margin``, from capsule ends (T, C, 3) and
+    radii (C, 2): first by a ball around each whole hand or forearm, then by one around each of its capsules.
+    """
+    axes = ends - starts
+    lengths, thick, middles = dot(axes, axes), radii.max(axis=1), starts + 0.5 * axes
+    reach = 0.5 * np.sqrt(lengths.max(axis=0)) + thick
+    found, offset = [], 0
+    for block in pairs.blocks:
+        n_own, n_other = len(block.own), len(block.other)
+        if n_own and n_other:
+            ball = middles[:, block.own].mean(axis=1, keepdims=True)
+            out = middles[:, block.own] - ball
+            radius = (np.sqrt(dot(out, out)) + reach[block.own]).max(axis=1, keepdims=True)
+            b = block.other
+            away = squared_distance(ball, starts[:, b], axes[:, b], lengths[:, b])
+            frames, columns = np.nonzero(away < (radius + thick[b] + margin) ** 2)
+            rows = frames * len(radii)
+            at, own = rows[:, None] + b[columns, None], rows[:, None] + block.own
+            away = squared_distance(
+                _take(middles, own), _take(starts, at), _take(axes, at), lengths.reshape(-1).take(at)
+            )
+            most = reach[block.own] + thick[b[columns], None] + margin
+            near, a = np.nonzero(away < most * most)
+            found.append((frames[near], offset + a * n_other + columns[near]))
+        offset += n_own * n_other
+    frames, k = (np.concatenate([one[part] for one in found] or [np.empty(0, np.intp)]) for part in (0, 1))
+    order = np.argsort(frames, kind="stable")
+    return frames[order], k[order]
+
+
+def _take(points: FloatArray, at: Index) -> FloatArray:
+    """Rows (..., 3) of points (T, C, 3) by their flat index."""
+    return points.reshape(-1, 3).take(at, axis=0)
+
+
+def squared_distance(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
+    """Squared distance of points from line segments (..., 3) with axes of squared ``length`` (...)."""
+    away = point - start
+    along = np.clip(dot(away, axis) / (length + TINY), 0.0, 1.0)
+    away = away - along[..., None] * axis
+    return dot(away, away)
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """Skin distances of pairs of capsules.
+
+    distance: (...) from skin to skin; negative inside.
+    normals: (..., 3) unit vectors from the other capsule to the own one.
+    own_at, other_at: (...) where along each axis the nearest points lie, 0 to 1.
+    """
+
+    distance: FloatArray
+    normals: FloatArray
+    own_at: FloatArray
+    other_at: FloatArray
+
+
+def clearances(
+    r: FloatArray, u: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
+) -> Clearances:
+    """Skin distances of capsules with axes u from those with axes v (..., 3), which start r (..., 3) from one another;
+    radii (..., 2). From the nearest points of the two axes (Ericson 2005, 5.1.9) with the radii there: exact for
+    capsules of one thickness, within the taper's slope for others.
+    """
+    uu, vv, uv = dot(u, u) + TINY, dot(v, v) + TINY, dot(u, v)
+    ur, vr = dot(u, r), dot(v, r)
+    s = np.clip((uv * vr - ur * vv) / np.maximum(uu * vv - uv * uv, TINY), 0.0, 1.0)
+    t = np.clip((uv * s + vr) / vv, 0.0, 1.0)
+    s = np.clip((uv * t - ur) / uu, 0.0, 1.0)
+    line = r + s[..., None] * u - t[..., None] * v
+    away = np.sqrt(dot(line, line)) + TINY
+    thick = own_radii[..., 0] + s * (own_radii[..., 1] - own_radii[..., 0])
+    thick = thick + other_radii[..., 0] + t * (other_radii[..., 1] - other_radii[..., 0])
+    return Clearances(away - thick, line / away[..., None], s, t)
+
+
+def pair_clearances(
+    starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, frames: Index, k: Index
+) -> Clearances:
+    """Skin distances of the pairs ``k`` (N,) at ``frames`` (N,), from capsule ends (T, C, 3) and radii (C, 2)."""
+    own, other, rows = pairs.own[k], pairs.other[k], frames * len(radii)
+    p, q = _take(starts, rows + own), _take(starts, rows + other)
+    u, v = _take(ends, rows + own) - p, _take(ends, rows + other) - q
+    return clearances(p - q, u, v, radii[own], radii[other])
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Dot products (...) of vectors (..., 3)."""
+    return np.asarray(np.einsum("...c,...c->...", a, b))
+
 
 WARN_M, WARN_FOREARM_M = 0.01, 0.03
 """Depths of a hand, and of a forearm in the trunk, whose width is a guess, from which a clip is warned about, m."""
@@ -102,7 +279,7 @@ class PosedCapsules:
 
         Whole hands are tested first, as balls too: most of the time they are near to nothing.
         """
-        hands, others, n_solid, may_meet, thick = _meeting_parts(self.body)
+        hands, others, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
         if not forearms:
             hands, may_meet = hands[:2], may_meet[:2]
         radii = self.body.radii
@@ -186,7 +363,6 @@ class PosedCapsules:
         return self.near_pairs(firsts=firsts).penetration()
 
 
-@kept
 def _meeting_parts(
     body: BodyCapsules,
 ) -> tuple[list[NDArray[np.intp]], NDArray[np.intp], int, NDArray[np.bool_], FloatArray]:

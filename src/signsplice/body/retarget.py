@@ -13,20 +13,17 @@ import numpy as np
 
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
-from signsplice.body.clearance import PART_M, Contact, Near, find_contacts, forearm_pairs, near_pairs, pair_clearances
+from signsplice.body.collision import Near, forearm_pairs, near_pairs, pair_clearances
+from signsplice.body.contacts import PART_M, Contact, PosedBody, find_contacts, posed_body
 from signsplice.body.fit import SIGNS, Fit
-from signsplice.body.posed import PosedBody, posed_body
 from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
-from signsplice.rig.align import Reference, copy_rotations, settle
-from signsplice.rig.arms import active_span, arms
-from signsplice.rig.info import rig_info
+from signsplice.motion import Clip, FloatArray, Skeleton
+from signsplice.rig.align import Reference, copy_rotations, placement, settle
+from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.rig.inspection import clip_warnings
-from signsplice.rig.naming import SIDES
-from signsplice.rig.placement import placement
 from signsplice.rig.rest_pose import with_rest_pose
+from signsplice.rig.roles import SIDES
 
 ALIKE = 0.005
 """Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this are one body:
@@ -137,8 +134,9 @@ def _fade_in(n_frames: int, is_later: bool) -> FloatArray:
 def _fitted(clip: Clip, to: Reference) -> Retargeted:
     carried, warnings, is_one_body = copy_rotations(clip, to, by_role=isinstance(to.skeleton, Avatar))
     source, target = clip.skeleton, to.skeleton
-    has_arms = rig_info(source).has_arms and rig_info(target).has_arms
-    if (is_one_body and not isinstance(target, Avatar)) or not has_arms or _is_alike(source, target):
+    if is_one_body and not isinstance(target, Avatar):
+        return Retargeted(carried, warnings)
+    if not (rig_info(source).has_arms and rig_info(target).has_arms) or _is_alike(source, target):
         return Retargeted(carried, warnings)
     fitted = fit_body(clip, body_capsules(source), carried, body_capsules(target))
     return Retargeted(fitted.clip, (*warnings, *fitted.warnings), fitted.contacts)
@@ -210,7 +208,7 @@ def _face_warnings(clip: Clip, avatar: Avatar) -> tuple[str, ...]:
     """A line about coefficients of a clip's face that an avatar read from a file cannot show."""
     if clip.face is None or avatar.file is None:
         return ()
-    from signsplice.motion.face_shapes import target_weights  # loads scipy, which few clips need
+    from signsplice.motion.face import target_weights  # loads scipy, which few clips need
 
     _, lost = target_weights(clip.face, [control.name for control in avatar.file.face])
     shown = ", ".join(lost[:_NAMED]) + (f" and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")

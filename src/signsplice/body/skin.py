@@ -14,31 +14,242 @@ A capsule with too few vertices keeps its usual proportions, scaled as its neigh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.body.capsules import HEM, BodyCapsules, BodyShape, shaped_capsules
-from signsplice.body.relief import Relief
-from signsplice.body.skin_head import fit_head
-from signsplice.body.skin_points import MIN_POINTS, SkinPoints, quantile
-from signsplice.body.skin_surface import AvatarSkin, surface
-from signsplice.body.skin_trunk import TrunkSkin, line
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Skeleton
+from signsplice.body.capsules import ARM, HEM, BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.skin_surface import MIN_POINTS, AvatarSkin, Relief, SkinPoints, quantile, surface, window
+from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS
+from signsplice.rig.roles import FINGERS, SIDES
+
+_LEVEL, _NEAR = 0.015, 0.010
+"""Distances within which vertices are at a height, and at a place seen from in front, as fractions of stature."""
+_HEIGHTS = 7
+"""Heights at which a column of the trunk is measured."""
+_ACROSS = 0.55
+"""Where the depth of an outer column is measured, as a fraction of the trunk's half width."""
+_WIDEST, _OUT = 0.98, (0.3, 0.75)
+"""Share of vertices that lie within the width of trunk or face; how far out the middle of the trunk's outer columns
+lies, in that.
+"""
+_LEAST_HEIGHTS = 3
+_LOWER_CHEST = (0.55, 0.25)
+"""Heights of the chest from which on, downward, they count less, and how much."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrunkSkin:
+    """The skin of a trunk and the capsules that are fitted to it, in place. World: left +X, up +Y, forward +Z.
+
+    points: (N, 3) on the surface.
+    height: stature.
+    starts, ends, radii: (C, 3), (C, 3) and (C, 2) of all capsules of the body.
+    """
+
+    points: FloatArray
+    height: float
+    starts: FloatArray
+    ends: FloatArray
+    radii: FloatArray
+
+    def depth(self, x: float, y: float) -> tuple[float, float] | None:
+        """Back and front (z) of the skin at a place seen from in front; None where there is none."""
+        near = window(self.points, (x, y), _NEAR * self.height)
+        return None if near is None else (float(near[:, 2].min()), float(near[:, 2].max()))
+
+    def column(self, name: str, row: int, n: int, middle: float) -> bool:
+        """Fit one of three columns (0 on the left, 1 in the middle) with lines through front, back and side of the
+        trunk, whose middle is at x = ``middle``; False where too little of it is seen.
+        """
+        start, end, seen = self.starts[row], self.ends[row], []
+        side = (1.0, 0.0, -1.0)[n]
+        for t in np.linspace(0.0, 1.0, _HEIGHTS):
+            y = start[1] + t * (end[1] - start[1])
+            level = self.points[np.abs(self.points[:, 1] - y) < _LEVEL * self.height]
+            if len(level) < MIN_POINTS:
+                continue
+            wide = quantile(np.abs(level[:, 0] - middle), _WIDEST)
+            depth = self.depth(middle + side * _ACROSS * wide, y)
+            if depth is None:
+                continue
+            back, front = depth
+            out = float(np.clip(wide - 0.5 * (front - back), _OUT[0] * wide, _OUT[1] * wide))
+            seen.append((t, middle + side * out, back, front))
+        if len(seen) < _LEAST_HEIGHTS:
+            return False
+        table = np.array(seen)
+        for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
+            weight = np.where(table[:, 0] < _LOWER_CHEST[0], 1.0, _LOWER_CHEST[1]) if name == "chest" else None
+            x, back, front = (line(table[:, 0], table[:, column], t, weight) for column in (1, 2, 3))
+            ends[row][0], ends[row][2] = x, 0.5 * (back + front)
+            self.radii[row, k] = 0.5 * (front - back)
+        return True
+
+    def behind(self, row: int, factor: float) -> None:
+        """A capsule under the skin of the back: as thick as the chest is, relative to the usual, and as far back."""
+        self.radii[row] *= factor
+        for ends, k in ((self.starts, 0), (self.ends, 1)):
+            depth = self.depth(ends[row][0], ends[row][1])
+            if depth is not None:
+                ends[row][2] = max(depth[0] + self.radii[row, k], min(ends[row][2], depth[1] - self.radii[row, k]))
+
+    def between(self, row: int) -> None:
+        """A capsule from the back to the front, at both of its ends."""
+        for ends, k in ((self.starts, 0), (self.ends, 1)):
+            depth = self.depth(ends[row][0], ends[row][1])
+            if depth is not None:
+                ends[row][2], self.radii[row, k] = 0.5 * (depth[0] + depth[1]), 0.5 * (depth[1] - depth[0])
+
+
+def line(t: FloatArray, values: FloatArray, at: float, weight: FloatArray | None = None) -> float:
+    """The least-squares line through ``values`` (N,) at ``t`` (N,), with a weight for each, at one place."""
+    w = np.full(len(t), 1.0 / len(t)) if weight is None else weight / weight.sum()
+    middle, mean = float(w @ t), float(w @ values)
+    spread = float(w @ (t - middle) ** 2)
+    slope = float(w @ ((t - middle) * (values - mean))) / spread if spread > 0.0 else 0.0
+    return mean + slope * (at - middle)
+
+
+_CHIN, _TOP, _WIDTH = -0.0092, 0.134, 0.045
+"""Of the usual head about its joint, measured as here: heights of chin and top, half width of the face; fractions of
+stature.
+"""
+_BALLS = {"face": 0, "chin": 1, "nose": 2, "skull": 3}
+"""Rows of the capsules that are placed by rules of their own."""
+_CELL = 0.006
+"""Cell of the maps of front and back, as a fraction of stature."""
+_LEAST = 10
+"""How many times the fewest vertices a head needs."""
+_FRONT, _JAW = 0.4, (0.6, 0.4)
+"""How far in front the face begins, in depths of the nose; the jaw, likewise, and how wide it is, in those of the face.
+"""
+_TALL = (0.8, 1.3)
+"""Least and largest height of a head in its width, both in those of the usual one."""
+_PROFILE = (("chin", 0, 0.012), ("chin", 1, 0.012), ("face", 0, 0.012), ("face", 1, 0.02))
+"""Balls that touch the face: capsule, which end, and how far above vertices count, as a fraction of stature."""
+_BELOW, _BESIDE, _OPEN = 0.25, 0.6, 0.25
+"""Vertices below a ball count as far as this part of those above; beside it, in half widths of the face; and how far
+the back of a skull may lie in front of its usual place, in its radii.
+"""
+_NOSE = (0.15, 0.2, 0.6, 0.5)
+"""Where the nose is: half width, in those of the face; from and to which height between chin and top; and how near
+vertices are to its bridge, in its length.
+"""
+_N_BALLS, _GRAZING = 5, 0.3
+"""Balls along a capsule, and the share of their squared radius that a vertex must see in front of it."""
+
+
+def fit_head(starts: FloatArray, ends: FloatArray, radii: FloatArray, points: FloatArray, height: float) -> bool:
+    """Fit the head's capsules in place: ``starts`` and ``ends`` (8, 3) and ``radii`` (8, 2) of the usual proportions,
+    to vertices (N, 3) of the head, all about its joint. False where there are too few vertices.
+    """
+    if len(points) < _LEAST * MIN_POINTS:
+        return False
+    front, back = (_map(points, sign, _CELL * height) for sign in (1.0, -1.0))
+    nose = float(front[:, 2].max())
+    face = front[front[:, 2] > _FRONT * nose]
+    wide = quantile(np.abs(face[:, 0]), _WIDEST) if len(face) else 0.0
+    jaw = face[(face[:, 2] > _JAW[0] * nose) & (np.abs(face[:, 0]) < _JAW[1] * wide)]
+    if len(jaw) < MIN_POINTS:
+        return False
+    chin, top = float(jaw[:, 1].min()), float(points[:, 1].max())
+    x_scale = wide / (_WIDTH * height)
+    y_scale = (top - chin) / ((_TOP - _CHIN) * height)
+    y_scale = float(np.clip(y_scale, _TALL[0] * x_scale, _TALL[1] * x_scale))
+    top = chin + y_scale * (_TOP - _CHIN) * height
+    radii *= x_scale
+    for part in (starts, ends):
+        part[:, 0] *= x_scale
+        part[:, 1] = chin + y_scale * (part[:, 1] - _CHIN * height)
+        part[:, 2] *= x_scale
+    starts[_BALLS["skull"], 1] = top - radii[_BALLS["skull"], 0]
+    upper, lower, skull = (_BALLS[name] for name in ("face", "chin", "skull"))
+    balls = [(part[row].copy(), float(radii[row, k])) for row in (upper, lower) for part, k in ((starts, 0), (ends, 1))]
+    template = _between(balls[:2]) + _between(balls[2:])
+    for name, end, half in _PROFILE:
+        part, row = (starts, ends)[end], _BALLS[name]
+        above = front[:, 1] - part[row, 1]  # less is wanted from below, where the surface of a chin recedes
+        near = (above > -_BELOW * half * y_scale * height) & (above < half * y_scale * height)
+        near &= np.abs(front[:, 0]) < _BESIDE * wide
+        part[row, 2] += _offset(front[near], template, 1.0) or 0.0
+    usual_middle, middle = (
+        0.5 * (a + b) for a, b in ((balls[0][0][2], balls[1][0][2]), (starts[upper, 2], ends[upper, 2]))
+    )
+    balls = [(part[skull].copy(), float(radii[skull, k])) for k, part in enumerate((starts, ends))]
+    found = _offset(back[np.abs(back[:, 0]) < _BESIDE * wide], _between(balls), -1.0)
+    # A head that is open behind, under hair that does not count, has only the inside of its face there.
+    is_open = found is None or found > middle - usual_middle + _OPEN * radii[skull, 0]
+    for part in (starts, ends):
+        part[skull, 2] += middle - usual_middle if is_open or found is None else found
+    _place_nose(starts, ends, radii, front, (chin, top, wide))
+    for row in range(_BALLS["skull"] + 1, len(starts)):  # eyes and mouth, drawn on the face
+        for k, part in enumerate((starts, ends)):
+            part[row, 2] = _surface(front, part[row], _CELL * height, part[row, 2] + radii[row, k]) - radii[row, k]
+    return True
+
+
+def _place_nose(
+    starts: FloatArray, ends: FloatArray, radii: FloatArray, front: FloatArray, sizes: tuple[float, float, float]
+) -> None:
+    """Put the nose's capsule below the foremost point of the middle of the face."""
+    chin, top, wide = sizes
+    height_fraction = (front[:, 1] - chin) / (top - chin)
+    beside, low, high, near = _NOSE
+    middle = front[(np.abs(front[:, 0]) < beside * wide) & (height_fraction > low) & (height_fraction < high)]
+    row = _BALLS["nose"]
+    if not len(middle):
+        return
+    tip = middle[int(np.argmax(middle[:, 2]))]
+    rise = starts[row, 1] - ends[row, 1]
+    ends[row] = 0.0, tip[1], tip[2] - radii[row, 1]
+    bridge = middle[np.abs(middle[:, 1] - tip[1] - rise) < near * rise]
+    starts[row] = 0.0, tip[1] + rise, (float(bridge[:, 2].max()) if len(bridge) else tip[2]) - radii[row, 0]
+
+
+def _map(points: FloatArray, sign: float, cell: float) -> FloatArray:
+    """Of the points (N, 3) in each square cell of the plane of x and y, the one that lies farthest in front, or behind
+    with ``sign`` -1.
+    """
+    order = np.argsort(-sign * points[:, 2], kind="stable")
+    _, first = np.unique(np.floor(points[order, :2] / cell).astype(np.int64), axis=0, return_index=True)
+    return points[order[first]]
+
+
+def _between(balls: list[tuple[FloatArray, float]]) -> list[tuple[FloatArray, float]]:
+    """Middles and radii of balls from the first to the last of two."""
+    (a, r), (b, q) = balls
+    return [(a + t * (b - a), r + t * (q - r)) for t in np.linspace(0.0, 1.0, _N_BALLS)]
+
+
+def _offset(surface: FloatArray, balls: list[tuple[FloatArray, float]], sign: float) -> float | None:
+    """The median distance in z by which a surface (N, 3) lies beyond the outermost of some balls, seen from in front,
+    or from behind with ``sign`` -1; None where they do not overlap.
+    """
+    outer = np.full(len(surface), -np.inf)
+    for middle, radius in balls:
+        squared = radius**2 - ((surface[:, :2] - middle[:2]) ** 2).sum(axis=1)
+        near = squared > _GRAZING * radius**2
+        outer[near] = np.maximum(outer[near], sign * middle[2] + np.sqrt(squared[near]))
+    met = np.isfinite(outer)
+    if met.sum() < MIN_POINTS:
+        return None
+    return sign * quantile(sign * surface[met, 2] - outer[met], 0.5)
+
+
+def _surface(front: FloatArray, at: FloatArray, cell: float, otherwise: float) -> float:
+    """The z of the front at a place; ``otherwise`` where no vertex is near."""
+    near = front[np.abs(front[:, :2] - at[:2]).max(axis=1) < 1.5 * cell]
+    return float(near[:, 2].max()) if len(near) else otherwise
+
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
 BODY = (*_TRUNK, *_HEAD, "neck")
 """Roles of the joints whose skin hands are put on."""
-_ARM = ("sleeve", "cuff")
-"""Parts whose capsules lie along their bones, from joint to joint, as the fit of clips has them."""
-_LIMBS = {"arms": ("sleeve", "cuff"), "legs": ("leg",), "neck": ("neck",)}
+_LIMBS = {"arms": ARM, "legs": ("leg",), "neck": ("neck",)}
 _BINS = 6
 """Slices of a bone in which limbs are measured."""
 _STEP = 0.004
@@ -178,9 +389,9 @@ class _Fitting:
         seen, away = [], np.linalg.norm(across, axis=1)
         for t in (np.arange(_BINS) + 0.5) / _BINS:
             inside, widest = np.abs(along - t) < 0.5 / _BINS, self._widest(row, t)
-            ring = _ring(across[inside], is_centred=self.usual.parts[row] in _ARM)
+            ring = _ring(across[inside], is_centred=self.usual.parts[row] in ARM)
             if ring is not None and ring[1] > widest:  # a wide sleeve, or a skirt: what is within may be skin
-                ring = _ring(across[inside & (away < widest)], is_centred=self.usual.parts[row] in _ARM)
+                ring = _ring(across[inside & (away < widest)], is_centred=self.usual.parts[row] in ARM)
             if ring is not None:
                 seen.append((t, *ring[0], ring[1]))
         if not seen:

@@ -20,14 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from signsplice.body.banded import solve_blocks
 from signsplice.body.capsules import ARM
-from signsplice.body.clearance import Near, SkinPairs
-from signsplice.body.fit import CLEAR_M, CONTACT_FADE_M, CONTACT_WEIGHT, PRESS_M, TOUCH_M, Fit
+from signsplice.body.collision import Near, SkinPairs
+from signsplice.body.fit import CLEAR_M, CONTACT_FADE_M, CONTACT_WEIGHT, PRESS_M, TOUCH_M, Fit, solve_blocks
 from signsplice.body.skin_surface import THICK_M, AvatarSkin, least_height
-from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip, FloatArray, kinematics
 
 _NEAR_M, _LOW_M = 0.045, 0.025
 """Distance up to which points of two skins are looked at as hands move, m, and by how much more than the nearest."""

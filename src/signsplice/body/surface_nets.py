@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import FloatArray
 
 Field = Callable[[FloatArray], FloatArray]
 """Points (N, 3) -> how far they lie outside (N,), negative inside."""

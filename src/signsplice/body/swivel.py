@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.clearance import clearances
-from signsplice.motion.arrays import FloatArray
+from signsplice.body.collision import clearances
+from signsplice.motion import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
 _TURN, _TURN_WEIGHT = float(np.deg2rad(30.0)), 0.15

@@ -18,15 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
-from signsplice.body.clearance import Clearances, clearances
-from signsplice.body.posed import PosedBody, posed_body
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
+from signsplice.body.collision import Clearances, clearances
+from signsplice.body.contacts import PosedBody, posed_body
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.motion.curves import spread_in_time
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS
+from signsplice.rig.roles import FINGERS, SIDES
 
 Index = NDArray[np.intp]
 

@@ -5,22 +5,72 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from signsplice.bulk import cluster
 from signsplice.bulk import job as jobs
-from signsplice.bulk import run as local
 from signsplice.bulk.job import BulkJob, BulkOptions
 from signsplice.bulk.maker import WORDS_KEPT
-from signsplice.bulk.shards import ShardResult
-from signsplice.children import cores
-from signsplice.errors import FormatError, InputError
+from signsplice.bulk.shards import ShardResult, make_shard
+from signsplice.children import cores, processes
+from signsplice.errors import FormatError, InputError, SignspliceError
 from signsplice.formats import atomic
+
+Result = TypeVar("Result")
+
+_MOST_DEATHS = 8
+"""A shard that was being made each time when so many processes ended one after another is to blame for it."""
+
+
+def make_here(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iterator[ShardResult | None]:
+    """Make these shards by ``workers`` processes, each as soon as it is whole; None once a second in between.
+
+    Processes that end are replaced, and their shards made again. Raises what ``make_shard`` raises, and
+    ``SignspliceError`` for a shard that ends every process.
+    """
+    waiting = list(shards)[::-1]
+    deaths: Counter[int] = Counter()
+    while waiting:
+        with processes(workers) as pool:
+            running: dict[Future[ShardResult], int] = {}
+            try:
+                while waiting or running:
+                    while waiting and len(running) < 2 * workers:
+                        running[pool.submit(make_shard, out, waiting[-1], n_kept)] = waiting[-1]
+                        waiting.pop()
+                    ended = wait(running, 1.0, FIRST_COMPLETED).done
+                    if not ended:
+                        yield None
+                    for done in ended:
+                        result = done.result()
+                        del running[done]
+                        del deaths[result.shard]
+                        yield result
+            except BrokenProcessPool:
+                begun = sorted(running.values())[:workers]
+                deaths.update(begun)
+                waiting += sorted(running.values(), reverse=True)
+                if max(deaths.values()) >= _MOST_DEATHS:
+                    worst = max(deaths, key=lambda shard: deaths[shard])
+                    raise SignspliceError(
+                        f"{out}: the processes that make shard {worst} end each time, out of memory or by a fault; "
+                        "call again with fewer workers, or with fewer words kept in memory"
+                    ) from None
+
+
+def alone(function: Callable[..., Result], *arguments: object) -> Result:
+    """What a function gives in a process like those that make shards."""
+    with processes(1) as pool:
+        return pool.submit(function, *arguments).result()
+
 
 MOST_REASONS = 20
 """Reasons for failed rows that a summary lists, the most frequent first."""
@@ -78,7 +128,7 @@ def run(
     workers: how many; by default one for each core of the machine, or of the cluster.
     advance: is told how far it is.
 
-    Raises ``InputError`` where another call is writing there, and what ``prepare``, ``local.make_all`` and
+    Raises ``InputError`` where another call is writing there, and what ``prepare``, ``make_here`` and
     ``cluster.make_all`` raise.
     """
     if workers is not None and workers < 1:
@@ -136,7 +186,7 @@ def _made(
 ) -> Iterator[ShardResult | None]:
     if ray is not None:
         return cluster.make_all(out, missing, ray, n_kept, workers)
-    return local.make_all(out, missing, min(workers or cores(), len(missing)), n_kept)
+    return make_here(out, missing, min(workers or cores(), len(missing)), n_kept)
 
 
 def _index(out: Path, shard: int) -> pa.Table:

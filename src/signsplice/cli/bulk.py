@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from signsplice.bulk.run import Progress
     from signsplice.lexicon.lexicon import Lexicon
 
+
 _DIALS = {
     "--transition-time": "auto|RULE|SECONDS",
     "--sign-speed": "X",
@@ -210,12 +211,12 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
     """Make one row of a folder of shards anew, and check that it is the same, bit for bit."""
     _require_extra()
     from signsplice import formats
-    from signsplice.bulk import run as local
+    from signsplice.bulk.run import alone
     from signsplice.bulk.shards import remake
 
     formats.check_suffix(output)
     check_outputs(output, report, [folder])
-    print(local.alone(remake, folder, row, output, report))
+    print(alone(remake, folder, row, output, report))
 
 
 @bench.command("bulk")

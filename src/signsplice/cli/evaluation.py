@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from signsplice.motion import Clip
     from signsplice.splicing.contracts import Transition
 
+
 Measured = tuple[str, Sequence[Any], list[str]]
 """Signature, rows, and the rows as lines of Markdown."""
 

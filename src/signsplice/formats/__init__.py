@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import replacing
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.reading import format_errors, read_bytes
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, read_bytes
 
 if TYPE_CHECKING:
-    from signsplice.motion.clip import Clip
+    from signsplice.motion import Clip
 
 
 @dataclass(frozen=True)

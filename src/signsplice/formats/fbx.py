@@ -2,7 +2,8 @@
 
 Joints are the file's bones, or, where it has none, all that moves with what hangs below; of several skeletons the one
 with most parts of a body. The pose in which skins are bound becomes the rest pose, as in ``gltf_reader``, else that
-with all angles 0, which all files of an exporter share.
+with all angles 0, which all files of an exporter share. Faces are blend shapes that a take moves, known by their names
+(``motion.face``).
 """
 
 from __future__ import annotations
@@ -13,25 +14,50 @@ from dataclasses import replace
 import numpy as np
 
 from signsplice.errors import FormatError
-from signsplice.formats.fbx_face import face_of
-from signsplice.formats.fbx_objects import Id
+from signsplice.formats.fbx_records import FbxObjects, Id, name_of, numbers_of
 from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms
-from signsplice.formats.fbx_takes import MOVES, Take
-from signsplice.formats.gltf_keys import DRIFT, LEAST_FPS, MOST_FPS, USUAL_FPS, frame_rate
-from signsplice.formats.gltf_skeleton import unique
-from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
-from signsplice.formats.reading import stem
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.formats.fbx_takes import MOVES, PERCENT, Take
+from signsplice.formats.gltf_document import (
+    DRIFT,
+    LEAST_FPS,
+    MOST_FPS,
+    USUAL_FPS,
+    frame_rate,
+    others_left,
+    to_rest_axes,
+    unique,
+)
+from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
+from signsplice.motion.face import Face, face_from, shape_of
 from signsplice.rig.info import rig_info
+
+
+def face_of(objects: FbxObjects, take: Take, times: FloatArray) -> tuple[Face | None, tuple[str, ...]]:
+    """The face that a take shows at ``times`` (T,), None where it moves no blend shape that is known, and the blend
+    shapes that it moves besides. Of meshes that share a name the first counts.
+    """
+    tracks, unknown = dict[str, FloatArray](), dict[str, None]()
+    for key, record in objects.all("Deformer", "BlendShapeChannel"):
+        name = name_of(record.values[1])
+        if not any((key, PERCENT) in layer.curves for layer in take.layers) or name in tracks:
+            continue
+        if shape_of(name) is None:
+            unknown[f"blend shape {name}"] = None
+            continue
+        rest = numbers_of(record).get(PERCENT, record.numbers(PERCENT))
+        percent = take.values(key, PERCENT, np.append(rest, 0.0)[:1], times)
+        tracks[name] = np.broadcast_to(percent[:, 0] / 100.0, len(times))
+    face = face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
+    return face, tuple(unknown)
+
 
 _NO_JOINTS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _LEAST_JOINTS = 3
 _NAMED = 5
-"""Most takes or skeletons that a note names."""
+"""Most takes that an error names."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, take: str = "") -> Clip:
@@ -60,7 +86,7 @@ class _Reader:
         tops = [self.scene.models[other[0]].name for other in skeletons if len(other) > 1]
         takes = [other.name for other in self.scene.takes if other is not take and other.layers]
         what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
-        notes = [*_note(f"the take {take.name!r:.80}", takes), *_note(what, tops)]
+        notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(what, tops)]
         face, shapes = face_of(self.scene.objects, take, times)
         return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
 
@@ -167,10 +193,7 @@ class _Reader:
         self.scene.to_axes(bound)
         parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
         skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
-        for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
-            turned = rotation.multiply(rotation.multiply(parent_bound[k], quats[:, k]), rotation.inverse(bound[k]))
-            quats[:, k] = rotation.continuous(rotation.normalize(turned))
-            positions[:, k] = rotation.rotate(parent_bound[k], positions[:, k])
+        to_rest_axes(quats, positions, bound, parent_bound)
         stretches = np.ptp(positions, axis=0).max() > _HELD * np.abs(skeleton.offsets).max()
         return Clip(skeleton, quats, roots, fps, stem(self.file), positions if stretches else None)
 
@@ -187,12 +210,3 @@ class _Reader:
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, file=self.file)
-
-
-def _note(what: str, others: Sequence[str]) -> tuple[str, ...]:
-    """A line that says what is read, and what is not; none where there is nothing else."""
-    if not others:
-        return ()
-    names = ", ".join(f"{name!r:.80}" for name in others[:_NAMED])
-    more = f", nor {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-    return (f"{what} is read, not {names}{more}",)

@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.formats.fbx_objects import FbxObjects, Id, name_of, numbers_of
-from signsplice.formats.fbx_records import Record
+from signsplice.formats.fbx_records import FbxObjects, Id, Record, name_of, numbers_of
 from signsplice.formats.fbx_takes import MOVES, Take, quats, read_takes
-from signsplice.formats.limits import ReadLimits
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.formats.reading import ReadLimits
+from signsplice.motion import FloatArray, rotation
 
 BONES = ("LimbNode", "Limb", "Root")
 """Kinds of models that are joints."""
@@ -226,8 +224,7 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray | None:
     """The rotation (4,) nearest to a matrix (3, 3); None where there is none."""
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) == 0.0:
         return None
-    u, _, vt = np.linalg.svd(matrix)
-    return rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    return rotation.nearest(matrix)
 
 
 def _model(record: Record) -> Model:

@@ -15,9 +15,7 @@ from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
 from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations
+from signsplice.motion import Clip, FloatArray, bone_translations, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 
@@ -32,9 +30,9 @@ def encode(clip: Clip, mesh: bool = True, whole_face: bool = False) -> bytes:
     Without ``mesh`` the joints and their motion alone. ``whole_face`` as in ``document``.
     """
     if mesh and isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
-        from signsplice.formats import avatar_writer
+        from signsplice.formats import avatar
 
-        return avatar_writer.encode(clip, clip.skeleton.file)
+        return avatar.encode(clip, clip.skeleton.file)
     return b"".join(document(clip, mesh, whole_face).save_to_bytes())
 
 

@@ -1,33 +1,162 @@
-"""Faces in glTF documents: weights of morph targets, and the expressions of VRM, there and back.
+"""Faces in glTF documents: what moves them on an avatar, and weights of morph targets, expressions of VRM and bones,
+there and back.
 
-A target is known by its name (``motion.face_shapes``), or by the expression of a VRM avatar that moves it alone. A gaze
-may also be bones of eyes or the look-at of a VRM animation, an open mouth the bone of a jaw (``motion.gaze``). Broken
+A target is known by its name (``motion.face``), from ``extras.targetNames``, which exporters write, or by the
+expression of a VRM avatar, 0.x or 1.0, that moves it alone. An avatar's face is moved by targets with the names of
+ARKit, else by expressions, else by other targets: by one kind alone, since expressions move the same targets. A gaze
+may also be bones of eyes or the look-at of a VRM animation, an open mouth the bone of a jaw. Of a clip's file, broken
 expressions are passed over, as joints do not depend on them.
+
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from signsplice.body.capsules import Avatar
-from signsplice.formats.avatar_face import look_at_of
-from signsplice.formats.gltf_document import FACE_EXTRA, VRM_ANIMATION, Fields
-from signsplice.formats.gltf_keys import INTERPOLATIONS, Keys, sample
-from signsplice.formats.gltf_skeleton import VRM_0, VRM_1, SkeletonDocument
+from signsplice.body.capsules import Avatar, FaceControl
+from signsplice.formats.gltf_document import (
+    FACE_EXTRA,
+    INTERPOLATIONS,
+    VRM_0,
+    VRM_1,
+    VRM_ANIMATION,
+    Fields,
+    Keys,
+    SkeletonDocument,
+    sample,
+)
 from signsplice.formats.gltf_writer import DocumentWriter
-from signsplice.formats.limits import NO_LIMITS
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.motion.face import ARKIT_CHANNELS, Face
-from signsplice.motion.face_shapes import channel_of, face_from, shape_of, target_weights
-from signsplice.motion.gaze import LOOKS, SIDES, LookAt, bone_coefficients, eye_coefficients, gaze_quats, has_gaze
+from signsplice.formats.reading import NO_LIMITS
+from signsplice.motion import Clip, FloatArray, rotation
+from signsplice.motion.face import (
+    ARKIT_CHANNELS,
+    LOOKS,
+    SIDES,
+    Face,
+    LookAt,
+    bone_coefficients,
+    channel_of,
+    eye_coefficients,
+    face_from,
+    gaze_quats,
+    has_gaze,
+    preset_of,
+    shape_of,
+    target_weights,
+)
 from signsplice.rig.info import rig_info
+
+_RANGES = ("HorizontalInner", "HorizontalOuter", "VerticalDown", "VerticalUp")
+_MOST_DEG = 180.0
+"""Ranges of look-at beyond this are not valid."""
+
+
+def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict[int, int], tuple[str, ...]]:
+    """The controls of a face, node -> number of its morph targets, and VRM's names of expressions that move some; empty
+    where none has a known name.
+    """
+    nodes_of: dict[int, list[int]] = {}
+    counts: dict[int, int] = {}
+    for node, fields in enumerate(file.nodes):
+        mesh = fields.get("mesh")
+        primitives = _rows(_rows(file.json.get("meshes"))[mesh].get("primitives")) if mesh is not None else []
+        if mesh is not None and primitives and primitives[0].get("targets"):
+            nodes_of.setdefault(mesh, []).append(node)
+            counts[node] = len(primitives[0]["targets"])
+    targets = tuple(_targets(file.json, nodes_of))
+    expressions = tuple(_expressions(file.json, nodes_of))
+    for controls in (targets, expressions):
+        if any(list((shape_of(control.name) or {}).values()) == [1.0] for control in controls):  # a coefficient
+            break
+    else:
+        controls = expressions or targets
+    known = tuple(control for control in controls if shape_of(control.name) and control.binds)
+    valid = all(0 <= index < counts.get(node, 0) for control in known for node, index, _ in control.binds)
+    if not valid:
+        raise file._error("an expression of its face names a morph target that does not exist")
+    moved = {node for control in known for node, _, _ in control.binds}
+    names = tuple(preset_of(control.name) or control.name for control in expressions if control.binds)
+    return known, {node: n for node, n in counts.items() if node in moved}, names
+
+
+def bones_of(
+    document: Fields, roles: Collection[str], controls: Sequence[FaceControl]
+) -> tuple[tuple[FaceControl, ...], LookAt | None, bool]:
+    """The controls of a face that a player uses beside its bones, how its eyes turn, None where they do not, and
+    whether its jaw does. VRM's look-at moves either bones or its four presets.
+    """
+    look_at, is_bones = look_at_of(document)
+    eyes = is_bones is not False and "leftEye" in roles and "rightEye" in roles
+    used = tuple(c for c in controls if not (eyes and is_bones and c.name.lower().startswith("look")))
+    shown = {channel for control in used for channel in shape_of(control.name) or ()}
+    eyes = eyes and not any(channel.startswith(LOOKS) for channel in shown)
+    return used, look_at if eyes else None, "jaw" in roles and "jawOpen" not in shown
+
+
+def look_at_of(document: Fields) -> tuple[LookAt, bool | None]:
+    """The range maps of a VRM avatar's look-at, the usual ranges where it has none that are valid, and whether it moves
+    bones; None where the file does not say so.
+    """
+    extensions = as_object(document.get("extensions"))
+    newer, older = as_object(extensions.get(VRM_1)).get("lookAt"), as_object(extensions.get(VRM_0)).get("firstPerson")
+    rows, kind = as_object(newer), as_object(newer).get("type")
+    prefix, keys = "rangeMap", ("inputMaxValue", "outputScale")
+    if VRM_1 not in extensions:
+        rows, kind = as_object(older), as_object(older).get("lookAtTypeName")
+        prefix, keys = "lookAt", ("xRange", "yRange")
+    maps = [as_object(rows.get(prefix + name)) for name in _RANGES]
+    degrees = [[row.get(key) for row in maps] for key in keys]
+    is_bones = None if kind is None else str(kind).lower() == "bone"
+    if not is_bones or not all(isinstance(v, int | float) and 0.0 <= v <= _MOST_DEG for row in degrees for v in row):
+        return LookAt(), is_bones
+    gaze, eyes = (tuple(float(v or 0.0) for v in row) for row in degrees)
+    return LookAt(gaze, eyes), is_bones
+
+
+def _targets(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[FaceControl]:
+    """A control for every name of a morph target, which may be that of several meshes."""
+    binds: dict[str, list[tuple[int, int, float]]] = {}
+    for mesh, nodes in nodes_of.items():
+        fields = document["meshes"][mesh]
+        names = (fields.get("extras") or {}).get("targetNames")
+        names = names or (fields["primitives"][0].get("extras") or {}).get("targetNames") or ()
+        for index, name in enumerate(names):
+            binds.setdefault(str(name), []).extend((node, index, 1.0) for node in nodes)
+    return (FaceControl(name, tuple(rows)) for name, rows in binds.items())
+
+
+def _expressions(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[FaceControl]:
+    extensions = document.get("extensions") or {}
+    expressions = (extensions.get(VRM_1) or {}).get("expressions") or {}
+    for kind in ("preset", "custom"):
+        for name, row in (expressions.get(kind) or {}).items():
+            found = ((b["node"], b["index"], float(b.get("weight", 1.0))) for b in _rows(row.get("morphTargetBinds")))
+            yield FaceControl(name, tuple(found))
+    groups = ((extensions.get(VRM_0) or {}).get("blendShapeMaster") or {}).get("blendShapeGroups")
+    for row in _rows(groups) if VRM_1 not in extensions else ():
+        preset = row.get("presetName")
+        name = preset if preset not in (None, "", "unknown") else row.get("name")
+        found = (
+            (node, b["index"], float(b.get("weight", 100.0)) / 100.0)
+            for b in _rows(row.get("binds"))
+            for node in nodes_of.get(b["mesh"], ())
+        )
+        yield FaceControl(str(name), tuple(found))
+
+
+def as_object(value: Any) -> Fields:
+    """A value of JSON, empty where it is no object."""
+    return value if isinstance(value, dict) else {}
+
+
+def _rows(value: Any) -> list[Fields]:
+    return value if isinstance(value, list) else []
+
 
 _AT_MOST = "degreesAtMost"
 """Name, in the extras of a look-at, of the degrees of a gaze inward, outward, down and up with its coefficient at 1."""
@@ -60,21 +189,21 @@ class FaceReader(SkeletonDocument):
         shown = {channel for name in tracks for channel in shape_of(name) or ()}
         if not any(channel.startswith(LOOKS) for channel in shown):
             tracks |= self._look_at(animation, times, fps)
-        for name in _names(_object(animation.get("extras")).get(FACE_EXTRA)):
+        for name in _names(as_object(animation.get("extras")).get(FACE_EXTRA)):
             if channel_of(name) is not None:
                 tracks.setdefault(name, np.zeros(len(times)))
         return face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
 
     def _look_at(self, animation: Fields, times: FloatArray, fps: float) -> dict[str, FloatArray]:
         """Coefficient -> values (T,) of the gaze of a VRM animation; empty where it has none."""
-        fields = _object(_object(_object(self.json.get("extensions")).get(VRM_ANIMATION)).get("lookAt"))
+        fields = as_object(as_object(as_object(self.json.get("extensions")).get(VRM_ANIMATION)).get("lookAt"))
         found: dict[str, FloatArray] = {}
         for channel in animation["channels"]:
             if channel["target"]["path"] == "rotation" and channel["target"].get("node") == fields.get("node", -1):
                 quats = self._weights(animation, channel["sampler"], times, fps)
                 if quats.shape[1] != 4 or not np.abs(quats).sum(axis=1).all():
                     raise self._error("its look-at is no rotation")
-                at_most = _object(fields.get("extras")).get(_AT_MOST)
+                at_most = as_object(fields.get("extras")).get(_AT_MOST)
                 valid = isinstance(at_most, list) and len(at_most) == 4 and all(isinstance(v, float) for v in at_most)
                 degrees = tuple(at_most) if valid and at_most else LookAt().gaze
                 for side in SIDES:
@@ -120,10 +249,10 @@ class FaceReader(SkeletonDocument):
 
 def vrm_expressions(document: Fields) -> Iterator[tuple[str, int]]:
     """The name and the node of each expression of a VRM animation."""
-    vrm = _object(_object(document.get("extensions")).get(VRM_ANIMATION))
+    vrm = as_object(as_object(document.get("extensions")).get(VRM_ANIMATION))
     for kind in ("preset", "custom"):
-        for name, row in _object(_object(vrm.get("expressions")).get(kind)).items():
-            node = _object(row).get("node")
+        for name, row in as_object(as_object(vrm.get("expressions")).get(kind)).items():
+            node = as_object(row).get("node")
             if isinstance(node, int):
                 yield name, node
 
@@ -133,12 +262,12 @@ def target_names(document: Fields, node: Any) -> list[str]:
     where a name is not known. Empty where neither is there.
     """
     nodes = document.get("nodes") or []
-    number = _object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
+    number = as_object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
     meshes = document.get("meshes") or []
-    mesh = _object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
+    mesh = as_object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
     parts = mesh.get("primitives")
     holders = (mesh, parts[0] if isinstance(parts, list) and parts else None)  # older exporters name them in a part
-    found = [_object(_object(holder).get("extras")).get("targetNames") for holder in holders]
+    found = [as_object(as_object(holder).get("extras")).get("targetNames") for holder in holders]
     named = next(([str(name) for name in names] for names in found if isinstance(names, list) and names), [])
     if any(shape_of(name) is None for name in named) or not named:
         bound = {index: name for name, where, index in _binds(document) if where in (("mesh", number), ("node", node))}
@@ -149,16 +278,16 @@ def target_names(document: Fields, node: Any) -> list[str]:
 
 def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
     """The name, the mesh or node, and the target of each expression of a VRM avatar that moves one target of it."""
-    extensions = _object(document.get("extensions"))
-    groups = _object(_object(extensions.get(VRM_0)).get("blendShapeMaster")).get("blendShapeGroups")
-    rows = [_object(row) for row in groups] if isinstance(groups, list) else []
+    extensions = as_object(document.get("extensions"))
+    groups = as_object(as_object(extensions.get(VRM_0)).get("blendShapeMaster")).get("blendShapeGroups")
+    rows = [as_object(row) for row in groups] if isinstance(groups, list) else []
     named = [(row.get("presetName"), row.get("name"), row.get("binds"), "mesh") for row in rows]
-    expressions = _object(_object(extensions.get(VRM_1)).get("expressions"))
+    expressions = as_object(as_object(extensions.get(VRM_1)).get("expressions"))
     for kind in ("preset", "custom"):
-        named += [(name, name, _object(row).get("morphTargetBinds"), "node")
-                  for name, row in _object(expressions.get(kind)).items()]  # fmt: skip
+        named += [(name, name, as_object(row).get("morphTargetBinds"), "node")
+                  for name, row in as_object(expressions.get(kind)).items()]  # fmt: skip
     for preset, name, binds, key in named:
-        moved = [_object(bind) for bind in binds] if isinstance(binds, list) else []
+        moved = [as_object(bind) for bind in binds] if isinstance(binds, list) else []
         targets = [(bind.get(key), bind.get("index")) for bind in moved]
         for where, index in targets:
             if isinstance(index, int) and 0 <= index < 10_000 and [other for other, _ in targets].count(where) == 1:
@@ -215,7 +344,3 @@ def lost_in(path: str | Path, clip: Clip) -> tuple[str, ...]:
 
 def _names(value: Any) -> list[str]:
     return [name for name in value if isinstance(name, str)] if isinstance(value, list) else []
-
-
-def _object(value: Any) -> Fields:
-    return value if isinstance(value, dict) else {}

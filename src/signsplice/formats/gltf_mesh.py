@@ -11,13 +11,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.mesh_part import N_JOINTS, MeshPart
-from signsplice.body.skin_points import SkinPoints
+from signsplice.body.capsules import N_JOINTS, MeshPart
+from signsplice.body.skin_surface import SkinPoints
 from signsplice.errors import InputError
-from signsplice.formats.gltf_document import UNPACK, Fields
-from signsplice.formats.gltf_skeleton import VRM_0, SkeletonDocument
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
+from signsplice.formats.gltf_document import UNPACK, VRM_0, Fields, SkeletonDocument
+from signsplice.motion import FloatArray, rotation
 
 _TRIANGLES = 4
 _DRACO = "KHR_draco_mesh_compression"

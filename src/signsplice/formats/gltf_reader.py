@@ -15,17 +15,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, ROLES_EXTRA, Fields
-from signsplice.formats.gltf_face import FaceReader, target_names, vrm_expressions
-from signsplice.formats.gltf_keys import DRIFT, INTERPOLATIONS, LEAST_FPS, MOST_FPS, Keys, frame_rate, sample
-from signsplice.formats.gltf_skeleton import EVEN, printable, unique
+from signsplice.formats.gltf_document import (
+    DRIFT,
+    EVEN,
+    FPS_EXTRA,
+    GENERATOR,
+    INTERPOLATIONS,
+    LEAST_FPS,
+    MOST_FPS,
+    ROLES_EXTRA,
+    Fields,
+    Keys,
+    frame_rate,
+    others_left,
+    printable,
+    sample,
+    to_rest_axes,
+    unique,
+)
+from signsplice.formats.gltf_face import FaceReader, as_object, target_names, vrm_expressions
 from signsplice.formats.json_files import shortened
-from signsplice.formats.limits import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits
-from signsplice.formats.reading import stem
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.face_shapes import shape_of
+from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
+from signsplice.motion.face import shape_of
 from signsplice.rig.roles import ROLES
 
 _AVATAR = "a figure to put signing on is no clip: `signsplice convert` puts clips onto avatars"
@@ -92,10 +104,7 @@ class _AnimationReader(FaceReader):
         bound = self._bind_rotations(order, parents, rest_quats)
         parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
         offsets = rotation.rotate(parent_bound, offsets)
-        for k in range(len(order)):  # joint by joint and in place, to keep the memory of intermediate results small
-            quats = rotation.multiply(rotation.multiply(parent_bound[k], local_quats[:, k]), rotation.inverse(bound[k]))
-            local_quats[:, k] = rotation.continuous(rotation.normalize(quats))
-            translations[:, k] = rotation.rotate(parent_bound[k], translations[:, k])
+        to_rest_axes(local_quats, translations, bound, parent_bound)
         translations[:, 0] = 0.0
         change = float(np.ptp(translations[:, 1:], axis=0).max()) if len(order) > 1 else 0.0
         stretches = change > _HELD * float(np.abs(offsets).max())
@@ -229,8 +238,7 @@ class _AnimationReader(FaceReader):
             matrices = self._bind_matrices(skin)
             for joint, matrix in () if matrices is None else zip(skin["joints"], matrices, strict=True):
                 if joint in wanted and joint not in bound:
-                    u, _, vt = np.linalg.svd(np.linalg.inv(matrix)[:3, :3])
-                    bound[joint] = rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+                    bound[joint] = rotation.nearest(np.linalg.inv(matrix)[:3, :3])
         out = np.empty_like(rest_quats)
         for k, node in enumerate(order):
             parent_quat = rotation.IDENTITY if parents[k] < 0 else out[parents[k]]
@@ -239,18 +247,12 @@ class _AnimationReader(FaceReader):
 
 
 _POINTER = "KHR_animation_pointer"
-_NAMED = 5
-"""Most animations that a note names."""
 
 
 def _notes(animations: Sequence[Fields]) -> tuple[str, ...]:
     """A line that names the animation that is read and the others; none where it is the only one."""
-    if len(animations) == 1:
-        return ()
-    names = [_object(fields).get("name") for fields in animations[: 1 + _NAMED]]
-    first, *others = (f"{printable(name, f'animation {n}')!r:.80}" for n, name in enumerate(names))
-    more = f", nor {len(animations) - 1 - _NAMED} more" if len(animations) > 1 + _NAMED else ""
-    return (f"the file's first animation, {first}, is read, not {', '.join(others)}{more}",)
+    first, *others = (printable(as_object(row).get("name"), f"animation {n}") for n, row in enumerate(animations))
+    return others_left(f"the file's first animation, {first!r:.80},", others)
 
 
 def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
@@ -266,7 +268,7 @@ def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
         elif target["path"] == "weights":
             names += _morph_targets(document, target.get("node"))
         elif target["path"] == "pointer":
-            pointer = _object(_object(target.get("extensions")).get(_POINTER)).get("pointer")
+            pointer = as_object(as_object(target.get("extensions")).get(_POINTER)).get("pointer")
             names.append(f"property {pointer}")
     return tuple(dict.fromkeys(name[:80] for name in names if name.isprintable()))
 
@@ -281,11 +283,7 @@ def _vrm(document: Fields, animated: set[Any]) -> Iterator[str]:
 def _morph_targets(document: Fields, node: Any) -> list[str]:
     """The names of the morph targets of a node's mesh that are none of a face, or of the node where they have none."""
     nodes = document.get("nodes") or []
-    fields = _object(nodes[node]) if isinstance(node, int) and 0 <= node < len(nodes) else {}
+    fields = as_object(nodes[node]) if isinstance(node, int) and 0 <= node < len(nodes) else {}
     if names := target_names(document, node):
         return [f"morph target {name}" for name in names if shape_of(name) is None]
     return [f"morph targets of {fields.get('name') or f'node {node}'}"]
-
-
-def _object(value: Any) -> Fields:
-    return value if isinstance(value, dict) else {}

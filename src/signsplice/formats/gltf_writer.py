@@ -34,15 +34,12 @@ from pygltflib import (
     Sparse,
 )
 
-from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.capsules import MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import bind_pose
-from signsplice.body.mesh_part import MeshPart
 from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
+from signsplice.rig.align import Placement, place
 from signsplice.rig.info import rig_info
-from signsplice.rig.placement import Placement, place
 
 Array = NDArray[Any]
 

@@ -16,10 +16,8 @@ import numpy as np
 
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats.atomic import write as write_file
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.reading import format_errors, opened, read_bytes
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, opened, read_bytes
+from signsplice.motion import Clip, FloatArray, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 
 _TIME, _COUNT = "timecode", "blendshapecount"

@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
-from signsplice.formats.limits import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.reading import format_errors, opened, stem
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, EndSite, Skeleton
-from signsplice.motion.euler_channels import POSITIONS, ROTATIONS, Channels
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, opened, stem
+from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
+from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
 
 VERSION = 1

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from signsplice.errors import FormatError
 from signsplice.formats.json_files import read_json
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import ROLES, unknown_role
 

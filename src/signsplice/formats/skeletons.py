@@ -8,8 +8,8 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.formats.json_files import check_type
-from signsplice.formats.limits import DEFAULT_LIMITS
-from signsplice.motion.clip import EndSite, Skeleton
+from signsplice.formats.reading import DEFAULT_LIMITS
+from signsplice.motion import EndSite, Skeleton
 
 _KINDS = {
     "names": list[str],

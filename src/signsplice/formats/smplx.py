@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.rig.align import copy_rotations, reference
 
 _USUAL_FPS = 30.0

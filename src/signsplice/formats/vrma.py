@@ -13,14 +13,13 @@ from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
-from signsplice.formats.avatar_writer import with_bones
+from signsplice.formats.avatar import with_bones
 from signsplice.formats.gltf_document import VRM_ANIMATION
 from signsplice.formats.gltf_face import write_expressions, write_look_at
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.clip import Clip, Skeleton
-from signsplice.motion.gaze import LookAt, has_gaze
+from signsplice.motion import Clip, Skeleton, kinematics, rotation
+from signsplice.motion.face import LookAt, has_gaze
 from signsplice.rig.info import rig_info
 
 __all__ = ["document", "encode", "parse"]

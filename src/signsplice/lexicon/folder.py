@@ -31,6 +31,7 @@ from signsplice.progress import Progress
 if TYPE_CHECKING:
     from signsplice.synth.written.tree import WrittenSign
 
+
 _VERSION = 2
 """Of what a stopped build has prepared."""
 _FILES_A_PROCESS, _SIGNS_A_PROCESS = 50, 40

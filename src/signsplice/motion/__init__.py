@@ -1,13 +1,37 @@
-"""What a motion is: numpy and scipy only; knows no file, no gloss, no network.
+"""What a motion is: numpy and scipy only; knows no file, no gloss, no network. Its own modules import one another."""
 
-How a notebook shows a clip is registered here by the public face, since pages and pictures lie above clips.
-"""
+from signsplice.motion.clip import (
+    Channels,
+    Clip,
+    EndSite,
+    JoinedClips,
+    Skeleton,
+    at_frames,
+    bone_translations,
+    concatenate,
+    frozen,
+    joined,
+    resample,
+    same_fps,
+    sampled,
+    unchecked_copy,
+)
+from signsplice.motion.rotation import FloatArray
 
-TYPE_CHECKING = False  # the public face imports this: typing and __future__ cost imports
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from signsplice.motion.clip import Clip
-
-html_renderers: "list[Callable[[Clip], str]]" = []
-"""What shows a clip as HTML; the last one is used."""
+__all__ = [
+    "Channels",
+    "Clip",
+    "EndSite",
+    "FloatArray",
+    "JoinedClips",
+    "Skeleton",
+    "at_frames",
+    "bone_translations",
+    "concatenate",
+    "frozen",
+    "joined",
+    "resample",
+    "same_fps",
+    "sampled",
+    "unchecked_copy",
+]

@@ -1,38 +1,29 @@
-"""The one place where the process keeps what it computed before; the rest of the package has no hidden state.
+"""The last few results of functions by their arguments: the only values that a module of the package keeps.
 
-Two kinds of values are kept. ``of`` keeps a value for as long as the object lives that it was computed from (the roles
-of a skeleton, the arms of a clip); ``kept`` is a decorator that does so. ``recent`` keeps the last few results of a
-function by its arguments (opened bundles). All are typed by the function that computes the value.
+What follows from one object alone lies in that object (``clip.Derived``).
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from functools import wraps
 from typing import Any, TypeVar
-from weakref import WeakKeyDictionary
 
-Owner = TypeVar("Owner")
+from signsplice.motion.clip import HasDerived
+
+Owner = TypeVar("Owner", bound=HasDerived)
 Value = TypeVar("Value")
 
 
 class Cache:
-    """Values by what they were computed from and by which function; safe to clear at any time."""
+    """Values by the function that computes them and its arguments; safe to clear at any time."""
 
     def __init__(self) -> None:
-        self._by_owner: WeakKeyDictionary[Any, dict[Callable[..., Any], Any]] = WeakKeyDictionary()
         self._recent: dict[Callable[..., Any], OrderedDict[tuple[Hashable, ...], Any]] = {}
 
     def of(self, owner: Owner, compute: Callable[[Owner], Value]) -> Value:
-        """``compute(owner)``, computed once and kept as long as ``owner`` lives; the value must not refer to it."""
-        kept = self._by_owner.get(owner)
-        if kept is None:
-            kept = self._by_owner[owner] = {}
-        if compute not in kept:
-            kept[compute] = compute(owner)
-        value: Value = kept[compute]
-        return value
+        """``owner.derived[compute]``."""
+        return owner.derived[compute]
 
     def recent(self, compute: Callable[..., Value], *arguments: Hashable, most: int) -> Value:
         """``compute(*arguments)``; the results of the last ``most`` different calls are kept."""
@@ -46,14 +37,13 @@ class Cache:
         found: Value = value
         return found
 
-    def forget(self, *owners: object) -> None:
+    def forget(self, *owners: HasDerived) -> None:
         """Forget everything that was computed from these objects."""
         for owner in owners:
-            self._by_owner.pop(owner, None)
+            owner.derived.clear()
 
     def clear(self) -> None:
-        """Forget everything."""
-        self._by_owner.clear()
+        """Forget all results."""
         self._recent.clear()
 
 
@@ -62,10 +52,5 @@ CACHE = Cache()
 
 
 def kept(compute: Callable[[Owner], Value]) -> Callable[[Owner], Value]:
-    """The function ``compute``, whose values are kept as ``CACHE.of`` keeps them."""
-
-    @wraps(compute)
-    def value_of(owner: Owner) -> Value:
-        return CACHE.of(owner, compute)
-
-    return value_of
+    """The function ``compute``, whose values lie in the object that it is called with."""
+    return lambda owner: owner.derived[compute]

@@ -1,22 +1,25 @@
 """What a motion is: a skeleton, and a clip of its joints' rotations over time.
 
-Both are frozen and checked once, when made. Functions stand outside: ``concatenate``, ``resample``.
+Both are frozen and checked once, when made; what is computed from them and worth keeping lies in their ``derived``.
+Functions stand outside: ``concatenate``, ``resample``, ``joined``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import ref
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import html_renderers, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.euler_channels import Channels
+from signsplice.hooks import html_renderers
+from signsplice.motion import rotation
 from signsplice.motion.face import Face, joined_faces
+from signsplice.motion.rotation import FloatArray
 
 _UNIT_TOLERANCE = 1e-6
 _BLOCK = 32
@@ -25,6 +28,10 @@ _FARTHEST = 1e12
 _LONGEST_NAME = 300
 SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
+MOST_FRAMES = 1500
+"""Frames that ``joined`` lays end to end: more do not fit into a processor's nearest memory, and are no faster."""
+Value = TypeVar("Value")
+ChannelNames = tuple[tuple[str, ...], ...]
 
 
 def frozen(array: ArrayLike) -> FloatArray:
@@ -44,6 +51,36 @@ def _are_near(lengths: FloatArray) -> bool:
     return lengths.size == 0 or bool(lengths.min() > -_FARTHEST and lengths.max() < _FARTHEST)
 
 
+class Derived(dict[Callable[[Any], Any], Any]):
+    """What was computed from an object, by the function that computes it: ``clip.derived[arms]`` calls ``arms(clip)``
+    when first asked for, and keeps the value as long as the object lives. The value must not refer to the object, nor
+    does this mapping. Safe to clear at any time.
+    """
+
+    def __init__(self, owner: object) -> None:
+        self._owner = ref(owner)
+
+    def __missing__(self, compute: Callable[[Any], Any]) -> Any:
+        value = self[compute] = compute(self._owner())
+        return value
+
+    if TYPE_CHECKING:
+
+        def __getitem__(self, compute: Callable[[Any], Value]) -> Value: ...
+
+
+class HasDerived:
+    """An object that keeps what is computed from it; copies begin without."""
+
+    @cached_property
+    def derived(self) -> Derived:
+        """What was computed from this object alone."""
+        return Derived(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "derived"}
+
+
 @dataclass(frozen=True, eq=False)
 class EndSite:
     """The tip of a bone that no joint follows.
@@ -60,7 +97,7 @@ class EndSite:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Skeleton:
+class Skeleton(HasDerived):
     """Joints, parents before children.
 
     names: J different names.
@@ -132,8 +169,83 @@ class Skeleton:
         return tuple(tuple(row) for row in rows)
 
 
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """The channels of a clip as a file gave them.
+
+    names: for each joint its channels in the file's order ("Zrotation", ...). values: (T, C) degrees and length units,
+    C all channels in order; NaN where no file gave the number. offsets: (J, 3) the rest translations as written, which
+    position channels replace. frame_time: seconds a frame as written. starts: frames at which numbers of another origin
+    begin. root_moved: the root was moved since the file was read, so its numbers no longer hold.
+    """
+
+    names: ChannelNames
+    values: FloatArray
+    offsets: FloatArray
+    frame_time: float
+    starts: tuple[int, ...] = (0,)
+    root_moved: bool = False
+
+    def __post_init__(self) -> None:
+        width = sum(map(len, self.names))
+        if self.values.ndim != 2 or self.values.shape[1] != width:
+            raise InputError(f"channel values {self.values.shape}, expected (T, {width})")
+        for name in ("values", "offsets"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        if self.offsets.shape[1:] != (3,) or not 0.0 <= self.frame_time < np.inf:
+            raise InputError(f"channel offsets {self.offsets.shape} at {self.frame_time} s a frame, expected (J, 3)")
+
+    def __getitem__(self, frames: slice) -> Channels:
+        start, stop, _ = frames.indices(len(self.values))
+        inner = tuple(s - start for s in self.starts if start < s < stop)
+        return replace(self, values=self.values[start:stop], starts=(0, *inner))
+
+    def forgotten(self, n_frames: int) -> Channels:
+        """The same layout for ``n_frames`` new frames, every number still to be derived. Takes no memory."""
+        values = np.broadcast_to(np.nan, (n_frames, self.values.shape[1]))
+        return replace(self, values=values, starts=(0,), root_moved=False)
+
+    def without_root(self) -> Channels:
+        """The same numbers, save those of the root, which are to be derived anew. Takes no memory."""
+        return replace(self, root_moved=True)
+
+    def settled(self) -> Channels:
+        """The same, with the root's numbers set to NaN in ``values`` where it was moved."""
+        if not self.root_moved:
+            return self
+        values = np.array(self.values)
+        values[:, : len(self.names[0])] = np.nan
+        return replace(self, values=values, root_moved=False)
+
+    @staticmethod
+    def concatenate(parts: Sequence[tuple[Channels | None, int]]) -> Channels | None:
+        """Channels of clips joined in time, each given with its number of frames; the layout is the first one's.
+
+        Numbers of a part whose layout differs from the first one's are left to be derived. None where the first has
+        none.
+        """
+        layout = parts[0][0]
+        if layout is None:
+            return None
+        width = layout.values.shape[1]
+        values = np.empty((sum(n for _, n in parts), width))
+        starts: list[int] = []
+        row = 0
+        for channels, n_frames in parts:
+            if channels is not None and (channels.names is layout.names or channels.names == layout.names):
+                values[row : row + n_frames] = channels.values
+                if channels.root_moved:
+                    values[row : row + n_frames, : len(layout.names[0])] = np.nan
+                starts += [row + s for s in channels.starts]
+            else:
+                values[row : row + n_frames] = np.nan
+                starts.append(row)
+            row += n_frames
+        return replace(layout, values=values, starts=tuple(starts), root_moved=False)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Clip:
+class Clip(HasDerived):
     """A motion of one skeleton at an even frame rate; T frames, J joints.
 
     skeleton: the joints; all of its rotations at identity are the rest pose.
@@ -146,7 +258,7 @@ class Clip:
     left_out: names of what its file animates besides joints (expressions, morph targets, look-at), which is not here.
     notes: lines about what else the clip has otherwise than its file: the first of several animations, a rounded rate.
     face: the face in every frame; None where it is not known.
-    source_clip: the clip that this one was placed from as one rigid whole (``rig.placement.place``), else None.
+    source_clip: the clip that this one was placed from as one rigid whole (``rig.align.place``), else None.
 
     Arrays are taken as they are, without a copy: do not write to them afterwards. Raises ``InputError`` where shapes do
     not fit, T is 0, a number is not finite or a quaternion is not of unit length.
@@ -226,9 +338,7 @@ class Clip:
         frames = slice(start, stop)
         return unchecked_copy(
             self,
-            local_rotations=self.local_rotations[frames],
-            root_positions=self.root_positions[frames],
-            translations=None if self.translations is None else self.translations[frames],
+            **_arrays_at(self, frames),
             channels=None if self.channels is None else self.channels[frames],
             face=None if self.face is None else self.face[frames],
         )
@@ -268,18 +378,22 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
             raise InputError(
                 f"clip {clip.name!r} runs at {clip.fps:g} fps, {first.name!r} at {first.fps:g}; resample it first"
             )
-    translations = None
-    if any(clip.translations is not None for clip in clips):
-        translations = np.concatenate([bone_translations(clip) for clip in clips])
     return unchecked_copy(
         first,
-        local_rotations=np.concatenate([clip.local_rotations for clip in clips]),
-        root_positions=np.concatenate([clip.root_positions for clip in clips]),
+        **_joined_arrays(clips),
         name=name or first.name,
-        translations=translations,
         channels=first.channels and Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
         face=joined_faces([(clip.face, len(clip)) for clip in clips]),
     )
+
+
+def _joined_arrays(clips: Sequence[Clip]) -> dict[str, Any]:
+    moving = any(clip.translations is not None for clip in clips)
+    return {
+        "local_rotations": np.concatenate([clip.local_rotations for clip in clips]),
+        "root_positions": np.concatenate([clip.root_positions for clip in clips]),
+        "translations": np.concatenate([bone_translations(clip) for clip in clips]) if moving else None,
+    }
 
 
 def unchecked_copy(clip: Clip, **changes: object) -> Clip:
@@ -290,11 +404,25 @@ def unchecked_copy(clip: Clip, **changes: object) -> Clip:
     """
     made = object.__new__(Clip)
     made.__dict__.update(clip.__dict__, source_clip=None)
+    made.__dict__.pop("derived", None)
     for name, value in changes.items():
         made.__dict__[name] = frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
     if made.face is not None and len(made.face) != len(made):
         made.__dict__["face"] = None
     return made
+
+
+def at_frames(clip: Clip, frames: slice | NDArray[np.intp]) -> Clip:
+    """The frames of a clip in a slice or at indices, in any order, without the numbers of its file."""
+    return unchecked_copy(clip, **_arrays_at(clip, frames), channels=None)
+
+
+def _arrays_at(clip: Clip, frames: slice | NDArray[np.intp]) -> dict[str, Any]:
+    return {
+        "local_rotations": clip.local_rotations[frames],
+        "root_positions": clip.root_positions[frames],
+        "translations": None if clip.translations is None else clip.translations[frames],
+    }
 
 
 def bone_translations(clip: Clip) -> FloatArray:
@@ -344,3 +472,48 @@ def sampled(clip: Clip, at: FloatArray) -> Clip:
         channels=None if clip.channels is None else clip.channels.forgotten(len(at)),
         face=None if clip.face is None else Face(clip.face.channels, between(clip.face.weights)),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedClips:
+    """Some clips laid end to end: what is computed frame by frame is computed for all of them at once. Every frame gets
+    the same numbers, bit for bit, as in its own clip: only how many frames share an operation changes.
+
+    rows: which of the clips asked for.
+    clip: all of their frames.
+    starts: (G + 1,) the first frame of each of the G clips, and the number of all frames.
+    """
+
+    rows: list[int]
+    clip: Clip
+    starts: NDArray[np.intp]
+
+    def __iter__(self) -> Iterator[tuple[int, slice]]:
+        """Which clip, and its frames."""
+        for row, start, stop in zip(self.rows, self.starts[:-1].tolist(), self.starts[1:].tolist(), strict=True):
+            yield row, slice(start, stop)
+
+
+def joined(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator[JoinedClips]:
+    """Clips, each given as its parts in order, laid end to end with those of the same skeleton and rate, about ``most``
+    frames at a time; the channels of files and faces are left out.
+    """
+    groups: dict[tuple[int, float, bool], list[int]] = {}
+    for row, parts in enumerate(clips):
+        moving = any(part.translations is not None for part in parts)
+        groups.setdefault((id(parts[0].skeleton), parts[0].fps, moving), []).append(row)
+    for rows in groups.values():
+        lengths = [sum(len(part.local_rotations) for part in clips[row]) for row in rows]
+        first = n_frames = 0
+        for k, length in enumerate(lengths):
+            if n_frames and n_frames + length > most:
+                yield _joined(clips, rows[first:k], lengths[first:k])
+                first, n_frames = k, 0
+            n_frames += length
+        yield _joined(clips, rows[first:], lengths[first:])
+
+
+def _joined(clips: Sequence[Sequence[Clip]], rows: list[int], lengths: list[int]) -> JoinedClips:
+    parts = [part for row in rows for part in clips[row]]
+    whole = unchecked_copy(parts[0], **_joined_arrays(parts), channels=None, face=None)
+    return JoinedClips(rows, whole, np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp))

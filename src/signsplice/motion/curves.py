@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion.rotation import FloatArray
 
 Number = TypeVar("Number", float, FloatArray)
 

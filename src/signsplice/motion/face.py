@@ -1,21 +1,32 @@
-"""A face over time: ARKit's 52 coefficients, named, one row a frame.
+"""A face over time as ARKit's 52 coefficients; what the names of face targets mean in them, and gaze and jaw as
+rotations of bones, there and back.
 
-Names and their order are those of Apple's ``ARFaceAnchor.BlendShapeLocation`` as Live Link Face writes them.
+Coefficients are named and ordered as Apple's ``ARFaceAnchor.BlendShapeLocation`` and Live Link Face have them. Targets
+have ARKit's names, also with ``_L`` and ``_R``, those of the presets of VRM 1.0 (VRMC_vrm, expressions) and of VRM 0.x
+(blendShapeMaster), of VRoid's targets of mouth and lids, or of Meta's 15 visemes (Oculus Lipsync, "Viseme Reference").
+The sources define names and show pictures, no numbers: the coefficients are of our own, written down from how a sound
+is articulated.
+
+Bones have the axes left +X, up +Y, forward +Z. An eye turns by its yaw about +Y, then by its pitch about +X, as VRM's
+look-at does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.arrays import FloatArray
+from signsplice.motion import rotation
+from signsplice.motion.rotation import FloatArray
 
+SIDES = ("Left", "Right")
 _EYE = ("Blink", "LookDown", "LookIn", "LookOut", "LookUp", "Squint", "Wide")
 ARKIT_CHANNELS = (
-    *(f"eye{part}{side}" for side in ("Left", "Right") for part in _EYE),
+    *(f"eye{part}{side}" for side in SIDES for part in _EYE),
     "jawForward", "jawRight", "jawLeft", "jawOpen", "mouthClose", "mouthFunnel", "mouthPucker", "mouthRight",
     "mouthLeft", "mouthSmileLeft", "mouthSmileRight", "mouthFrownLeft", "mouthFrownRight", "mouthDimpleLeft",
     "mouthDimpleRight", "mouthStretchLeft", "mouthStretchRight", "mouthRollLower", "mouthRollUpper",
@@ -89,7 +100,7 @@ class Face:
 
 def _counterpart(name: str) -> str:
     """A coefficient's name on the other side; the name itself in the middle."""
-    for side, other in (("Left", "Right"), ("Right", "Left")):
+    for side, other in (SIDES, SIDES[::-1]):
         if name.endswith(side):
             return name.removesuffix(side) + other
     return name
@@ -105,3 +116,224 @@ def joined_faces(parts: Sequence[tuple[Face | None, int]]) -> Face | None:
     channels = tuple(name for name in ARKIT_CHANNELS if name in known)
     rows = [np.zeros((n, len(channels))) if face is None else face.of(channels) for face, n in parts]
     return Face(channels, np.concatenate(rows))
+
+
+def _both(**parts: float) -> dict[str, float]:
+    """Coefficients of both sides: mouthSmile -> mouthSmileLeft, mouthSmileRight."""
+    return {f"{part}{side}": weight for part, weight in parts.items() for side in SIDES}
+
+
+VISEMES: Mapping[str, Mapping[str, float]] = {
+    "sil": {},
+    "PP": {"mouthRollLower": 0.3, "mouthRollUpper": 0.3} | _both(mouthPress=0.5),
+    "FF": {"jawOpen": 0.05, "mouthRollLower": 0.9} | _both(mouthUpperUp=0.4),
+    "TH": {"jawOpen": 0.18, "tongueOut": 0.35} | _both(mouthLowerDown=0.2, mouthUpperUp=0.1),
+    "DD": {"jawOpen": 0.15} | _both(mouthLowerDown=0.25, mouthStretch=0.1),
+    "kk": {"jawOpen": 0.25} | _both(mouthLowerDown=0.1),
+    "CH": {"jawOpen": 0.1, "mouthFunnel": 0.6, "mouthPucker": 0.15} | _both(mouthLowerDown=0.15),
+    "SS": {"jawOpen": 0.05} | _both(mouthStretch=0.3, mouthLowerDown=0.25, mouthUpperUp=0.1),
+    "nn": {"jawOpen": 0.12} | _both(mouthLowerDown=0.1, mouthStretch=0.05),
+    "RR": {"jawOpen": 0.15, "mouthPucker": 0.35, "mouthFunnel": 0.2},
+    "aa": {"jawOpen": 0.6} | _both(mouthLowerDown=0.3, mouthUpperUp=0.15),
+    "E": {"jawOpen": 0.32} | _both(mouthStretch=0.3, mouthSmile=0.15, mouthLowerDown=0.25),
+    "I": {"jawOpen": 0.15} | _both(mouthStretch=0.3, mouthSmile=0.35),
+    "O": {"jawOpen": 0.4, "mouthFunnel": 0.5, "mouthPucker": 0.3},
+    "U": {"jawOpen": 0.18, "mouthPucker": 0.75, "mouthFunnel": 0.25},
+}
+"""Meta's viseme -> coefficients."""
+PRESETS: Mapping[str, Mapping[str, float]] = {
+    "aa": VISEMES["aa"], "ih": VISEMES["I"], "ou": VISEMES["U"], "ee": VISEMES["E"], "oh": VISEMES["O"],
+    "blink": _both(eyeBlink=1.0), "blinkLeft": {"eyeBlinkLeft": 1.0}, "blinkRight": {"eyeBlinkRight": 1.0},
+    "lookUp": _both(eyeLookUp=1.0), "lookDown": _both(eyeLookDown=1.0),
+    "lookLeft": {"eyeLookOutLeft": 1.0, "eyeLookInRight": 1.0},
+    "lookRight": {"eyeLookInLeft": 1.0, "eyeLookOutRight": 1.0},
+    "happy": _both(mouthSmile=0.8, cheekSquint=0.4),
+    "angry": _both(browDown=0.8, noseSneer=0.3, mouthPress=0.2),
+    "sad": {"browInnerUp": 0.7} | _both(mouthFrown=0.6),
+    "relaxed": _both(mouthSmile=0.35, eyeSquint=0.2),
+    "surprised": {"browInnerUp": 0.7, "jawOpen": 0.25} | _both(browOuterUp=0.8, eyeWide=0.7),
+    "neutral": {},
+}  # fmt: skip
+"""VRM 1.0 preset -> coefficients."""
+_EMOTIONS = [PRESETS[name] for name in ("happy", "angry", "sad", "relaxed", "surprised")]
+MOUTH = ("jaw", "mouth", "tongue")
+"""How the names of a mouth's coefficients begin."""
+_OTHER_NAMES = {
+    **{"a": "aa", "i": "ih", "u": "ou", "e": "ee", "o": "oh", "joy": "happy", "sorrow": "sad", "fun": "relaxed"},
+    **{"blinkl": "blinkLeft", "blinkr": "blinkRight", "fcleyeclose": "blink"},
+    **{"fcleyeclosel": "blinkLeft", "fcleyecloser": "blinkRight"},
+    **{f"fclmth{vowel}": preset for vowel, preset in zip("aiueo", ("aa", "ih", "ou", "ee", "oh"), strict=True)},
+}
+"""Names in VRM 0.x and in VRoid's files -> VRM 1.0 preset."""
+
+
+def _plain(name: str) -> str:
+    """A target's name without the mesh or namespace before it, in lower case, letters and digits alone."""
+    return re.sub("[^a-z0-9]", "", re.split("[.:|]", name)[-1].lower())
+
+
+def _channel_names() -> dict[str, str]:
+    """Plain name -> coefficient, also with L and R for the sides."""
+    found = {_plain(channel): channel for channel in ARKIT_CHANNELS}
+    for channel in ARKIT_CHANNELS:
+        short = re.sub("Left$", "L", re.sub("Right$", "R", channel))
+        if channel not in ("jawLeft", "jawRight", "mouthLeft", "mouthRight"):
+            found[_plain(short)] = channel
+    return found
+
+
+_CHANNELS = _channel_names()
+_MIXED: Mapping[str, Mapping[str, float]] = {
+    **{_plain(name): shape for name, shape in PRESETS.items()},
+    **{other: PRESETS[name] for other, name in _OTHER_NAMES.items()},
+    **{f"{mark}{name.lower()}": shape for name, shape in VISEMES.items() for mark in ("viseme", "v")},
+}
+_SHOWN, _APART = 0.1, 0.2
+"""A coefficient that reaches the first is seen to be lost where a target is off by more than the second."""
+
+
+def channel_of(name: str) -> str | None:
+    """The coefficient whose name, as ARKit has it, a target bears; None for any other."""
+    return _CHANNELS.get(_plain(name))
+
+
+def preset_of(name: str) -> str | None:
+    """The preset of VRM 1.0 that a name means, also one of VRM 0.x; None for any other."""
+    return _OTHER_NAMES.get(_plain(name)) or (name if name in PRESETS else None)
+
+
+def shape_of(name: str) -> Mapping[str, float] | None:
+    """What a target by a name shows, coefficient -> weight, empty for a face at rest; None for an unknown name."""
+    channel = channel_of(name)
+    return _MIXED.get(_plain(name)) if channel is None else {channel: 1.0}
+
+
+def face_from(names: Sequence[str], weights: FloatArray) -> Face | None:
+    """The face that targets show by their weights (T, N); None where no name is known. Where some are ARKit's own,
+    those alone count for their coefficient, and for the whole mouth: presets beside them say the same again.
+    """
+    own = {channel: k for k, name in enumerate(names) if (channel := channel_of(name)) is not None}
+    has_mouth = any(channel.startswith(MOUTH) for channel in own)
+    out = np.zeros((len(weights), len(ARKIT_CHANNELS)))
+    known = set(own)
+    for name, values in zip(names, weights.T, strict=True):
+        for channel, weight in _MIXED.get(_plain(name), {}).items():
+            if channel not in own and not (has_mouth and channel.startswith(MOUTH)):
+                out[:, ARKIT_CHANNELS.index(channel)] += weight * values
+                known.add(channel)
+    for channel, k in own.items():
+        out[:, ARKIT_CHANNELS.index(channel)] = weights[:, k]
+    channels = tuple(channel for channel in ARKIT_CHANNELS if channel in known)
+    columns = [ARKIT_CHANNELS.index(channel) for channel in channels]
+    return Face(channels, np.clip(out[:, columns], 0.0, 1.0)) if channels else None
+
+
+def target_weights(face: Face, names: Sequence[str]) -> tuple[FloatArray, tuple[str, ...]]:
+    """Weights (T, N) from 0 to 1 with which targets by these names show a face, and the coefficients that they cannot
+    show. ARKit's own names take their coefficient; what is left over, visemes and presets by least squares, emotions
+    never: no coefficient says what a person feels.
+    """
+    wanted, shown = face.of(ARKIT_CHANNELS), np.zeros((len(face), len(ARKIT_CHANNELS)))
+    out, mixed, left = np.zeros((len(face), len(names))), dict[int, Mapping[str, float]](), np.array(wanted)
+    for k, name in enumerate(names):
+        if (channel := channel_of(name)) is not None:
+            column = ARKIT_CHANNELS.index(channel)
+            out[:, k] = shown[:, column] = wanted[:, column]
+            left[:, column] = 0.0
+        elif (shape := _MIXED.get(_plain(name))) and shape not in _EMOTIONS:
+            mixed[k] = shape
+    if mixed:
+        from scipy.optimize import nnls  # a conversion without a face does without scipy
+
+        basis = np.array([[shape.get(name, 0.0) for shape in mixed.values()] for name in ARKIT_CHANNELS])
+        for t in np.flatnonzero(left.any(axis=1)):
+            out[t, list(mixed)] = np.minimum(nnls(basis, left[t])[0], 1.0)
+        shown = np.maximum(shown, out[:, list(mixed)] @ basis.T)
+    is_lost = (wanted.max(axis=0) > _SHOWN) & (np.abs(wanted - shown).max(axis=0) > _APART)
+    return out, tuple(name for name, lost in zip(ARKIT_CHANNELS, is_lost, strict=True) if lost)
+
+
+LOOKS = ("eyeLookIn", "eyeLookOut", "eyeLookDown", "eyeLookUp")
+"""How the names of the coefficients of a gaze begin, in the order of ``LookAt``."""
+_USUAL = (30.0,) * 4
+_JAW_DEG = 20.0
+"""A jaw's rotation with jawOpen at 1, our own: no source gives one."""
+_STILL = 1e-3
+"""Bones that turn by less than this, rad, all the time say nothing."""
+
+
+@dataclass(frozen=True)
+class LookAt:
+    """What a gaze at its limit, a coefficient of 1, is inward, outward, down and up, in degrees.
+
+    gaze: as a player of VRM is given it, the largest input of the avatar's range maps.
+    eyes: by how much eyes turn, the output of the range maps.
+
+    Without an avatar's maps both are 30 degrees, our own: ARKit gives none.
+    """
+
+    gaze: tuple[float, ...] = _USUAL
+    eyes: tuple[float, ...] = _USUAL
+
+
+def has_gaze(face: Face | None) -> bool:
+    """Whether a face has coefficients of a gaze."""
+    return face is not None and any(name.startswith(LOOKS) for name in face.channels)
+
+
+def eye_quats(face: Face, side: str, degrees: tuple[float, ...]) -> FloatArray:
+    """The rotations (T, 4) of the eye of one of ``SIDES``."""
+    return _quats(*_angles(face, side, degrees))
+
+
+def gaze_quats(face: Face, look_at: LookAt) -> FloatArray:
+    """The rotations (T, 4) of the gaze of both eyes, as VRM animations have it: the mean of their angles."""
+    (yaw, pitch), (other_yaw, other_pitch) = (_angles(face, side, look_at.gaze) for side in SIDES)
+    return _quats(0.5 * (yaw + other_yaw), 0.5 * (pitch + other_pitch))
+
+
+def eye_coefficients(quats: FloatArray, side: str, degrees: tuple[float, ...]) -> dict[str, FloatArray]:
+    """Coefficient -> values (T,) from 0 to 1, of the rotations (T, 4) of an eye or a gaze."""
+    x, y, z = rotation.rotate(quats, [0.0, 0.0, 1.0]).T
+    out, down = np.arctan2(x, z) * (1.0 if side == "Left" else -1.0), -np.arcsin(np.clip(y, -1.0, 1.0))
+    shown = (
+        np.clip(np.degrees(angle) / limit, 0.0, 1.0) if limit > 0.0 else np.zeros(len(quats))
+        for angle, limit in zip((-out, out, down, -down), degrees, strict=True)
+    )
+    return {f"{name}{side}": values for name, values in zip(LOOKS, shown, strict=True)}
+
+
+def bone_quats(face: Face, look_at: LookAt | None, opens_jaw: bool) -> dict[str, FloatArray]:
+    """Role -> rotations (T, 4) of the eyes and the jaw that show a face; ``look_at``: None where eyes are no bones."""
+    found = {}
+    if look_at is not None and has_gaze(face):
+        found = {f"{side.lower()}Eye": eye_quats(face, side, look_at.eyes) for side in SIDES}
+    if opens_jaw and "jawOpen" in face.channels:
+        found["jaw"] = rotation.exp(np.radians(_JAW_DEG) * face.of(["jawOpen"]) * [1.0, 0.0, 0.0])
+    return found
+
+
+def bone_coefficients(quats: Mapping[str, FloatArray], look_at: LookAt) -> dict[str, FloatArray]:
+    """Coefficient -> values (T,) that the rotations (T, 4) of eyes and jaw show; none of bones that are still."""
+    found: dict[str, FloatArray] = {}
+    for role, rotations in quats.items():
+        if float(rotation.angle_between(rotations, rotation.IDENTITY).max()) < _STILL:
+            continue
+        if role == "jaw":
+            _, y, z = rotation.rotate(rotations, [0.0, 0.0, 1.0]).T
+            found["jawOpen"] = np.clip(np.degrees(np.arctan2(-y, z)) / _JAW_DEG, 0.0, 1.0)
+        else:
+            found |= eye_coefficients(rotations, role.removesuffix("Eye").capitalize(), look_at.eyes)
+    return found
+
+
+def _angles(face: Face, side: str, degrees: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Yaw to the left and pitch downward (T,), rad."""
+    inward, outward, down, up = (face.of([name + side for name in LOOKS]) * np.radians(degrees)).T
+    return (outward - inward) * (1.0 if side == "Left" else -1.0), down - up
+
+
+def _quats(yaw: FloatArray, pitch: FloatArray) -> FloatArray:
+    return rotation.multiply(
+        rotation.exp(yaw[:, None] * [0.0, 1.0, 0.0]), rotation.exp(pitch[:, None] * [1.0, 0.0, 0.0])
+    )

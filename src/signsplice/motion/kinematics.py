@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import kept
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.rotation import FloatArray
 
 
 def forward(
@@ -65,14 +64,13 @@ class _JointPath:
 
 def _joint_path(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int) -> _JointPath:
     """The path to some joints (None: all), kept as long as the skeleton lives."""
-    paths, key = _known_paths(skeleton), (joints, origin)
+    paths, key = skeleton.derived[_no_paths], (joints, origin)
     if key not in paths:
         paths[key] = _find_joint_path(skeleton, range(len(skeleton)) if joints is None else joints, origin)
     return paths[key]
 
 
-@kept
-def _known_paths(_: Skeleton) -> dict[tuple[tuple[int, ...] | None, int], _JointPath]:
+def _no_paths(_: Skeleton) -> dict[tuple[tuple[int, ...] | None, int], _JointPath]:
     return {}
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import kinematics
-from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion.rotation import FloatArray
 
 _NAMED = 3
 """Most joints named in an error."""

@@ -9,10 +9,10 @@ leading axes, are pure and leave their arguments as they are.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from signsplice.motion.arrays import FloatArray
-
+FloatArray = NDArray[np.float64]
+"""An array of 64-bit numbers; its docstring or comment gives the shape."""
 IDENTITY: FloatArray = np.array([0.0, 0.0, 0.0, 1.0])
 IDENTITY.flags.writeable = False
 
@@ -116,6 +116,12 @@ def from_matrix(m: ArrayLike) -> FloatArray:
     q = flat[best, :, np.arange(len(best))].reshape(*m.shape[:-2], 4)
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     return np.asarray(np.where(q[..., 3:] < 0.0, -q, q))
+
+
+def nearest(m: FloatArray) -> FloatArray:
+    """The unit quaternion (4,) of the rotation nearest to a matrix (3, 3) in least squares (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd(m)
+    return from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def exp(rotvec: ArrayLike) -> FloatArray:

@@ -13,12 +13,11 @@ import numpy as np
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats.atomic import replacing
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.progress import Progress, counted
 from signsplice.render import PICTURE_SUFFIXES
-from signsplice.render.page import INK, PAPER, SIGN, TRANSITION, Mark, caption, pillow, write_line
 from signsplice.render.picture import Scene, detail_colours, draw, make_scene
-from signsplice.render.sheet import write_sheet
+from signsplice.render.sheet import INK, PAPER, SIGN, TRANSITION, Mark, caption, pillow, write_line, write_sheet
 
 __all__ = ["Mark", "Progress", "find_ffmpeg", "gif_timing", "write"]
 

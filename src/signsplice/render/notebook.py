@@ -8,7 +8,7 @@ import numpy as np
 
 from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.mesh import colour
-from signsplice.motion.clip import Clip
+from signsplice.motion import Clip
 from signsplice.render.picture import make_scene
 
 _RATE, _MOST = 12.5, 10_000

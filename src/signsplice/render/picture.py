@@ -9,20 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.capsules import BodyCapsules, MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh, capsule_mesh
-from signsplice.body.mesh_part import MeshPart
 from signsplice.errors import InputError
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.cache import CACHE
-from signsplice.motion.clip import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.face import Face
 from signsplice.render.raster import Canvas, Pixels, lit
+from signsplice.rig.align import placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.placement import placement
-from signsplice.rig.roles import FINGERS
+from signsplice.rig.roles import FINGERS, SIDES
 
 Image = NDArray[np.uint8]
 
@@ -105,7 +100,7 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     level = np.cos(angle) * signer.forward + np.sin(angle) * left
     cos, sin = np.cos(np.deg2rad(above_deg)), np.sin(np.deg2rad(above_deg))
     axes = np.stack([np.cross(signer.up, level), cos * signer.up - sin * level, cos * level + sin * signer.up])
-    skin = CACHE.of(skeleton, _skin) if body is None else _skin_of(skeleton, capsule_mesh(skeleton, body))
+    skin = skeleton.derived[_skin] if body is None else _skin_of(skeleton, capsule_mesh(skeleton, body))
     body = body or body_capsules(skeleton)
     rotations, positions = kinematics.forward(clip)
     starts, ends = capsule_ends(body, rotations, positions)

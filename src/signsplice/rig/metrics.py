@@ -8,13 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import convolve1d
 
-from signsplice.motion import kinematics, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip
-from signsplice.rig.canonical_map import ARM, TRUNK
-from signsplice.rig.info import rig_info
-from signsplice.rig.naming import SIDES
-from signsplice.rig.roles import FINGERS
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
+from signsplice.rig.info import TRUNK, rig_info
+from signsplice.rig.roles import ARM, FINGERS, SIDES
 
 POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
 GROUP_ERRORS = "group-errors|hands:wrists,root|fingers:wrist|trunk:trunk+neck+head,root|unit:arm/1000|mean"

@@ -1,15 +1,19 @@
 """Which joint of a skeleton plays which role of one canonical humanoid, found by the joints' names.
 
-The roles are VRM 1.0's humanoid bones. The naming conventions are tables in ``naming``; the one that explains most
-joints of a skeleton is chosen, since a name may mean two things: "LeftShoulder" is the collar bone of one rig, the
-upper arm of another. No assignment may break the order of the body: a hand hangs below its arm, an arm below the hips.
-Fingers have one rule for all rigs, in ``fingers``.
+The roles are VRM 1.0's humanoid bones. The naming conventions of humanoid rigs are one table, in the form that
+``simplify`` gives to the many spellings of one joint, without the side: ``LeftForeArm``, ``forearm.L`` and ``lForeArm``
+are all ``forearm``; a slash separates spellings of one joint, best first. The convention that explains most joints of a
+skeleton is chosen, since a name may mean two things: "LeftShoulder" is the collar bone of one rig, the upper arm of
+another. No assignment may break the order of the body: a hand hangs below its arm, an arm below the hips. Fingers have
+one rule for all rigs, in ``fingers``.
+
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -18,25 +22,163 @@ from types import MappingProxyType
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion.clip import Skeleton
+from signsplice.motion import Skeleton
 from signsplice.motion.kinematics import rest_positions
-from signsplice.rig.fingers import find_fingers
-from signsplice.rig.naming import (
-    CONVENTIONS,
-    EYE,
-    HEAD,
-    HIPS,
-    JAW,
-    NECK,
-    SIDES,
-    NamingConvention,
-    side_and_words,
-    simplify,
-    without_shared,
+from signsplice.rig.fingers import find_fingers, starts_with_finger
+
+HIPS, NECK, HEAD = "hips/hip/pelvis", "neck/neck1/neck01/necklower/lowerneck", "head"
+EYE, JAW = "eye/faceeye/eyesmplhf", "jaw/jawroot"
+"""Words that most rigs use, tried after a rig's own."""
+SIDES = ("left", "right")
+"""Left and right, as role names begin; arrays of both hands have them in this order."""
+
+
+@dataclass(frozen=True)
+class NamingConvention:
+    """One naming convention; words separated by blanks.
+
+    name: of the convention, as ``inspect`` shows it.
+    arm: collar bone, upper arm, lower arm, hand.
+    leg: upper leg, lower leg, foot, toes.
+    hips, neck, head: the convention's own words, tried before the usual ones.
+    spine: spine, chest, upper chest, where the rig names them apart; elsewhere they are counted off between hips and
+        neck.
+    marks: joints that are typical of the rig, beside those above.
+    first_of_thumb: number of the thumb's first joint.
+    """
+
+    name: str
+    arm: str
+    leg: str
+    hips: str = ""
+    neck: str = ""
+    head: str = ""
+    spine: str = ""
+    marks: str = ""
+    first_of_thumb: int = 1
+
+
+# Name | arm | leg | other words, each after its field's name. A line that goes on is indented; # begins a comment.
+_TABLE = """
+# MotionBuilder's names: Mixamo, Vicon's and Rokoko's exports for it, Captury, LaFAN1.
+mixamo    | shoulder arm forearm hand | upleg leg foot toebase/toe
+neuron    | shoulder arm forearm hand | upleg leg foot toebase/toe
+    | marks inhandthumb inhandindex inhandmiddle inhandring inhandpinky
+cmu       | shoulder arm forearm hand | upleg leg foot toebase/toe | marks hipjoint lowerback fingerbase
+# Vicon's short names, as in the Trinity and BEAT corpora.
+vicon     | shoulder arm arm1 hand | upleg leg foot toebase/toe
+vrm       | shoulder upperarm lowerarm hand | upperleg lowerleg foot toes/toe | spine spine chest upperchest
+    | marks thumbmetacarpal
+# Unity Humanoid and VRM 0.x: the thumb's joints bear the fingers' names.
+unity     | shoulder upperarm lowerarm hand | upperleg lowerleg foot toes/toe | spine spine chest upperchest
+    | marks thumbintermediate
+vroid     | shoulder upperarm lowerarm hand | upperleg lowerleg foot toebase | spine spine chest upperchest
+# Its first version parts a limb's bend from its twist, as upper_arm.L.01 and .02 or upper_arm.01.L.
+rigify    | shoulder upperarm/upperarm01 forearm/forearm01 hand | thigh/thigh01 shin/shin01 foot toe | hips spine
+    | neck spine004 | head spine006/head/spine005 | marks palm01 palm02 palm03 palm04 heel02
+# The classic BVH names (Biovision, Xsens' BVH). They and SMPL-X say shoulder for upper arm, hip for upper leg.
+bvh       | collar shoulder/uparm elbow/lowarm/forearm wrist/hand
+    | hip/upleg knee/lowleg ankle/foot toe/toes/toebase/foot | marks hand chest chest2 chest3 chest4
+smplx     | collar shoulder elbow wrist | hip knee ankle foot | marks spine3 hand
+# Poser, DAZ and Second Life; Genesis 3 and 8 part a limb's bend from its twist.
+daz       | collar shldr/shldrbend/shoulder forearm/forearmbend hand | thigh/thighbend shin foot toe
+    | marks abdomen abdomen2 abdomenlower carpal1 carpal2 carpal3 carpal4 buttock
+biped     | clavicle upperarm forearm hand | thigh calf foot toe0
+# MakeHuman's game rig too.
+unreal    | clavicle upperarm lowerarm hand | thigh calf foot ball
+    | marks spine01 indexmetacarpal middlemetacarpal ringmetacarpal pinkymetacarpal
+# Rokoko's own "Newton" skeleton.
+rokoko    | shoulder arm forearm hand | thigh shin foot toe
+# SOMA's skeleton of 77 joints, as GEM-X writes it.
+soma      | shoulder arm forearm hand | leg shin foot toebase
+xsens     | shoulder upperarm forearm/lowerarm hand | upperleg lowerleg foot toe | marks l5 l3 t12 t8 carpus
+characterCreator | clavicle upperarm forearm hand | thigh calf foot toebase | neck necktwist01 | marks waist
+optitrack | shoulder uarm farm hand | thigh shin foot toe | marks ab
+# ASF/AMC.
+acclaim   | clavicle humerus radius wrist/hand | femur tibia foot toes | hips root
+    | marks hipjoint lowerback upperback thorax
+makehuman | clavicle upperarm01/shoulder02 lowerarm01 wrist | upperleg01 lowerleg01 foot toe11 | hips root
+autorig   | shoulder armstretch/arm forearmstretch/forearm hand | thighstretch/thigh legstretch/leg foot toes01
+    | hips rootx | neck neckx | head headx
+advancedSkeleton | scapula shoulder elbow wrist | hip knee ankle toes | hips rootm | neck neckm | head headm
+mmd       | shoulder arm elbow wrist | leg knee ankle toe | hips waist/lowerbody/center | thumb 0
+"""
+
+
+def _conventions() -> Iterator[NamingConvention]:
+    for row in re.sub(r"\n +", " ", re.sub(r"#.*\n", "", _TABLE)).strip().splitlines():
+        name, arm, leg, *others = (cell.strip() for cell in row.split("|"))
+        words = dict(cell.split(" ", 1) for cell in others)
+        yield NamingConvention(name, arm, leg, first_of_thumb=int(words.pop("thumb", "1")), **words)
+
+
+CONVENTIONS = tuple(_conventions())
+"""Where two rigs explain a skeleton equally well, the one that stands first here gives its name."""
+
+# What may follow a side's letter without a gap, as in "lshldr"; fingers may too, as in "rthumb1".
+_LIMB_WORDS = frozenset(
+    word
+    for words in (EYE, *(f"{rig.arm} {rig.leg} {rig.marks}" for rig in CONVENTIONS))
+    for word in re.split("[ /]", words)
+    if word
+)
+_SIDE_OF = {"l": "left", "left": "left", "r": "right", "right": "right"}
+_GAP = re.compile(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_PREFIX = re.compile(
+    r"(?:(?:mixamorig\d*|bip\d+)(?!\d)[\W_]*"
+    r"|(?:character\d*|valvebiped|cc[\W_]base|j[\W_](?:bip|adj)(?:[\W_]c(?=[\W_]))?|def|org|skel)[\W_]+"
+    r"|c_(?=(?:spine|neck|head|jaw)\d*$))(?=.)",
+    re.IGNORECASE,
 )
 
+
+def side_and_words(name: str) -> tuple[str, str]:
+    """A joint's side, "" where its name has none, and the words of the rest in lower case, with blanks between them.
+
+    Both without namespace and rig prefix.
+    """
+    bare = re.split(r"[:|]", name)[-1] or name
+    while match := _PREFIX.match(bare):
+        bare = bare[match.end() :]
+    tokens = [token.lower() for token in _GAP.split(bare) if token]
+    at = next((n for n, token in enumerate(tokens) if token in _SIDE_OF), None)
+    if at is not None and len(tokens) > 1:
+        return _SIDE_OF[tokens.pop(at)], " ".join(tokens)
+    words = " ".join(tokens)
+    for side, letter in ((side, side[0]) for side in SIDES):
+        if words.startswith(side) and words != side:
+            return side, words.removeprefix(side)
+        rest = words.removeprefix(letter)
+        if rest != words and (rest.replace(" ", "") in _LIMB_WORDS or starts_with_finger(rest)):
+            return side, rest
+    return "", words
+
+
+def simplify(name: str) -> str:
+    """A joint's name in comparable form: no namespace or rig prefix, no gaps, lower case, the side in full in front.
+
+    "mixamorig:LeftArm", "Character1_LeftArm" and "Arm.L" give "leftarm", "Bip01 L UpperArm" gives "leftupperarm".
+    Numbers stay as they are. A name of nothing but prefix or gaps is only put in lower case.
+    """
+    side, words = side_and_words(name)
+    return side + words.replace(" ", "") or name.lower()
+
+
+def without_shared(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names without what all but the root share: an actor's word in front, a word ("_JNT") or number at the end."""
+    patterns = [r"_\d+$"]
+    for pattern in (r"^([^\W_]+)[\W_]+", r"[\W_]+([^\W_]+)$"):
+        match = re.search(pattern, names[-1])
+        if match and match[1].lower() not in _SIDE_OF:
+            patterns.append(f"^{re.escape(match[0])}" if pattern[0] == "^" else f"{re.escape(match[0])}$")
+    for pattern in patterns:
+        if all(re.search(pattern, name) for name in names[1:]):
+            names = tuple(re.sub(pattern, "", name) or name for name in names)
+    return names
+
+
 _SPINE = ("spine", "chest", "upperChest")
-_ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
+ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 _LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
 """The fingers, as role names have them."""
@@ -54,7 +196,7 @@ def finger_roles(finger: str) -> tuple[str, str, str]:
 # The body as chains of roles from the trunk out, limbs without their side. Shoulders and neck hang from the hips here,
 # not from the chest: which joint of the spine carries them differs from rig to rig.
 _TRUNK: tuple[tuple[str, ...], ...] = (("hips", *_SPINE), ("hips", "neck", "head", "jaw"))
-_LIMBS = (("head", "Eye"), ("hips", *_ARM), *(("Hand", *finger_roles(finger)) for finger in FINGERS), ("hips", *_LEG))
+_LIMBS = (("head", "Eye"), ("hips", *ARM), *(("Hand", *finger_roles(finger)) for finger in FINGERS), ("hips", *_LEG))
 
 
 def _lines() -> dict[str, tuple[str, ...]]:
@@ -83,7 +225,7 @@ _MIN_ROLES = 3
 class Humanoid:
     """The body found in a skeleton.
 
-    rig: the naming convention, a name in ``naming.CONVENTIONS``; "custom" where a user named roles, "unknown" where no
+    rig: the naming convention, a name in ``CONVENTIONS``; "custom" where a user named roles, "unknown" where no
         convention fits.
     joints: role -> joint index, immutable, in the order of ``ROLES``.
 
@@ -124,7 +266,7 @@ def _names(convention: NamingConvention) -> dict[str, tuple[str, ...]]:
     }
     words |= {"jaw": JAW, "Eye": EYE}
     words |= zip(_SPINE, convention.spine.split(), strict=False)
-    words |= zip(_ARM, convention.arm.split(), strict=True)
+    words |= zip(ARM, convention.arm.split(), strict=True)
     words |= zip(_LEG, convention.leg.split(), strict=True)
     names = {}
     for role in ROLES:
@@ -176,7 +318,7 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
     """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` where one of an
     arm's is missing, or lies where the one before it does.
     """
-    names = [side + part for side in SIDES for part in _ARM[1:]]
+    names = [side + part for side in SIDES for part in ARM[1:]]
     missing = [name for name in names if name not in humanoid.joints]
     if missing:
         raise InputError(

@@ -95,7 +95,7 @@ def to_json(message: Mapping[str, Any]) -> bytes:
 
 
 def skeleton(clip: Clip) -> dict[str, Any]:
-    """The skeleton of a stream's frames as ``stream_messages.SkeletonMessage``, without the names of the methods."""
+    """The skeleton of a stream's frames as ``wire.SkeletonMessage``, without the names of the methods."""
     return {
         "type": "skeleton",
         "fps": clip.fps,
@@ -107,7 +107,7 @@ def skeleton(clip: Clip) -> dict[str, Any]:
 
 
 def frames(clip: Clip, first: int) -> bytes:
-    """The binary message of a clip's frames (``stream_messages.FRAMES_HEADER``); ``first``: number of the first one."""
+    """The binary message of a clip's frames (``wire.FRAMES_HEADER``); ``first``: number of the first one."""
     n_frames, n_joints = clip.local_rotations.shape[:2]
     rows = np.empty((n_frames, 3 + 4 * n_joints), "<f4")
     rows[:, :3] = clip.root_positions

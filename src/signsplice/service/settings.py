@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import socket
 from dataclasses import dataclass, fields, replace
@@ -10,6 +9,7 @@ from functools import cached_property
 from ipaddress import ip_address
 from pathlib import Path
 
+from signsplice.children import cores
 from signsplice.errors import InputError
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 
@@ -132,8 +132,7 @@ class Settings:
     @property
     def workers(self) -> int:
         """Number of processes that answer requests."""
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        return self.n_workers or cores
+        return self.n_workers or cores()
 
     @property
     def read_limits(self) -> ReadLimits:

@@ -17,8 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from signsplice.errors import InputError, SignspliceError, UnknownGlossError
-from signsplice.service import wire as messages
-from signsplice.service import work
+from signsplice.service import wire, work
 from signsplice.service.monitoring import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
@@ -26,7 +25,7 @@ from signsplice.service.workers import Worker, WorkerLostError, WorkerProcess
 
 ResultT = TypeVar("ResultT")
 
-_CLIENT_MESSAGE: TypeAdapter[messages.ClientMessage] = TypeAdapter(messages.ClientMessage)
+_CLIENT_MESSAGE: TypeAdapter[wire.ClientMessage] = TypeAdapter(wire.ClientMessage)
 _MAX_PREFETCHED = 16
 """Messages, each with the frames of one span at most, that are made before the one that is sent."""
 GOING_AWAY, POLICY_VIOLATION, TRY_AGAIN_LATER = 1001, 1008, 1013
@@ -78,7 +77,7 @@ class StreamSession:
         except* (_RefusedError, SignspliceError, TimeoutError) as group:
             await self._fail(group)
 
-    async def _serve(self, opening: messages.OpenMessage) -> None:
+    async def _serve(self, opening: wire.OpenMessage) -> None:
         self._process, _ = await self._worker.begin(work.open_stream, self._key, opening)
         self._last_activity = time.monotonic()
         try:
@@ -115,7 +114,7 @@ class StreamSession:
             is_clients_fault = isinstance(error, _RefusedError | InputError)
             await self._socket.close(POLICY_VIOLATION if is_clients_fault else TRY_AGAIN_LATER)
 
-    async def _receive(self, seconds: float) -> messages.ClientMessage:
+    async def _receive(self, seconds: float) -> wire.ClientMessage:
         """The client's next message. Raises ``_RefusedError``, ``WebSocketDisconnect`` and ``TimeoutError``."""
         async with asyncio.timeout(seconds):  # not wait_for, which in Python 3.11 can swallow a cancellation
             event = await self._socket.receive()
@@ -134,12 +133,12 @@ class StreamSession:
         except ValidationError as error:
             raise _RefusedError(f"no message of this protocol: {first_fault(error)}") from None
 
-    async def _receive_opening(self) -> messages.OpenMessage:
+    async def _receive_opening(self) -> wire.OpenMessage:
         try:
             first = await self._receive(self._settings.head_seconds)
         except TimeoutError:
             raise _RefusedError(f"no message within {self._settings.head_seconds:g} s, expected open") from None
-        if not isinstance(first, messages.OpenMessage):
+        if not isinstance(first, wire.OpenMessage):
             raise _RefusedError(f"the first message is {first.type}, expected open")
         return first
 
@@ -156,11 +155,11 @@ class StreamSession:
                 if time.monotonic() - self._last_activity < limit:
                     continue  # the service was at work, or frames went out
                 raise _RefusedError(f"nothing came for {limit:g} s") from None
-            if isinstance(message, messages.OpenMessage):
+            if isinstance(message, wire.OpenMessage):
                 raise _RefusedError("open came twice, expected word, text or end")
             if has_ended:
                 raise _RefusedError(f"{message.type} came after the end")
-            word = None if isinstance(message, messages.EndMessage) else (message, time.monotonic())
+            word = None if isinstance(message, wire.EndMessage) else (message, time.monotonic())
             has_ended = word is None
             await self._words.put(word)
 
@@ -195,7 +194,7 @@ class StreamSession:
                 fps = message.get("fps", fps)
                 await self._deliver(message)
                 continue
-            _, first, n_frames, n_joints = messages.FRAMES_HEADER.unpack_from(message)
+            _, first, n_frames, n_joints = wire.FRAMES_HEADER.unpack_from(message)
             if not paced:
                 await self._deliver_motion(message, n_frames / fps)
                 self._metrics.frames.inc(n_frames)
@@ -203,15 +202,15 @@ class StreamSession:
             if first == 0:
                 zero = time.monotonic()
             zero += max(0.0, arrival - (zero + first / fps))  # the clock waits for words, not for work
-            n_bytes = (len(message) - messages.FRAMES_HEADER.size) // n_frames
+            n_bytes = (len(message) - wire.FRAMES_HEADER.size) // n_frames
             for k in range(n_frames):
                 due = zero + (first + k) / fps
                 late = time.monotonic() - due
                 if late < 0.0:
                     await asyncio.sleep(-late)
                 self._metrics.late.observe(max(0.0, time.monotonic() - due))
-                start = messages.FRAMES_HEADER.size + k * n_bytes
-                header = messages.FRAMES_HEADER.pack(messages.FRAMES_MAGIC, first + k, 1, n_joints)
+                start = wire.FRAMES_HEADER.size + k * n_bytes
+                header = wire.FRAMES_HEADER.pack(wire.FRAMES_MAGIC, first + k, 1, n_joints)
                 await self._deliver_motion(header + message[start : start + n_bytes], 1 / fps)
                 self._metrics.frames.inc()
 

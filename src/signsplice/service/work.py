@@ -20,19 +20,8 @@ from signsplice.lexicon.gloss import LETTER_MARK
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.lexicon.sentence import LineGloss, SentenceToken, line_glosses, parse, signed, typed_words
 from signsplice.motion import Clip
-from signsplice.service import scene
+from signsplice.service import scene, wire
 from signsplice.service.settings import Settings
-from signsplice.service.wire import (
-    FORMAT_NAMES,
-    PICTURES,
-    AnswerFile,
-    Dials,
-    OpenMessage,
-    SentenceRequest,
-    SpliceRequest,
-    TextMessage,
-    WordMessage,
-)
 from signsplice.splicing import options as methods
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, onto_avatar, splice
 from signsplice.splicing.faces import RULES
@@ -74,7 +63,7 @@ class _OpenStream:
 
     stream: Stream
     options: SpliceOptions
-    opening: OpenMessage
+    opening: wire.OpenMessage
     n_frames: int = 0
 
 
@@ -131,14 +120,14 @@ def warm_up(for_streams: bool) -> None:
     glosses = [*glosses[:_N_WARMING], *glosses[len(glosses) - n_letters :][:_N_WARMING]]
     if for_streams:
         key = "warming"
-        open_stream(key, OpenMessage(type="open"))
+        open_stream(key, wire.OpenMessage(type="open"))
         for gloss in glosses:
-            for word in read_typed(key, TextMessage("text", gloss))[0]:
+            for word in read_typed(key, wire.TextMessage("text", gloss))[0]:
                 add_word(key, word)
         end_stream(key)
         close_stream(key)
     else:
-        request = SentenceRequest(glosses=glosses, face_rules=True, formats=list(FORMAT_NAMES))
+        request = wire.SentenceRequest(glosses=glosses, face_rules=True, formats=list(wire.FORMAT_NAMES))
         splice_glosses(request, None)
 
 
@@ -146,7 +135,7 @@ def warm_up(for_streams: bool) -> None:
 
 
 def splice_glosses(
-    request: SentenceRequest, file: AnswerFile | None, uploaded: tuple[str, bytes] | None = None
+    request: wire.SentenceRequest, file: wire.AnswerFile | None, uploaded: tuple[str, bytes] | None = None
 ) -> Answer:
     """The answer to a sentence: one ``file`` of it, or all as JSON; on the avatar in a file (name, content) that was
     ``uploaded``, where there is one. Raises ``InputError``.
@@ -157,7 +146,9 @@ def splice_glosses(
     return _answer(words_of(units, _worker.clip, request.pauses), request, file, units, avatar)
 
 
-def splice_files(files: Sequence[tuple[str, bytes]], request: SpliceRequest, file: AnswerFile | None) -> Answer:
+def splice_files(
+    files: Sequence[tuple[str, bytes]], request: wire.SpliceRequest, file: wire.AnswerFile | None
+) -> Answer:
     """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON. A file of written signs
     stands for all of its signs.
 
@@ -183,8 +174,8 @@ def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
 
 def _answer(
     words: list[Word],
-    request: SentenceRequest | SpliceRequest,
-    file: AnswerFile | None,
+    request: wire.SentenceRequest | wire.SpliceRequest,
+    file: wire.AnswerFile | None,
     units: Sequence[SentenceToken],
     avatar: Avatar | None = None,
 ) -> Answer:
@@ -196,26 +187,26 @@ def _answer(
     result = splice(words, options(request))
     if avatar is not None:
         result = onto_avatar(result, avatar)
-    glb_has = {"mesh": request.mesh, "whole_face": isinstance(request, SentenceRequest) and request.whole_face}
+    glb_has = {"mesh": request.mesh, "whole_face": isinstance(request, wire.SentenceRequest) and request.whole_face}
     if file is not None:
         name = scene.safe_name(result.clip.name.replace(" ", "-")) + "." + file
-        if file in PICTURES:
+        if file in wire.PICTURES:
             return Answer(scene.picture(result, file), f"image/{file}", name)
         return Answer(scene.encode(result.clip, file, **glb_has), scene.media_type(file), name)
     spliced = scene.from_result(result, request.formats, [asdict(unit) for unit in units], **glb_has)
     return Answer(scene.to_json(spliced))
 
 
-def options(dials: Dials) -> SpliceOptions:
+def options(dials: wire.Dials) -> SpliceOptions:
     """A caller's dials as the engine's options."""
-    chosen = {field.name: getattr(dials, field.name) for field in fields(Dials)}
+    chosen = {field.name: getattr(dials, field.name) for field in fields(wire.Dials)}
     time = dials.transition_time
     chosen |= {"duration": time, "transition_time": None} if isinstance(time, str) else {"duration": methods.AUTO}
-    rules = RULES if isinstance(dials, SentenceRequest | OpenMessage) and dials.face_rules else ()
+    rules = RULES if isinstance(dials, wire.SentenceRequest | wire.OpenMessage) and dials.face_rules else ()
     return SpliceOptions(**chosen, face_rules=rules, limits=_worker.settings.read_limits)
 
 
-def _units(text: str, wanted: SentenceRequest | OpenMessage, compounds: bool) -> list[SentenceToken]:
+def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
     """How a line is signed. Raises ``InputError``, also for more words or letters than a sentence may have."""
     most, lexicon = _worker.settings.max_glosses, _worker.lexicon
     n_words = len(typed_words(text, lexicon.__contains__))
@@ -236,13 +227,13 @@ def _units(text: str, wanted: SentenceRequest | OpenMessage, compounds: bool) ->
 # --- streams ---
 
 
-def open_stream(key: str, opening: OpenMessage) -> None:
+def open_stream(key: str, opening: wire.OpenMessage) -> None:
     """Begin a growing sentence. Raises ``InputError``."""
     chosen = options(opening)
     _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening)
 
 
-Typed = WordMessage | TextMessage
+Typed = wire.WordMessage | wire.TextMessage
 """What the client of a stream types."""
 
 
@@ -252,7 +243,7 @@ def read_typed(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[str, 
     Raises ``InputError``.
     """
     opening = _worker.streams[key].opening
-    line, compounds = (typed.text, opening.compounds) if isinstance(typed, TextMessage) else (typed.gloss, False)
+    line, compounds = (typed.text, opening.compounds) if isinstance(typed, wire.TextMessage) else (typed.gloss, False)
     units = _units(line, opening, compounds)
     words = line_glosses(units)
     if not opening.pauses:

@@ -1,15 +1,231 @@
-"""Worker processes, among which jobs are distributed; one that ends is replaced at once, whether it worked or not."""
+"""Worker processes, among which jobs are distributed. Each does one job at a time until it ends, which is noticed at
+once; one that ends is replaced, whether it worked or not.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import gc
+import os
+import sys
+import threading
+import time
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TypeVar
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, TypeVar
 
+from signsplice.errors import InputError, SignspliceError
+from signsplice.service import work
 from signsplice.service.settings import Settings
 
 ResultT = TypeVar("ResultT")
+
+_CHECK_SECONDS = 0.25
+"""How often the work time of a running job is compared with its limit."""
+
+
+class BusyError(SignspliceError):
+    """The service has too much to do; the same request may succeed later."""
+
+
+class WorkerLostError(SignspliceError):
+    """A worker process ended before a job was done."""
+
+
+class NotStartedError(WorkerLostError):
+    """A worker process ended before it began a job, which another process can do."""
+
+
+def _not_started() -> NotStartedError:
+    return NotStartedError("the process that was to work on this ended; it was replaced")
+
+
+class WorkerProcess:
+    """One process. It starts, is ready, and ends: killed by ``kill``, by a limit, or by something outside.
+
+    A thread waits for what the process sends. The pipe breaks when the process ends, whatever it was doing, so that
+    nobody waits for a process that is gone.
+
+    is_ready: whether its start is over, so that it does jobs.
+    ended: set when the process has ended.
+    """
+
+    def __init__(self, settings: Settings, for_streams: bool, on_end: Callable[[WorkerProcess], None]) -> None:
+        """Start the process. ``for_streams``: whether its jobs are those of streams.
+
+        ``on_end`` is called once, in the event loop, when it ends.
+        """
+        self._settings, self._on_end = settings, on_end
+        self._loop = asyncio.get_running_loop()
+        self._lock = asyncio.Lock()
+        self._jobs: set[asyncio.Task[Any]] = set()
+        self._answer: asyncio.Future[tuple[bool, Any]] | None = None
+        self._has_begun = False
+        self.is_ready, self.ended, self._started = False, asyncio.Event(), asyncio.Event()
+        self._start_limit = self._loop.call_later(settings.work_wall_seconds, self.kill)
+        context = get_context("spawn")
+        self._pipe, far_end = context.Pipe()
+        self._process = context.Process(target=_do_jobs, args=(far_end, settings, for_streams), daemon=True)
+        self._process.start()
+        far_end.close()
+        threading.Thread(target=self._receive, daemon=True).start()
+
+    @property
+    def pid(self) -> int:
+        """The number of the process."""
+        return self._process.pid or 0
+
+    def _receive(self) -> None:
+        """Pass what the process sends to the event loop, until it ends; in a thread."""
+        with suppress(RuntimeError):  # the event loop is closed: nobody waits any more
+            while True:
+                try:
+                    answer = self._pipe.recv()
+                except (EOFError, OSError):
+                    break
+                except Exception as error:  # an answer that cannot be read; the next one can
+                    answer = (False, error)
+                self._loop.call_soon_threadsafe(self._take, answer)
+            self._process.join()
+            self._loop.call_soon_threadsafe(self._end)
+
+    def _take(self, answer: tuple[bool, Any] | None) -> None:
+        if answer is None:  # the process is ready, or has begun a job
+            self._has_begun = self.is_ready
+            self.is_ready = True
+            self._started.set()
+            self._start_limit.cancel()
+        elif self._answer is not None and not self._answer.done():
+            self._answer.set_result(answer)
+
+    def _end(self) -> None:
+        if self.ended.is_set():
+            return
+        error = WorkerLostError("the process that worked on this ended; it was replaced")
+        self._take((False, error if self._has_begun else _not_started()))
+        self.ended.set()
+        self._started.set()
+        self._start_limit.cancel()
+        self._on_end(self)
+
+    def kill(self) -> None:
+        """End the process; the job that it does raises ``WorkerLostError``."""
+        self._process.kill()
+        self._end()
+
+    async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
+        """The result of a function of ``work``, called in the process.
+
+        A caller that is cancelled stops neither the job nor its limits.
+
+        Raises what the job raises; ``InputError`` where it needs more work time or memory than it may; ``BusyError``
+        where it takes longer than ``work_wall_seconds`` for another reason; ``WorkerLostError``.
+        """
+        return await asyncio.shield(self.post(job, *args))
+
+    def post(self, job: Callable[..., ResultT], *args: object) -> asyncio.Task[ResultT]:
+        """As ``run``, for callers that need not wait for the result."""
+        task = asyncio.create_task(self._run_alone(job, *args))
+        self._jobs.add(task)  # keeps the task alive after its caller was cancelled
+        task.add_done_callback(self._jobs.discard)
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())
+        return task
+
+    async def _run_alone(self, job: Callable[..., ResultT], *args: object) -> ResultT:
+        async with self._lock:
+            await self._started.wait()
+            if self.ended.is_set():
+                raise _not_started()
+            self._answer, self._has_begun = self._loop.create_future(), False
+            try:
+                async with asyncio.timeout(self._settings.work_wall_seconds):
+                    done, result = await self._within_work_time(self._answer, (job, args))
+            except TimeoutError:
+                self.kill()
+                raise BusyError(
+                    f"not done after {self._settings.work_wall_seconds:g} s; the machine is overloaded, try again later"
+                ) from None
+        if done:
+            return result  # type: ignore[no-any-return]
+        if isinstance(result, MemoryError):
+            raise InputError("took more memory than a request may; send less, or shorter clips")
+        raise result
+
+    async def _within_work_time(
+        self, answer: asyncio.Future[tuple[bool, Any]], request: tuple[Callable[..., Any], tuple[object, ...]]
+    ) -> tuple[bool, Any]:
+        work_time = WorkTime(self.pid)
+        try:
+            await asyncio.to_thread(self._pipe.send, request)  # in a thread, since uploads are long
+        except OSError:
+            self.kill()
+            raise _not_started() from None
+        while not (await asyncio.wait({answer}, timeout=_CHECK_SECONDS))[0]:
+            if work_time.seconds() > self._settings.work_seconds:
+                self.kill()
+                limit = self._settings.work_seconds
+                raise InputError(f"took more than {limit:g} s of work; send less, or shorter clips")
+        return answer.result()
+
+
+def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
+    """What the process does until the service is gone: start, then a job at a time.
+
+    It sends None when it is ready and when it has begun a job, and whether a job was done with its result or error.
+    """
+    work.start_worker(settings)
+    with suppress(Exception):  # if it is the lexicon's fault, jobs report it
+        work.warm_up(for_streams)
+    gc.collect()
+    gc.freeze()  # else the first request waits 50 ms for a look through all that was imported
+    with suppress(EOFError, OSError):
+        pipe.send(None)
+        while True:
+            job, args = pipe.recv()
+            pipe.send(None)
+            try:
+                answer = (True, job(*args))
+            except (SignspliceError, MemoryError) as error:
+                answer = (False, error)
+            except Exception as error:
+                traceback.print_exc(file=sys.stderr)
+                answer = (False, error)
+            pipe.send(answer)
+
+
+class WorkTime:
+    """Seconds that a process has worked since this object was made.
+
+    On Linux this is processor time, of all threads together: other processes that keep the
+    processors busy do not count. Elsewhere it is wall-clock time.
+    """
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._processor_start = _processor_seconds(pid)
+        self._wall_start = time.monotonic()
+
+    def seconds(self) -> float:
+        """The time so far; 0 once the process has ended."""
+        if self._processor_start is None:
+            return time.monotonic() - self._wall_start
+        now = _processor_seconds(self._pid)
+        return 0.0 if now is None else now - self._processor_start
+
+
+def _processor_seconds(pid: int) -> float | None:
+    """User and system time of a process, None where it is not known."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return None
+    values = text.rpartition(")")[2].split()  # behind the program's name, from field 3 of proc(5) on
+    return (int(values[11]) + int(values[12])) / os.sysconf("SC_CLK_TCK")  # utime, stime
+
 
 _MAX_STARTS = 3
 """Processes whose start a job waits for, one after another."""

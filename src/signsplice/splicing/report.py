@@ -46,7 +46,7 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every
     transition span from the output rebuilds the output exactly, save the joints of a span's ``remade`` in its frames:
     an idle arm's, or a spelled letter's, which are in the output alone. Where stray frames at a clip's ends are left
-    out, its source is aligned with the nearest frame that belongs in their place (``rig.stray_frames.with_ends_held``).
+    out, its source is aligned with the nearest frame that belongs in their place (``rig.inspection.with_ends_held``).
     The frames of a span with a ``warp`` are those of the source at the frames that it lists, by slerp between
     neighbours. A transition whose span has a ``pause`` begins with one. ``contacts`` is there only where a clip was
     brought to another body: what its hands touched, and whether they do there. ``system`` is there only where a system

@@ -8,7 +8,7 @@ import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 import type { FitSource } from '../wire.js';
 import { type Body, type Bone, makeBody, Posed, type Rotations } from './body.js';
 import { usualCapsules } from './capsules.js';
-import { arms as ARMS, retarget as RETARGET } from './constants.js';
+import { info as ARMS, retarget as RETARGET } from './constants.js';
 import type { Motion } from './fit.js';
 import { clip } from './gaps.js';
 import { skinOf } from './mesh.js';

@@ -3,7 +3,7 @@
 import { Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import { type Bone, median, restPositions, SIDES } from './body.js';
-import { capsules as USUAL, hand_capsules as HANDS, proportions } from './constants.js';
+import { capsules as USUAL, t_pose as SIZES } from './constants.js';
 
 /** A capsule of the usual proportions. */
 export interface UsualCapsule extends FitCapsule {
@@ -135,31 +135,31 @@ class Usual {
   private addHand(side: 'left' | 'right'): void {
     const wrist = `${side}Hand`;
     const before = this.capsules.length;
-    for (const finger of HANDS.FINGERS) {
-      const chain = HANDS.SEGMENTS.map((segment) => side + finger + segment).filter((name) => this.joints.has(name));
+    for (const finger of USUAL.FINGERS) {
+      const chain = USUAL.SEGMENTS.map((segment) => side + finger + segment).filter((name) => this.joints.has(name));
       if (!chain.length) continue;
-      const thick = HANDS.THICKNESS[finger];
+      const thick = USUAL.THICKNESS[finger];
       const knuckle = this.bone(wrist, chain[0]!);
-      const [from, narrow, wide, thumbWide] = HANDS.PALM;
+      const [from, narrow, wide, thumbWide] = USUAL.PALM;
       const palm = [narrow, thick * (finger === 'Thumb' ? thumbWide : wide)];
       this.add(`${side}${finger}Palm`, wrist, 'hand', knuckle.clone().multiplyScalar(from), knuckle, palm, side);
       chain.forEach((name, n) => {
         const isTip = n + 1 === chain.length;
         const bone = isTip ? this.tip(name, this.bone(n ? chain[n - 1]! : wrist, name)) : this.bone(name, chain[n + 1]!);
-        const [first, fall] = HANDS.TAPER;
+        const [first, fall] = USUAL.TAPER;
         const taper = first - fall * n;
         this.add(name, name, 'hand', new Vector3(), bone, [thick * taper, thick * (taper - fall)], side, isTip);
       });
     }
     if (this.capsules.length > before) return;
-    const [length, ...radii] = HANDS.MITTEN;
+    const [length, ...radii] = USUAL.MITTEN;
     const mitten = this.bone(`${side}LowerArm`, wrist).normalize().multiplyScalar(length * this.height);
     this.add(`${side}Mitten`, wrist, 'hand', new Vector3(), mitten, radii, side);
   }
 
   /** Where a finger ends beyond its last joint: at a node there, else a part of the phalanx before, straight on. */
   private tip(name: string, before: Vector3): Vector3 {
-    const [least, most, otherwise] = HANDS.TIP;
+    const [least, most, otherwise] = USUAL.TIP;
     const usual = before.length();
     const found = this.tips.get(name)?.find((bone) => bone.length() > least * usual && bone.length() < most * usual);
     return found?.clone() ?? before.clone().multiplyScalar(otherwise);

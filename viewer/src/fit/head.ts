@@ -1,7 +1,7 @@
-/** The capsules of an avatar's head, fitted to the vertices of its face and skull: the method of the Python module body/skin_head. */
+/** The capsules of an avatar's head, fitted to the vertices of its face and skull: the method of the Python module body/skin. */
 
 import type { Vector3 } from 'three';
-import { skin_head as HEAD } from './constants.js';
+import { skin as HEAD } from './constants.js';
 import { clip } from './gaps.js';
 import { MIN_POINTS, quantile } from './points.js';
 

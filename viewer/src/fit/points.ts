@@ -1,7 +1,7 @@
 /** The vertices of a mesh that are skin, and the plain statistics that capsules are fitted with. */
 
 import { Vector3 } from 'three';
-import { skin_points as POINTS } from './constants.js';
+import { skin_surface as POINTS } from './constants.js';
 import { clip } from './gaps.js';
 
 /** Fewer vertices than this are too few to measure. */

@@ -1,7 +1,7 @@
-/** How far an avatar's skin lies above its capsules, where hands come near: the method of the Python module body/relief. */
+/** How far an avatar's skin lies above its capsules, where hands come near: the method of the Python module body/skin_surface. */
 
 import { type Quaternion, Vector3 } from 'three';
-import { relief as RELIEF } from './constants.js';
+import { skin_surface as RELIEF } from './constants.js';
 import { clip } from './gaps.js';
 import type { SurfacePoint } from './points.js';
 

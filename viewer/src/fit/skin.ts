@@ -7,7 +7,7 @@ import { type Quaternion, Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import { type Bone, restPositions, SIDES } from './body.js';
 import { type UsualCapsule, statureOf } from './capsules.js';
-import { hand_capsules as HANDS, skin as SKIN, skin_trunk as COLUMNS } from './constants.js';
+import { capsules as HANDS, skin as SKIN } from './constants.js';
 import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
 import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint, thinned } from './points.js';
@@ -15,7 +15,7 @@ import { Relief } from './relief.js';
 import { type AvatarSkin, skinSurface } from './skin_surface.js';
 
 const { TRUNK, HEAD, BODY, BINS, HEM, STEP, BELOW_HEM, TAPERS, ALONG, SHORTEST, SLICES, WIDE, THICK, SPAN, BETWEEN } = SKIN;
-const { HEIGHTS, ACROSS, LEVEL, NEAR, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = COLUMNS;
+const { HEIGHTS, ACROSS, LEVEL, NEAR, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
 const FINGER = new RegExp(`(${HANDS.FINGERS.join('|')})(${HANDS.SEGMENTS.join('|')})$`);
 
 interface Piece extends Shape {

@@ -4,7 +4,7 @@
 import { Quaternion, Vector3 } from 'three';
 import { Band } from './band.js';
 import { type Body, lengthOf, median, type Posed, type Rotations, SIDES } from './body.js';
-import { hand_capsules as HANDS, thumb_contacts as THUMBS } from './constants.js';
+import { capsules as HANDS, thumb_contacts as THUMBS } from './constants.js';
 import { clip, gap, gapBetween } from './gaps.js';
 
 const { ALIKE, MOST_RADIANS, NEAR_M, FADE_M, DAMPING, TOGETHER, APART_RADIANS, STEPS, WIDTH_S, THUMB, SEGMENTS, FLEXION } = THUMBS;

@@ -1,7 +1,9 @@
-"""The Euler curves of a clip: every number that a file needs, with the numbers that were read unchanged.
+"""The numbers that an animator sees: Euler channels beside the rotations that they stand for, there and back.
 
-Where a frame is new (a transition, a retargeted pose) its numbers are derived, and chosen so that every curve continues
-without a jump of a half or a whole revolution.
+A file's Euler numbers hold more than its rotations do: whole turns, which of two equal triples was meant, decimals. A
+clip therefore carries them along (``clip.Channels``), and ``complete`` gives them back untouched where a frame is still
+the one that was read. Where a frame is new (a transition, a retargeted pose) its numbers are derived, and chosen so
+that every curve continues without a jump of a half or a whole revolution.
 """
 
 from __future__ import annotations
@@ -11,11 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import euler_channels, rotation
-from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, bone_translations
-from signsplice.motion.euler_channels import POSITIONS, Channels, Names, first_columns, rotation_axes
+from signsplice.motion import rotation
+from signsplice.motion.clip import ChannelNames, Channels, Clip, bone_translations
+from signsplice.motion.rotation import FloatArray
 
+_BLOCK = 4096
+"""Frames that are converted at a time, to keep the memory of intermediate results small."""
+POSITIONS = ("Xposition", "Yposition", "Zposition")
+ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 _WIDEN_DEG = 1e-4
 """A joint gets the rotation channels it lacks only where it rotates by more than this about their axes."""
 _DECIMALS = 8
@@ -24,7 +29,52 @@ _LOCKED = 1e-6
 """Below this cosine of the middle angle only the sum or difference of the other two is determined."""
 
 
-def complete(clip: Clip) -> tuple[Names, FloatArray]:
+def default_names(n_joints: int) -> ChannelNames:
+    """Channels for a clip that no file gave any: XYZ position and ZXY rotation on the root, ZXY rotation elsewhere."""
+    rotations = ("Zrotation", "Xrotation", "Yrotation")
+    return ((*POSITIONS, *rotations), *([rotations] * (n_joints - 1)))
+
+
+def rotation_axes(names: Sequence[str]) -> str:
+    """The letters of a joint's rotation channels in order: ("Zrotation", "Xrotation") -> "ZX"."""
+    return "".join(name[0].upper() for name in names if name.endswith("rotation"))
+
+
+def first_columns(names: ChannelNames) -> list[int]:
+    """Column (J,) at which each joint's channels begin."""
+    ends = np.cumsum([0, *map(len, names)])
+    return [int(c) for c in ends[:-1]]
+
+
+def to_motion(names: ChannelNames, values: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Local rotations (T, J, 4) and translations (T, J, 3) that channel ``values`` (T, C) stand for.
+
+    A position channel replaces its component of the offset (rejected: adding to it, which puts 6-channel files far
+    off). Rotations are the product of the channels in their order, intrinsic.
+    """
+    n_frames, n_joints = len(values), len(names)
+    rotations = np.empty((n_frames, n_joints, 4))
+    translations = np.empty((n_frames, n_joints, 3))
+    translations[:] = offsets
+    starts = first_columns(names)
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for joint, channels in enumerate(names):
+        groups.setdefault(channels, []).append(joint)
+    for channels, joints in groups.items():
+        first = np.array([starts[j] for j in joints])
+        rotating = [i for i, name in enumerate(channels) if name.endswith("rotation")]
+        cols = first[:, None] + np.array(rotating, np.intp)
+        for start in range(0, n_frames, _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            angles = np.deg2rad(values[rows][:, cols])  # (B, K, A)
+            rotations[rows, joints] = rotation.from_euler(angles, rotation_axes(channels))
+        for i, name in enumerate(channels):
+            if name in POSITIONS:
+                translations[:, joints, POSITIONS.index(name)] = values[:, first + i]
+    return rotations, translations
+
+
+def complete(clip: Clip) -> tuple[ChannelNames, FloatArray]:
     """Channel names and values (T, C) of every frame of a clip, no number missing.
 
     Numbers from a file stay as they are; each run of them may shift as a whole by whole revolutions, or to the other
@@ -34,7 +84,7 @@ def complete(clip: Clip) -> tuple[Names, FloatArray]:
     """
     given = None if clip.channels is None else clip.channels.settled()
     n_frames, n_joints = len(clip), len(clip.skeleton)
-    usual = euler_channels.default_names(n_joints)
+    usual = default_names(n_joints)
     if given is None and clip.translations is None:
         angles = _derived(clip.local_rotations, _three(""), None).reshape(n_frames, -1)
         return usual, np.round(np.concatenate([clip.root_positions, angles], axis=1), _DECIMALS)
@@ -57,7 +107,7 @@ def _still_valid(clip: Clip, given: Channels) -> tuple[Channels, bool]:
     """The numbers given, NaN wherever they no longer mean the clip's rotations and is_position; and whether any do not,
     because those were edited since.
     """
-    rotations, translations = euler_channels.to_motion(given.names, given.values, given.offsets)
+    rotations, translations = to_motion(given.names, given.values, given.offsets)
     turned = np.abs(np.einsum("tjc,tjc->tj", rotations, clip.local_rotations)) < 1.0 - 1e-11  # half angle of some 5e-6
     is_position = bone_translations(clip)
     limit = 1e-9 * max(1.0, float(np.abs(is_position).max()))
@@ -141,7 +191,7 @@ def _derived(rotations: FloatArray, axes: str, before: FloatArray | None) -> Flo
     return np.rad2deg(angles)
 
 
-def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: FloatArray) -> tuple[Names, FloatArray]:
+def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: FloatArray) -> tuple[ChannelNames, FloatArray]:
     """Names and values (T, C) of ``angles`` and positions in the layout of ``given``, widened where it cannot hold
     them.
     """

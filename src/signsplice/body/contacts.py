@@ -1,0 +1,174 @@
+"""A body over time: where its capsules and arms are in every frame of a clip, and what its hands touch, and when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from signsplice.body.capsules import BodyCapsules, capsule_ends
+from signsplice.body.collision import Near, SkinPairs, pair_clearances
+from signsplice.motion import Clip, FloatArray, kinematics
+from signsplice.rig.info import rig_info
+from signsplice.rig.roles import SIDES
+
+_LEG = ("leg", "shoe")
+
+
+@dataclass(frozen=True, eq=False)
+class PosedBody:
+    """A body over time, in metres.
+
+    body: its capsules.
+    starts, ends: (T, C, 3) of their axes in the world.
+    radii: (C, 2).
+    shoulders, wrists: (T, 2, 3) left and right.
+    arm_lengths: (2,) upper arm and forearm together.
+    relief_rotations: (T, K, 3, 3) rotations of the K capsules under the body's relief; None where it has none.
+    """
+
+    body: BodyCapsules
+    starts: FloatArray
+    ends: FloatArray
+    radii: FloatArray
+    shoulders: FloatArray
+    wrists: FloatArray
+    arm_lengths: FloatArray
+    relief_rotations: FloatArray | None = None
+
+    @property
+    def hand_length(self) -> float:
+        """Median length of the palms' capsules, m."""
+        palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
+        return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
+
+    def heights(self, pairs: SkinPairs, near: Near) -> FloatArray:
+        """How far (N,) the skin of head or trunk lies above the other capsule of near pairs, where they are nearest, m;
+        0 where the capsules are the skin.
+        """
+        relief, body, out = self.body.relief, self.body, np.zeros(len(near.k))
+        if relief is None or self.relief_rotations is None:
+            return out
+        own = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
+        frames, k = near.frames[own], near.k[own]
+        rows, now = pairs.other[k], pair_clearances(self.starts, self.ends, self.radii, pairs, frames, k)
+        outward = np.einsum(
+            "nba,nb->na", self.relief_rotations[frames, np.searchsorted(relief.rows, rows)], now.normals
+        )
+        radius = body.radii[rows, 0] + now.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
+        along = now.other_at[:, None] * (body.ends - body.starts)[rows]
+        points = body.starts[rows] + along + radius[:, None] * outward
+        out[own] = relief.heights(rows, points, outward) * (self.radii[0, 0] / body.radii[0, 0])
+        return out
+
+    def with_arms(self, elbows: FloatArray, wrists: FloatArray) -> PosedBody:
+        """The same body with elbows and wrists (T, 2, 3) elsewhere; hands keep their rotations."""
+        starts, ends, moves = self.starts.copy(), self.ends.copy(), wrists - self.wrists
+        for n, (part, side) in enumerate(zip(self.body.parts, self.body.sides, strict=True)):
+            if not side or part in _LEG:
+                continue
+            arm = SIDES.index(side)
+            if part == "sleeve":
+                ends[:, n] = elbows[:, arm]
+            elif part == "cuff":
+                starts[:, n], ends[:, n] = elbows[:, arm], wrists[:, arm]
+            else:
+                starts[:, n] += moves[:, arm]
+                ends[:, n] += moves[:, arm]
+        return replace(self, starts=starts, ends=ends, wrists=wrists)
+
+
+def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
+    """A clip's body over time, in metres."""
+    info = rig_info(clip.skeleton)
+    metres = info.sizes.unit.metres
+    rotations, positions = kinematics.forward(clip)
+    starts, ends = capsule_ends(body, rotations, positions)
+    joints = info.arm_joints
+    shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
+    lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
+    relief_rotations = None if body.relief is None else rotations[:, body.joints[body.relief.rows]]
+    return PosedBody(
+        body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths, relief_rotations
+    )
+
+
+TOUCH_M, PART_M = 0.005, 0.012
+"""A contact begins where skins are nearer than the first and ends where they are farther apart than the second, m."""
+KEPT_M = 0.005
+"""A contact is kept where its distance changes by less than this, m."""
+PRESS_M = 0.002
+"""Pressing deeper than this, m, need not be kept: skin gives, capsules do not."""
+REGIONS = ("head", "neck", "trunk", "arm", "hand")
+"""What a hand touches; the last two are those of the other side."""
+_SHORTEST, _HOLE = 2, 3
+"""Frames that a contact lasts at least; and gaps between two contacts that count as none."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact of one hand.
+
+    hand: "left" or "right"; "right" where both hands meet.
+    region: one of ``REGIONS``.
+    frames: first frame and end, half-open, of the clip before it was placed or resampled.
+    before_mm, after_mm: median skin distance at the source and on the other body, mm; negative inside.
+    is_kept: whether that is the same within ``KEPT_M``; where it lies deep at the source, it may lie less deep.
+    """
+
+    hand: str
+    region: str
+    frames: tuple[int, int]
+    before_mm: float
+    after_mm: float
+    is_kept: bool
+
+
+def find_contacts(
+    body: BodyCapsules, pairs: SkinPairs, near: Near, after: FloatArray, n_frames: int
+) -> tuple[Contact, ...]:
+    """The contacts of a clip of ``n_frames``, in order.
+
+    near: all pairs that are nearer than ``PART_M`` at the source; after: (N,) their distances on the other body, m.
+    """
+    frames, k, before = near.frames, near.k, near.distance
+    region = np.array([_region(body, row) for row in range(len(body.keys))], np.intp)[pairs.other[k]]
+    side = np.where(region == REGIONS.index("hand"), 1, pairs.own_side[k])
+    tables = np.full((2, n_frames, 2, len(REGIONS)), np.inf)
+    for table, distance in zip(tables, (before, after), strict=True):
+        np.minimum.at(table, (frames, side, region), distance)
+    found = []
+    for n_hand, hand in enumerate(SIDES):
+        for n, name in enumerate(REGIONS):
+            for start, stop in _events(tables[0, :, n_hand, n]):
+                then, now = (_median(table[start:stop, n_hand, n]) for table in tables)
+                is_kept = then - KEPT_M < now < max(then, -PRESS_M) + KEPT_M
+                found.append(Contact(hand, name, (start, stop), round(1e3 * then, 1), round(1e3 * now, 1), is_kept))
+    return tuple(sorted(found, key=lambda one: one.frames))
+
+
+def _median(distance: FloatArray) -> float:
+    return float(np.median(distance[np.isfinite(distance)]))
+
+
+def _region(body: BodyCapsules, row: int) -> int:
+    if body.sides[row]:
+        return REGIONS.index("arm" if body.parts[row] in ("sleeve", "cuff") else "hand")
+    return REGIONS.index({"shirt": "trunk", "neck": "neck"}.get(body.parts[row], "head"))
+
+
+def _events(distance: FloatArray) -> list[tuple[int, int]]:
+    """Half-open ranges of frames in which a distance (T,) is that of a contact."""
+    touching = np.zeros(len(distance), bool)
+    is_touching = False
+    for frame, value in enumerate(distance.tolist()):
+        is_touching = value < (PART_M if is_touching else TOUCH_M)
+        touching[frame] = is_touching
+    edges = np.flatnonzero(np.diff(np.r_[False, touching, False].astype(int))).tolist()
+    events: list[tuple[int, int]] = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if events and start - events[-1][1] <= _HOLE:
+            events[-1] = (events[-1][0], stop)
+        else:
+            events.append((start, stop))
+    return [(start, stop) for start, stop in events if stop - start >= _SHORTEST]
