@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from signsplice.signer import notation
 
 import fuzz_networks
 import signsplice as ss
@@ -26,7 +27,6 @@ from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion import Clip, EndSite, Skeleton, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report as reports
-from signsplice.synth import notation
 from signsplice.synth.corpus import Recipe, write_pairs
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -7,14 +7,13 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, Manner, Signer, draw_signer
 
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.splicing.word import Word
-from signsplice.synth import notation, planner
-from signsplice.synth.manner import PLAIN, Manner
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD, Signer, draw_signer
 
 MIRRORED = np.array([1.0, -1.0, -1.0, 1.0])
 """Factors of a quaternion seen in the mirror x -> -x."""

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice.signer import notation
+from signsplice.signer.signer import draw_signer
 
 from signing import sign
 from signsplice.formats import load
 from signsplice.motion import kinematics
-from signsplice.synth import corpus, notation, pseudo
+from signsplice.synth import corpus, pseudo
 from signsplice.synth.corpus import Pairs, Recipe
-from signsplice.synth.signer import draw_signer
 
 NOTATION = """\
 # two words

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from signsplice.lexicon.lexicon import Lexicon, open_lexicon
     from signsplice.motion import Clip, Skeleton
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, inbetween, splice, stream
-    from signsplice.synth.written.signing import sign
+    from signsplice.written.signing import sign
 
 _HOMES = {
     "body.retarget": ("retarget",),
@@ -25,7 +25,7 @@ _HOMES = {
     "lexicon.lexicon": ("Lexicon", "open_lexicon"),
     "motion.clip": ("Clip", "Skeleton"),
     "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "inbetween", "splice", "stream"),
-    "synth.written.signing": ("sign",),
+    "written.signing": ("sign",),
 }
 
 __all__ = [

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from signsplice.signer import notation, planner, pose
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import JOINTS, STANDARD
 
 from signing import sign
 from signsplice.evaluation import corpus_checks
 from signsplice.motion import FloatArray, rotation
-from signsplice.synth import notation, planner, pose
 from signsplice.synth.corpus import Pairs, scaled_positions
-from signsplice.synth.locations import resting
-from signsplice.synth.signer import JOINTS, STANDARD
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}
 

@@ -6,6 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice.signer import pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import STANDARD
 
 from signing import SIGNS, mirror
 from signsplice.evaluation import corpus_realism
@@ -14,11 +18,7 @@ from signsplice.evaluation.signer_motion import signer_motion
 from signsplice.evaluation.tables import percentiles
 from signsplice.motion import Clip
 from signsplice.rig.roles import FINGERS
-from signsplice.synth import pose
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import resting
-from signsplice.synth.signer import STANDARD
 
 
 @pytest.mark.parametrize("plane", [(0, 1), (1, 2)])

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from signsplice.signer.signer import RESTS
 
 from signing import sign, word
 from signsplice.cli.commands import app
@@ -19,7 +20,6 @@ from signsplice.motion import Clip
 from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.engine import SpliceOptions
-from signsplice.synth.signer import RESTS
 
 SIGNS = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")]
 PAIRS = seams.word_pairs(12, SIGNS)

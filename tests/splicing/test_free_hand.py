@@ -10,6 +10,8 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import random_clip
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 
 import signsplice as ss
 from other_rigs import mirror
@@ -28,8 +30,6 @@ from signsplice.splicing.contracts import Cut
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.idle_hands import FASTEST_M_S, NATURAL, FreeHands, idle_hands, is_approached
 from signsplice.splicing.sentence import Sentence
-from signsplice.synth import planner
-from signsplice.synth.signer import RESTS, STANDARD
 
 LINES = ("HORSE TEACH I", "BOOK I HELP YOU", "CRY COLOR HOUSE TOMORROW", "RAIN SEE HAT LANGUAGE")
 LEFT, RIGHT = 0, 1

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import GOLDEN
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 
 import signsplice as ss
 from other_rigs import mirror, on_other_rig
@@ -31,8 +33,6 @@ from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
 from signsplice.splicing.options import WEIGHTS
 from signsplice.splicing.word_features import REST_FRAMES, WordReader
-from signsplice.synth import planner
-from signsplice.synth.signer import RESTS, STANDARD
 
 TINY = GOLDEN / "tiny_bundle"
 SESSIONS = open_sessions(TINY)

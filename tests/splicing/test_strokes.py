@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 
 from made_words import KINDS, made_words
 from signing import SIGNS, sign, word
@@ -14,8 +16,6 @@ from signsplice.motion import Clip, concatenate, resample
 from signsplice.rig.info import arms
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.options import open_learned
-from signsplice.synth import planner
-from signsplice.synth.signer import RESTS, STANDARD
 
 CUTTER = open_learned().cutters["learned"]
 

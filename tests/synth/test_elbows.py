@@ -7,15 +7,17 @@ from itertools import product
 
 import numpy as np
 import pytest
+from signsplice.signer import arms as elbows
+from signsplice.signer import planner
+from signsplice.signer.figure import posed_signer
+from signsplice.signer.notation import parse
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import USUAL, Manner
 
 from signing import sign, signer_of
 from signsplice.body import capsules, collision, swivel
 from signsplice.motion import kinematics
-from signsplice.synth import elbows, planner, truth
-from signsplice.synth.contact import posed_signer
-from signsplice.synth.manner import USUAL, Manner
-from signsplice.synth.notation import parse
-from signsplice.synth.planner import IsolatedWord
+from signsplice.synth import truth
 from word_measures import arm_in_arm, finger_in_thumb, swivel_steps
 
 

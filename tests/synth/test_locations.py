@@ -7,16 +7,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+from signsplice.signer import hand, locations, pose
+from signsplice.signer.hand import HandPart, hand_part
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import WeakArm, resting
+from signsplice.signer.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture
+from signsplice.signer.signer import JOINTS, STANDARD, Signer, skeleton
+from signsplice.signer.tables import Vector
 
 from signing import seen_from_chest, signer_of
 from signsplice.body import capsules, collision
 from signsplice.motion import Clip, FloatArray, kinematics
-from signsplice.synth import hand, locations, pose
-from signsplice.synth.hand_parts import HandPart, hand_part
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import WeakArm, resting
-from signsplice.synth.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
-from signsplice.synth.signer import JOINTS, STANDARD, Signer, skeleton
 
 SEEDS = (None, 1, 3, 7, 13)
 SOLID = ("face", "hair", "nose", "neck", "shirt")

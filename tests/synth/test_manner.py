@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice.signer import planner
+from signsplice.signer.signer import PLAIN, TRAITS, USUAL, Manner, draw_signer, only, stream
 
 from signing import SIGNS, signer_of
-from signsplice.synth import planner
-from signsplice.synth.manner import PLAIN, TRAITS, USUAL, Manner, only
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import draw_signer
 
 WORDS = ("MOTHER", "MORE", "LEARN", "UNDERSTAND", "NAME", "HELLO")
 

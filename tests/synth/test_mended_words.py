@@ -11,15 +11,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from signsplice.signer import hand, planner, pose
+from signsplice.signer.locations import body_locations
+from signsplice.signer.planner import FPS
+from signsplice.signer.signer import PLAIN, STANDARD
+from signsplice.signer.timing import Events
 
 from signing import seen_from_chest, sign
 from signsplice.motion import FloatArray
-from signsplice.synth import hand, planner, pose
-from signsplice.synth.locations import body_locations
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.segment_plan import FPS
-from signsplice.synth.signer import STANDARD
-from signsplice.synth.timing import Events
 
 SIGNER = replace(STANDARD, manner=PLAIN)
 OUT_UP_FORWARD = np.array([-1.0, 1.0, 1.0])

@@ -7,15 +7,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from signsplice.signer import notation, planner, pose, trajectory, two_hands
+from signsplice.signer import planner as segment_plan
+from signsplice.signer.collisions import TOUCH_CM, hand_clearances, penetration
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer, only
 
 from signing import sign, signer_of
 from signsplice.motion import FloatArray
-from signsplice.synth import notation, planner, pose, segment_plan, trajectory, truth, two_hands
-from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, penetration
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.manner import PLAIN, USUAL, only
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import STANDARD, Signer
+from signsplice.synth import truth
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 

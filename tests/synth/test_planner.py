@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice.signer import planner, pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, draw_signer
 
 from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
 from signsplice.motion import FloatArray, kinematics
-from signsplice.synth import planner, pose
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD, draw_signer
 
 ONE = ("MOTHER", "HELLO", "YES", "NO", "PLEASE", "YOU")
 KINDS = (*ONE, "BOOK", "HOUSE", "SIGN", "CAR", "LEARN", "NAME", "TREE")

@@ -6,14 +6,14 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from signsplice.signer import locations, phonology, planner, pose
+from signsplice.signer.collisions import penetration
+from signsplice.signer.locations import WeakArm
+from signsplice.signer.phonology import Posture, Sign
+from signsplice.signer.signer import STANDARD, draw_signer, stream
 
 from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.synth import locations, phonology, planner, pose, pseudo, truth
-from signsplice.synth.avoidance import penetration
-from signsplice.synth.locations import WeakArm
-from signsplice.synth.phonology import Posture, Sign
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, draw_signer
+from signsplice.synth import pseudo, truth
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from signsplice.signer import hand, pose
+from signsplice.signer.arms import YIELDS
+from signsplice.signer.arms import ease_wrists as eased
+from signsplice.signer.figure import posed_signer, surface
+from signsplice.signer.hand import hand_part
+from signsplice.signer.handshapes import handshape, thumb_depth
+from signsplice.signer.location_targets import posture_holds as stays
+from signsplice.signer.locations import facing, resting
+from signsplice.signer.planner import isolated
+from signsplice.signer.signer import STANDARD
+from signsplice.written.compiler import compile_sign
+from signsplice.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
 
 from signsplice.motion import rotation
-from signsplice.synth import hand, pose
-from signsplice.synth.comfort import YIELDS, eased
-from signsplice.synth.composed import handshape
-from signsplice.synth.contact import posed_signer, surface
-from signsplice.synth.hand_parts import hand_part
-from signsplice.synth.locations import facing, resting
-from signsplice.synth.placing import stays
-from signsplice.synth.planner import isolated
-from signsplice.synth.signer import STANDARD
-from signsplice.synth.thumbs import thumb_depth
-from signsplice.synth.written import compile_sign
-from signsplice.synth.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
 
 
 @pytest.mark.parametrize(

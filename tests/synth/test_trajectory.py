@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice.signer import hand, planner, pose, trajectory
+from signsplice.signer import signer as manner
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.signer import STANDARD, Signer, stream
+from signsplice.signer.trajectory import Knot
 
 from signing import signer_of, word
 from signsplice.motion import FloatArray
-from signsplice.synth import hand, manner, planner, pose, trajectory
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer
-from signsplice.synth.trajectory import Knot
 
 PLAIN = replace(STANDARD, arch=0.0, manner=manner.PLAIN)
 

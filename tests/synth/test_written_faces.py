@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice.signer import notation, planner, pose
+from signsplice.signer.phonology import Gesture
+from signsplice.signer.signer import JOINTS
+from signsplice.signer.tables import sections
+from signsplice.written import nonmanual as faces
+from signsplice.written.nonmanual import with_shoulders
+from signsplice.written.tree import Tier, WrittenSign
 
 from signsplice.motion.face import Face
 from signsplice.motion.kinematics import forward
-from signsplice.synth import notation, planner, pose
-from signsplice.synth.gestures import Gesture
-from signsplice.synth.signer import JOINTS
-from signsplice.synth.tables import sections
-from signsplice.synth.written import faces
-from signsplice.synth.written.shoulders import with_shoulders
-from signsplice.synth.written.tree import Tier, WrittenSign
 
 FPS, HANDS, FRAMES = 30.0, (30, 60), 90
 CODES = {

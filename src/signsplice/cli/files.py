@@ -118,7 +118,7 @@ def _mouthing(clip: Clip, sampa: str) -> Clip:
     """A clip whose mouth says sounds during what a splice keeps of it."""
     from signsplice.splicing import options as choice
     from signsplice.splicing.contracts import cut_clips
-    from signsplice.synth.mouthing import with_mouthing
+    from signsplice.written.nonmanual import with_mouthing
 
     (cut,) = cut_clips(choice.choose(None, None, None, None).cutter, [clip, clip])
     frames = (cut.post, cut.pre + 1) if cut.post < cut.pre else (0, len(clip))

@@ -27,7 +27,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.cache import CACHE
 from signsplice.rig.align import Reference, copy_rotations, placement
-from signsplice.synth.rng import stream
+from signsplice.signer.signer import stream
 
 ROTATIONS, FITTED = "rotations", "fitted"
 _TIMED_FRAMES = 150

@@ -13,11 +13,11 @@ from signsplice.errors import InputError
 from signsplice.evaluation.tables import Progress
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.roles import SIDES
-from signsplice.synth import hand, planner, pose, running
+from signsplice.signer import hand, planner, pose
+from signsplice.signer.phonology import Sign
+from signsplice.signer.signer import JOINTS, stream
+from signsplice.synth import running
 from signsplice.synth.corpus import VERSION, Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import JOINTS
 
 LIMIT_CM = 0.5
 """Greatest depth of a hand in head, trunk, the other arm or its hand that a pair may have."""

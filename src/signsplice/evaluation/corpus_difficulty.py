@@ -16,14 +16,15 @@ from signsplice.evaluation.tables import Progress, counted
 from signsplice.motion import Clip
 from signsplice.rig import metrics
 from signsplice.rig.info import active_span, arms
+from signsplice.signer import planner, pose
+from signsplice.signer.phonology import Sign
+from signsplice.signer.signer import stream
+from signsplice.signer.timing import Events
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS
-from signsplice.synth import planner, pose, truth
+from signsplice.synth import truth
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
-from signsplice.synth.timing import Events
 
 BY_WORD = "words known: the most frequent cut of each word"
 Rule = Callable[[int, int], tuple[int, int]]

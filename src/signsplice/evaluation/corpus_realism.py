@@ -16,10 +16,10 @@ from signsplice.evaluation.signer_motion import MeasuredMotion, half_formed, sig
 from signsplice.evaluation.tables import Quantity, percentiles
 from signsplice.motion import Clip, FloatArray
 from signsplice.rig.info import rig_info
+from signsplice.signer.phonology import Sign
+from signsplice.signer.signer import stream
 from signsplice.splicing.curves import find_transition
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
 
 N_PAIRS = 1500
 """Pairs whose motion is measured, drawn once; durations are counted over all pairs."""

@@ -14,9 +14,9 @@ from signsplice.evaluation.signer_motion import MOVING
 from signsplice.evaluation.tables import MEDIAN_WITHIN, TAILS_WITHIN, markdown, number, percentiles, table
 from signsplice.motion import Clip, FloatArray
 from signsplice.rig import metrics
+from signsplice.signer.phonology import Sign
+from signsplice.signer.signer import stream
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
 
 N_SHAPES = 60
 """Pairs whose shape of motion is measured."""

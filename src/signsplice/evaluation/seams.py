@@ -26,6 +26,10 @@ from signsplice.evaluation.tables import Progress, counted, markdown_columns, pe
 from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import Arms, arms, rig_info
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import HANGING, RESTS, STANDARD, Signer, stream
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS
@@ -36,11 +40,6 @@ from signsplice.splicing.idle_hands import NATURAL, idle_hands
 from signsplice.splicing.learned import FLUENT, NAME
 from signsplice.splicing.options import choose
 from signsplice.splicing.seam import DEEP_M
-from signsplice.synth import notation, planner
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import HANGING, RESTS, STANDARD, Signer
 
 FrameRange = tuple[int, int]
 

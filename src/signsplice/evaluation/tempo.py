@@ -16,15 +16,14 @@ from signsplice.evaluation.hands import wrist_positions
 from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion import Clip, FloatArray
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import STANDARD, Signer, draw_signer, stream
 from signsplice.splicing.durations import CITATION, NATURAL, RUNNING_S
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
 from signsplice.splicing.seam import SeamScore
 from signsplice.splicing.tempo import contact_frames
-from signsplice.synth import notation, planner
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
 LENGTH = 7
 """Signs of a sentence; the first and the last are not measured, since rest is part of them."""

@@ -29,7 +29,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.progress import Progress
 
 if TYPE_CHECKING:
-    from signsplice.synth.written.tree import WrittenSign
+    from signsplice.written.tree import WrittenSign
 
 
 _VERSION = 2
@@ -227,7 +227,7 @@ def is_written(path: str | Path) -> bool:
     path = Path(path)
     if path.is_dir():
         return any(path.rglob("*.sigml"))
-    from signsplice.synth.written.files import SUFFIXES
+    from signsplice.written.files import SUFFIXES
 
     return path.suffix.lower() in SUFFIXES
 
@@ -240,7 +240,7 @@ def _read_written(paths: Sequence[str | Path], lenient: bool) -> tuple[list[Writ
     """The signs of files and folders of written signs, and a line for each that is refused."""
     if not paths:
         return [], []
-    from signsplice.synth.written import files
+    from signsplice.written import files
 
     read = files.read(paths, lenient)
     return [*read.signs.values()], [*map(str, read.refused)]
@@ -259,7 +259,7 @@ def _prepare_signs(
 
 
 def _prepare_sign(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord | str:
-    from signsplice.synth.written import signing
+    from signsplice.written import signing
 
     try:
         clip = signing.signed(sign, lenient=lenient)

@@ -21,8 +21,8 @@ from signsplice.motion import Clip, unchecked_copy
 from signsplice.progress import Progress
 
 if TYPE_CHECKING:
-    from signsplice.synth.phonology import Sign
-    from signsplice.synth.written.tree import WrittenSign
+    from signsplice.signer.phonology import Sign
+    from signsplice.written.tree import WrittenSign
 
 SHIPPED = Path(__file__).parent / "words"
 DEFAULT = "default"
@@ -297,7 +297,7 @@ class SignedWords(Generic[SignT]):
 
 
 class FormsOfSigns(SignedWords["Sign"]):
-    """Every form of the signs that ship that ``synth.inflection`` makes: I-GIVE-YOU, 2-GIVE-1, BOOK-PLURAL.
+    """Every form of the signs that ship that ``signer.inflection`` makes: I-GIVE-YOU, 2-GIVE-1, BOOK-PLURAL.
 
     words: those that ship, whose skeleton the clips of forms share.
     """
@@ -312,7 +312,7 @@ class FormsOfSigns(SignedWords["Sign"]):
     @cached_property
     def _signs(self) -> dict[str, Sign]:
         """The signs of the words that ship, by gloss and synonym."""
-        from signsplice.synth import notation
+        from signsplice.signer import notation
 
         return {name: sign for sign in notation.everyday().values() for name in (*sign.synonyms, sign.gloss)}
 
@@ -320,7 +320,7 @@ class FormsOfSigns(SignedWords["Sign"]):
         """The form that a gloss names, None where there is none."""
         if "-" not in name:
             return None
-        from signsplice.synth import inflection
+        from signsplice.signer import inflection
 
         with suppress(InputError):
             return inflection.form(self._signs, name.upper())
@@ -328,7 +328,7 @@ class FormsOfSigns(SignedWords["Sign"]):
 
     def signed(self, sign: Sign) -> tuple[Clip, str, str]:
         """The clip of a form, named by its gloss (2-GIVE-1)."""
-        from signsplice.synth import planner
+        from signsplice.signer import planner
 
         words, made = Lexicon(self._words), planner.isolated(sign)
         clip = unchecked_copy(made.clip, skeleton=words.clip(words.glosses[0]).skeleton)
@@ -339,7 +339,7 @@ class WrittenWords(SignedWords["WrittenSign"]):
     """The signs of a file or folder of written signs (SiGML, HamNoSys)."""
 
     def __init__(self, path: str | Path) -> None:
-        from signsplice.synth.written import files
+        from signsplice.written import files
 
         super().__init__(Path(path))
         self._signs = {fold(gloss_of(gloss)): sign for gloss, sign in files.read(path).signs.items()}
@@ -353,7 +353,7 @@ class WrittenWords(SignedWords["WrittenSign"]):
 
     def signed(self, sign: WrittenSign) -> tuple[Clip, str, str]:
         """The clip of a sign, of no named signer."""
-        from signsplice.synth.written import signing
+        from signsplice.written import signing
 
         return signing.signed(sign), "", str(self.path)
 

@@ -24,10 +24,10 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, rotation
 from signsplice.rig.info import FEATURE_FPS, MIRROR, ROLES, canonical_motion
 from signsplice.rig.roles import SIDES
+from signsplice.signer.signer import stream
 from signsplice.splicing import gap_features
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
-from signsplice.synth.rng import stream
 from signsplice.train import augmentation
 from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 
