@@ -26,8 +26,8 @@ from signsplice.lexicon.reader import SHIPPED
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.motion.face import ARKIT_CHANNELS, Face
+from signsplice.signer import notation
 from signsplice.splicing import report as reports
-from signsplice.synth import notation
 from signsplice.synth.corpus import Recipe, write_pairs
 
 ROOT = Path(__file__).resolve().parents[1]

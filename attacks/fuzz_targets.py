@@ -42,11 +42,11 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
+from signsplice.signer import notation, planner
 from signsplice.splicing import report as reports
 from signsplice.splicing.methods.choice import open_learned
-from signsplice.synth import notation, planner
 from signsplice.synth.pairs import KINDS, Pairs
-from signsplice.synth.written import files as written
+from signsplice.written import files as written
 
 CORPUS = ROOT / "tests" / "fuzz_corpus"
 

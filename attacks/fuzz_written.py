@@ -11,8 +11,8 @@ import numpy as np
 
 from fuzz_mutators import of_text
 from signsplice.errors import InputError
-from signsplice.synth.written import compile_sign, signing, symbols
-from signsplice.synth.written.files import WrittenSigns
+from signsplice.written import compile_sign, signing, symbols
+from signsplice.written.files import WrittenSigns
 
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "synth"
 MOST_SECONDS, MOST_STEP_DEG = 60.0, 90.0

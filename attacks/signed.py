@@ -30,10 +30,10 @@ from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
-from signsplice.synth import notation, planner
-from signsplice.synth.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
-from signsplice.synth.signer import JOINTS
-from signsplice.synth.written import signing, symbols
+from signsplice.signer import notation, planner
+from signsplice.signer.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
+from signsplice.signer.signer import JOINTS
+from signsplice.written import signing, symbols
 
 DEEP_CM, SLACK_DEG, MOST_S = 0.5, 1.0, 2.0
 VALUE = {"SiGML": r'(\w+)="[^"]*"', "notation": r"(\w+)=\S+"}

@@ -13,14 +13,14 @@ from scipy.interpolate import CubicSpline
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.curves import minimum_jerk
-from signsplice.synth import planner, pose
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import resting
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import RESTS, Signer
-from signsplice.synth.trajectory import travel_seconds
+from signsplice.signer import planner, pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import resting
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.rng import stream
+from signsplice.signer.signer import RESTS, Signer
+from signsplice.signer.trajectory import travel_seconds
 
 FPS = 30.0
 KINDS = ("parts", "zigzag", "hands", "shapes", "fast exit")

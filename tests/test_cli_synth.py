@@ -13,9 +13,10 @@ import pytest
 from signing import sign
 from signsplice.formats import load
 from signsplice.motion import kinematics
-from signsplice.synth import corpus, notation, pseudo
+from signsplice.signer import notation
+from signsplice.signer.signer import draw_signer
+from signsplice.synth import corpus, pseudo
 from signsplice.synth.corpus import Pairs, Recipe
-from signsplice.synth.signer import draw_signer
 
 NOTATION = """\
 # two words

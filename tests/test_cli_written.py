@@ -14,11 +14,11 @@ from click.testing import CliRunner, Result
 import signsplice as ss
 from signsplice import lexicon
 from signsplice.cli.commands import app
+from signsplice.signer import notation
 from signsplice.splicing import forms, written_words
-from signsplice.synth import notation
-from signsplice.synth.written import files
-from signsplice.synth.written.compiler import compile_sign
-from signsplice.synth.written.files import SUFFIXES
+from signsplice.written import files
+from signsplice.written.compiler import compile_sign
+from signsplice.written.files import SUFFIXES
 from written_words import code, constructed
 
 TEN = Path(__file__).parent / "synth" / "written_signs.sigml"

@@ -13,7 +13,8 @@ from typing import Any
 
 import torch
 
-from signsplice.synth import notation, training_data
+from signsplice.signer import notation
+from signsplice.synth import training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train.bridge_task import BridgeTask
 from signsplice.train.cut_data import CutDataset

@@ -22,10 +22,11 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.naming import SIDES
-from signsplice.synth import planner, pose, running
-from signsplice.synth.phonology import IN_SPACE, Segment
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD
+from signsplice.signer import planner, pose
+from signsplice.signer.phonology import IN_SPACE, Segment
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, STANDARD
+from signsplice.synth import running
 
 MOVING_CM_S = 10.0
 """A frame moves where a wrist or a fingertip is faster from the chest than the first."""

@@ -26,8 +26,8 @@ from signsplice.errors import InputError
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth.signer import JOINTS
-from signsplice.synth.written import signing
+from signsplice.signer.signer import JOINTS
+from signsplice.written import signing
 from written_places import Place, place_points
 
 LETTERS = {"u": (0, 1, 0), "d": (0, -1, 0), "l": (1, 0, 0), "r": (-1, 0, 0), "o": (0, 0, 1), "i": (0, 0, -1)}

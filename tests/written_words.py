@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from signsplice.synth.written import symbols
+from signsplice.written import symbols
 
 CODES = {name: code for code, name in symbols.SYMBOLS.items()}
 ELSEWHERE = ("coreftag", "corefref", "wristtopulse", "wristtoback", "wristtothumb", "wristtopinky", "mime", "etc")

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.synth import notation, truth
-from signsplice.synth.rng import stream
+from signsplice.signer import notation
+from signsplice.signer.rng import stream
+from signsplice.synth import truth
 from signsplice_paper import margins, mean_transition, pair_samples, protocol
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.margins import cut_margins

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import notation
+from signsplice.signer import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice_paper import bleu, bundles, curve, metrics, results
 from signsplice_paper.configs import read_config

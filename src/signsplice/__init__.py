@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, splice, stream
     from signsplice.splicing.forms import open_lexicon
     from signsplice.splicing.inbetween import inbetween
-    from signsplice.synth.written.signing import sign
+    from signsplice.written.signing import sign
 
 _HOMES = {
     "body.retarget": ("retarget",),
@@ -29,7 +29,7 @@ _HOMES = {
     "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "splice", "stream"),
     "splicing.forms": ("open_lexicon",),
     "splicing.inbetween": ("inbetween",),
-    "synth.written.signing": ("sign",),
+    "written.signing": ("sign",),
 }
 
 __all__ = [

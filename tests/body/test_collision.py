@@ -15,10 +15,10 @@ from signsplice.body.capsules import capsule_ends
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate
-from signsplice.synth import pose
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import resting
-from signsplice.synth.signer import STANDARD, skeleton
+from signsplice.signer import pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import STANDARD, skeleton
 
 
 def sampled_distance(a: FloatArray, b: FloatArray, n: int = 1201) -> tuple[float, FloatArray]:

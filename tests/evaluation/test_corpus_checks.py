@@ -16,10 +16,10 @@ from signing import sign
 from signsplice.evaluation import corpus_checks
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import notation, planner, pose
+from signsplice.signer import notation, planner, pose
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import JOINTS, STANDARD
 from signsplice.synth.corpus import Pairs, scaled_positions
-from signsplice.synth.locations import resting
-from signsplice.synth.signer import JOINTS, STANDARD
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from signsplice.evaluation import corpus_difficulty
+from signsplice.signer import notation
 from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.methods.transition import TRANSITIONS
-from signsplice.synth import notation
 from signsplice.synth.corpus import Pairs
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}

@@ -14,11 +14,11 @@ from signsplice.evaluation.signer_motion import signer_motion
 from signsplice.evaluation.tables import percentiles
 from signsplice.motion.clip import Clip
 from signsplice.rig.roles import FINGERS
-from signsplice.synth import pose
+from signsplice.signer import pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import STANDARD
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import resting
-from signsplice.synth.signer import STANDARD
 
 
 @pytest.mark.parametrize("plane", [(0, 1), (1, 2)])

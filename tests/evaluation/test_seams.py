@@ -18,10 +18,10 @@ from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
 from signsplice.motion.clip import Clip
 from signsplice.rig.arms import arms
 from signsplice.rig.info import rig_info
+from signsplice.signer.signer import RESTS
 from signsplice.splicing.engine import SpliceOptions
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.cut import PairCutter
-from signsplice.synth.signer import RESTS
 
 SIGNS = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")]
 PAIRS = seams.word_pairs(12, SIGNS)

@@ -11,7 +11,7 @@ import pytest
 from signing import sign
 from signsplice.evaluation import sign_kinds
 from signsplice.motion.clip import Clip
-from signsplice.synth import notation
+from signsplice.signer import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
 SIGNS = notation.parse(

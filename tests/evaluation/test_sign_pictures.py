@@ -13,10 +13,10 @@ from signsplice.evaluation import notation_pictures, sign_pictures
 from signsplice.evaluation.sign_pictures import DOT, write_preview
 from signsplice.render.picture import dotted, draw, make_scene
 from signsplice.render.sheet import write_cells
-from signsplice.synth import notation, phonology, planner
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.signer import STANDARD, draw_signer
-from signsplice.synth.tables import FOLDER
+from signsplice.signer import notation, phonology, planner
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.signer import STANDARD, draw_signer
+from signsplice.signer.tables import FOLDER
 
 Image = pytest.importorskip("PIL.Image")
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -14,9 +14,9 @@ from signsplice.evaluation.signer_motion import half_changed_at, reaches, signer
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import pose
-from signsplice.synth.locations import resting
-from signsplice.synth.signer import JOINTS, STANDARD
+from signsplice.signer import pose
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import JOINTS, STANDARD
 
 FPS = 30.0
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.synth import notation, planner
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.signer import Signer, draw_signer
+from signsplice.signer import notation, planner
+from signsplice.signer.manner import PLAIN
+from signsplice.signer.signer import Signer, draw_signer
 
 HERE = Path(__file__).parent
 SEED = 3

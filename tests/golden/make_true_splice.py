@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.motion import kinematics
-from signsplice.synth import notation, planner, running, truth
-from signsplice.synth.signer import JOINTS, draw_signer
+from signsplice.signer import notation, planner
+from signsplice.signer.signer import JOINTS, draw_signer
+from signsplice.synth import running, truth
 
 HERE = Path(__file__).parent
 WORDS = ("MOTHER", "LEARN")

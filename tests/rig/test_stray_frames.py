@@ -17,8 +17,8 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.rig.arms import arms
 from signsplice.rig.inspection import inspect
 from signsplice.rig.stray_frames import JUMP_M_S, StrayFrames, stray_frames, with_ends_held
-from signsplice.synth import planner
-from signsplice.synth.signer import RESTS, STANDARD
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 
 MOTHER = word("MOTHER").clip
 T_POSE = arms_out(MOTHER.skeleton)

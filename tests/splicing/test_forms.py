@@ -14,8 +14,8 @@ from signsplice import lexicon
 from signsplice.errors import UnknownGlossError
 from signsplice.lexicon.reader import SHIPPED, Lexicon
 from signsplice.lexicon.sentence import parse
+from signsplice.signer import inflection, planner
 from signsplice.splicing.forms import WordsWithForms, open_lexicon
-from signsplice.synth import inflection, planner
 
 
 @pytest.fixture(scope="module")

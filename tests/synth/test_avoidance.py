@@ -11,13 +11,13 @@ from signing import seen_from_chest, sign, word, wrists
 from signsplice.body import capsules, collision
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
-from signsplice.synth import planner, pose
-from signsplice.synth.avoidance import TOLERANCE_CM, clear_collisions, penetration
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import Posture, Segment, Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.segment_plan import touches
-from signsplice.synth.signer import JOINTS, RESTS, STANDARD, draw_signer
+from signsplice.signer import planner, pose
+from signsplice.signer.avoidance import TOLERANCE_CM, clear_collisions, penetration
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.phonology import Posture, Segment, Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.segment_plan import touches
+from signsplice.signer.signer import JOINTS, RESTS, STANDARD, draw_signer
 
 STRONG, WEAK = 1, 0
 """Columns of left and right hand for a right-handed signer."""

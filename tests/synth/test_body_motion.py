@@ -13,11 +13,12 @@ from signsplice.body import capsules, collision
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import planner, pose, truth
-from signsplice.synth.avoidance import penetration
-from signsplice.synth.manner import PLAIN, USUAL, Manner
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD, Signer
+from signsplice.signer import planner, pose
+from signsplice.signer.avoidance import penetration
+from signsplice.signer.manner import PLAIN, USUAL, Manner
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, STANDARD, Signer
+from signsplice.synth import truth
 
 TURNING = Manner(body_motion=1.0)
 MEETING = Manner(head_to_hand=1.0)

@@ -1,4 +1,4 @@
-"""synth.checks and keep=touch: what a body does not allow is said, and hands that are to stay in touch do."""
+"""signer.checks and keep=touch: what a body does not allow is said, and hands that are to stay in touch do."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pytest
 
 from signing import made, sign
 from signsplice.errors import FormatError
-from signsplice.synth import checks, notation, planner
-from signsplice.synth.avoidance import hand_clearances
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import STANDARD, Signer, draw_signer
+from signsplice.signer import checks, notation, planner
+from signsplice.signer.avoidance import hand_clearances
+from signsplice.signer.manner import PLAIN
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import STANDARD, Signer, draw_signer
 
 CHEST = "X  shape=B-open at=chest palm=back fingers=in"
 

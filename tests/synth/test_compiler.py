@@ -10,27 +10,18 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.synth import hand, locations, notation, planner, pose
-from signsplice.synth.avoidance import between_hands, hand_clearances
-from signsplice.synth.composed import BASES, THUMBS, handshape, is_handshape
-from signsplice.synth.hand_parts import hand_part, is_part
-from signsplice.synth.locations import WeakArm, axes
-from signsplice.synth.notation_text import notation_text
-from signsplice.synth.phonology import Sign, is_location
-from signsplice.synth.signer import JOINTS, STANDARD
-from signsplice.synth.thumbs import thumb_depth
-from signsplice.synth.written import compile_sign, signing
-from signsplice.synth.written.directions import direction, facing, oriented
-from signsplice.synth.written.tree import (
-    Motion,
-    Pair,
-    Place,
-    Site,
-    WrittenManner,
-    WrittenPosture,
-    WrittenShape,
-    WrittenSign,
-)
+from signsplice.signer import hand, locations, notation, planner, pose
+from signsplice.signer.avoidance import between_hands, hand_clearances
+from signsplice.signer.composed import BASES, THUMBS, handshape, is_handshape
+from signsplice.signer.hand_parts import hand_part, is_part
+from signsplice.signer.locations import WeakArm, axes
+from signsplice.signer.notation_text import notation_text
+from signsplice.signer.phonology import Sign, is_location
+from signsplice.signer.signer import JOINTS, STANDARD
+from signsplice.signer.thumbs import thumb_depth
+from signsplice.written import compile_sign, signing
+from signsplice.written.directions import direction, facing, oriented
+from signsplice.written.tree import Motion, Pair, Place, Site, WrittenManner, WrittenPosture, WrittenShape, WrittenSign
 
 INDEX = WrittenPosture(WrittenShape("finger2"), ("u",), ("l",), Place("chest", "right_at", "close"))
 FLAT = WrittenPosture(WrittenShape("flat"), ("o",), ("d",), Place("shoulders", contact="close"))

@@ -18,9 +18,10 @@ from signing import sign
 from signsplice.errors import InputError
 from signsplice.formats import atomic
 from signsplice.motion import kinematics
-from signsplice.synth import corpus, planner, pseudo, truth
+from signsplice.signer import planner
+from signsplice.signer.signer import STANDARD, draw_signer, skeleton
+from signsplice.synth import corpus, pseudo, truth
 from signsplice.synth.corpus import Pairs, Recipe, draw_splits, write_pairs
-from signsplice.synth.signer import STANDARD, draw_signer, skeleton
 
 GLOSSES = ("I", "MOTHER", "BOOK", "YES", "fs-A")
 RECIPE = Recipe(tuple(map(sign, GLOSSES)), seed=0, n_other=7)

@@ -13,9 +13,9 @@ from conftest import GOLDEN
 from signing import sign
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty
+from signsplice.signer.manner import PLAIN
 from signsplice.synth import training_data
 from signsplice.synth.corpus import VERSION, Pairs, Recipe, write_pairs
-from signsplice.synth.manner import PLAIN
 
 RECIPE = Recipe(tuple(map(sign, ("I", "MOTHER", "BOOK", "YES"))), fps=15.0, n_other=5, truth="word")
 SIGNS = {one.gloss: one for one in RECIPE.signs}

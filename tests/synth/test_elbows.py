@@ -11,11 +11,12 @@ import pytest
 from signing import sign, signer_of
 from signsplice.body import capsules, collision, swivel
 from signsplice.motion import kinematics
-from signsplice.synth import elbows, planner, truth
-from signsplice.synth.contact import posed_signer
-from signsplice.synth.manner import USUAL, Manner
-from signsplice.synth.notation import parse
-from signsplice.synth.planner import IsolatedWord
+from signsplice.signer import elbows, planner
+from signsplice.signer.contact import posed_signer
+from signsplice.signer.manner import USUAL, Manner
+from signsplice.signer.notation import parse
+from signsplice.signer.planner import IsolatedWord
+from signsplice.synth import truth
 from word_measures import arm_in_arm, finger_in_thumb, swivel_steps
 
 

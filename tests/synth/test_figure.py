@@ -10,10 +10,10 @@ import pytest
 from signing import sign
 from signsplice.body import capsules, collision
 from signsplice.motion import kinematics
-from signsplice.synth import planner, pose
-from signsplice.synth.figure import ARMS, Figure
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD, draw_signer
+from signsplice.signer import planner, pose
+from signsplice.signer.figure import ARMS, Figure
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, STANDARD, draw_signer
 
 
 def made(gloss: str, seed: int | None) -> IsolatedWord:

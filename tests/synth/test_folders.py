@@ -17,9 +17,10 @@ from signsplice.errors import InputError
 from signsplice.formats import load
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.synth import folders, planner, running
+from signsplice.signer import planner
+from signsplice.signer.signer import STANDARD, draw_signer, read_signer
+from signsplice.synth import folders, running
 from signsplice.synth.corpus import Recipe
-from signsplice.synth.signer import STANDARD, draw_signer, read_signer
 
 BVH_CM = 0.01
 """Error of positions by BVH's rounding, cm."""

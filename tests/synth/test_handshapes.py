@@ -14,8 +14,8 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, EndSite, Skeleton
 from signsplice.rig.roles import FINGERS
-from signsplice.synth import hand, signer
-from signsplice.synth.handshapes import HANDSHAPES
+from signsplice.signer import hand, signer
+from signsplice.signer.handshapes import HANDSHAPES
 
 CONTACT = 0.3
 """Greatest distance of surfaces that should touch, cm."""

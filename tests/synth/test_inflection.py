@@ -8,11 +8,11 @@ import pytest
 from signing import SIGNS, made, sign, signer_of
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import inflection, notation, planner, pose
-from signsplice.synth.avoidance import penetration
-from signsplice.synth.inflection import agree, form, inflect
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import STANDARD
+from signsplice.signer import inflection, notation, planner, pose
+from signsplice.signer.avoidance import penetration
+from signsplice.signer.inflection import agree, form, inflect
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import STANDARD
 
 
 def isolated(gloss: str) -> IsolatedWord:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.synth import leeway
-from signsplice.synth.phonology import Posture, Segment, Sign
-from signsplice.synth.signer import STANDARD
+from signsplice.signer import leeway
+from signsplice.signer.phonology import Posture, Segment, Sign
+from signsplice.signer.signer import STANDARD
 
 AHEAD = Posture("B", "space:12,14,22", "palm", (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 EASY = replace(AHEAD, location="space:12,0,30", palm=(-1.0, 0.0, 0.0), fingers=(-0.2, 0.6, 0.77))

@@ -13,12 +13,12 @@ from signsplice.body import capsules, collision
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.synth import hand, locations, pose
-from signsplice.synth.hand_parts import HandPart, hand_part
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.locations import WeakArm, resting
-from signsplice.synth.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
-from signsplice.synth.signer import JOINTS, STANDARD, Signer, skeleton
+from signsplice.signer import hand, locations, pose
+from signsplice.signer.hand_parts import HandPart, hand_part
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import WeakArm, resting
+from signsplice.signer.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
+from signsplice.signer.signer import JOINTS, STANDARD, Signer, skeleton
 
 SEEDS = (None, 1, 3, 7, 13)
 SOLID = ("face", "hair", "nose", "neck", "shirt")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from signing import SIGNS, signer_of
-from signsplice.synth import planner
-from signsplice.synth.manner import PLAIN, TRAITS, USUAL, Manner, only
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import draw_signer
+from signsplice.signer import planner
+from signsplice.signer.manner import PLAIN, TRAITS, USUAL, Manner, only
+from signsplice.signer.rng import stream
+from signsplice.signer.signer import draw_signer
 
 WORDS = ("MOTHER", "MORE", "LEARN", "UNDERSTAND", "NAME", "HELLO")
 

@@ -14,12 +14,12 @@ import pytest
 
 from signing import seen_from_chest, sign
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import hand, planner, pose
-from signsplice.synth.locations import body_locations
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.segment_plan import FPS
-from signsplice.synth.signer import STANDARD
-from signsplice.synth.timing import Events
+from signsplice.signer import hand, planner, pose
+from signsplice.signer.locations import body_locations
+from signsplice.signer.manner import PLAIN
+from signsplice.signer.segment_plan import FPS
+from signsplice.signer.signer import STANDARD
+from signsplice.signer.timing import Events
 
 SIGNER = replace(STANDARD, manner=PLAIN)
 OUT_UP_FORWARD = np.array([-1.0, 1.0, 1.0])

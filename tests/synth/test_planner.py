@@ -11,11 +11,11 @@ import pytest
 from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
 from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import planner, pose
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD, draw_signer
+from signsplice.signer import planner, pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.manner import PLAIN
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, STANDARD, draw_signer
 
 ONE = ("MOTHER", "HELLO", "YES", "NO", "PLEASE", "YOU")
 KINDS = (*ONE, "BOOK", "HOUSE", "SIGN", "CAR", "LEARN", "NAME", "TREE")

@@ -9,10 +9,10 @@ import pytest
 
 from signing import made
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import pose
-from signsplice.synth.avoidance import penetration
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import STANDARD
+from signsplice.signer import pose
+from signsplice.signer.avoidance import penetration
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import STANDARD
 
 CHEST = "X shape=B-open at=chest by=palm off=0.5 shift=0,3,0 palm=back fingers=in"
 PALM = (

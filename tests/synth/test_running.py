@@ -10,10 +10,11 @@ import pytest
 from signing import made, seen_from_chest, word
 from signsplice.errors import InputError
 from signsplice.motion import rotation
-from signsplice.synth import pose, running
-from signsplice.synth.avoidance import penetration
+from signsplice.signer import pose
+from signsplice.signer.avoidance import penetration
+from signsplice.signer.signer import JOINTS
+from signsplice.synth import running
 from signsplice.synth.running import Utterance
-from signsplice.synth.signer import JOINTS
 
 WEAK_ARM = [n for name, n in JOINTS.items() if name.startswith("Left") and ("Leg" not in name and "Foot" not in name)]
 WEAK_ARM = [n for n in WEAK_ARM if n != JOINTS["LeftToeBase"]]

@@ -12,15 +12,16 @@ import pytest
 from signing import SIGNS, sign, signer_of, word, wrists
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
-from signsplice.synth.avoidance import penetration
-from signsplice.synth.low_pass import low_passed
-from signsplice.synth.manner import PLAIN, Manner
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.segment_plan import SegmentPlan
-from signsplice.synth.signer import STANDARD, draw_signer
-from signsplice.synth.timing import Events
-from signsplice.synth.trajectory import Knot
+from signsplice.signer import notation, planner, pose, timing, trajectory
+from signsplice.signer.avoidance import penetration
+from signsplice.signer.low_pass import low_passed
+from signsplice.signer.manner import PLAIN, Manner
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.segment_plan import SegmentPlan
+from signsplice.signer.signer import STANDARD, draw_signer
+from signsplice.signer.timing import Events
+from signsplice.signer.trajectory import Knot
+from signsplice.synth import pseudo, running, truth
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
 import make_plain_words

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from signsplice.motion import rotation
-from signsplice.synth import hand, pose
-from signsplice.synth.comfort import YIELDS, eased
-from signsplice.synth.composed import handshape
-from signsplice.synth.contact import posed_signer, surface
-from signsplice.synth.hand_parts import hand_part
-from signsplice.synth.locations import facing, resting
-from signsplice.synth.placing import stays
-from signsplice.synth.planner import isolated
-from signsplice.synth.signer import STANDARD
-from signsplice.synth.thumbs import thumb_depth
-from signsplice.synth.written import compile_sign
-from signsplice.synth.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
+from signsplice.signer import hand, pose
+from signsplice.signer.comfort import YIELDS, eased
+from signsplice.signer.composed import handshape
+from signsplice.signer.contact import posed_signer, surface
+from signsplice.signer.hand_parts import hand_part
+from signsplice.signer.locations import facing, resting
+from signsplice.signer.placing import stays
+from signsplice.signer.planner import isolated
+from signsplice.signer.signer import STANDARD
+from signsplice.signer.thumbs import thumb_depth
+from signsplice.written import compile_sign
+from signsplice.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
 
 
 @pytest.mark.parametrize(

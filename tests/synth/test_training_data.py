@@ -13,11 +13,12 @@ from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, ROLES, TIPS
-from signsplice.synth import planner, pseudo, training_data, truth
-from signsplice.synth.manner import TRAITS
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import RESTS, draw_signer
+from signsplice.signer import planner
+from signsplice.signer.manner import TRAITS
+from signsplice.signer.phonology import Sign
+from signsplice.signer.rng import stream
+from signsplice.signer.signer import RESTS, draw_signer
+from signsplice.synth import pseudo, training_data, truth
 from signsplice.synth.training_data import TrainingDataPlan
 
 PLAN = TrainingDataPlan(n_signers=2, n_words=4, n_seams=5, seed=3, fps=20.0)

@@ -9,11 +9,11 @@ import pytest
 
 from signing import signer_of, word
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import hand, manner, planner, pose, trajectory
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer
-from signsplice.synth.trajectory import Knot
+from signsplice.signer import hand, manner, planner, pose, trajectory
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.rng import stream
+from signsplice.signer.signer import STANDARD, Signer
+from signsplice.signer.trajectory import Knot
 
 PLAIN = replace(STANDARD, arch=0.0, manner=manner.PLAIN)
 

@@ -12,11 +12,12 @@ import pytest
 from signing import seen_from_chest, word, wrists
 from signsplice.errors import InputError
 from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.synth import pose, running, trajectory, truth
-from signsplice.synth.avoidance import penetration
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import STANDARD
-from signsplice.synth.timing import Events
+from signsplice.signer import pose, trajectory
+from signsplice.signer.avoidance import penetration
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import STANDARD
+from signsplice.signer.timing import Events
+from signsplice.synth import running, truth
 
 GLOSSES = ("I", "MOTHER", "HELLO", "BOOK", "LEARN", "SIGN", "YES", "YOU", "fs-A")
 PAIRS = [(a, b) for a, b in itertools.product(GLOSSES, repeat=2) if a != b]

@@ -6,9 +6,9 @@ import re
 import string
 from collections import Counter
 
-from signsplice.synth import notation
-from signsplice.synth.handshapes import HANDSHAPES
-from signsplice.synth.phonology import IN_SPACE, LOCATIONS, Posture, Sign
+from signsplice.signer import notation
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.phonology import IN_SPACE, LOCATIONS, Posture, Sign
 
 EVERYDAY = notation.everyday()
 ALPHABET = notation.alphabet()

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 import signsplice as ss
-from signsplice.synth import notation, planner
-from signsplice.synth.written import files, symbols
-from signsplice.synth.written.tree import Motion, Pair, Place, Site, Where, WrittenPosture, WrittenShape, WrittenSign
+from signsplice.signer import notation, planner
+from signsplice.written import files, symbols
+from signsplice.written.tree import Motion, Pair, Place, Site, Where, WrittenPosture, WrittenShape, WrittenSign
 from written_words import CODES, ELSEWHERE, code, constructed
 
 HERE = Path(__file__).parent

@@ -7,8 +7,8 @@ import json
 import pytest
 
 import signsplice as ss
-from signsplice.synth.written import files
-from signsplice.synth.written.tree import Motion, Pair, Place, Site, Tier, WrittenPosture, WrittenSign
+from signsplice.written import files
+from signsplice.written.tree import Motion, Pair, Place, Site, Tier, WrittenPosture, WrittenSign
 from written_words import code
 
 NAMES = "flathand extfingeru palml chest touch moveo"

@@ -9,17 +9,20 @@ import pytest
 
 from signsplice.motion.face import Face
 from signsplice.motion.kinematics import forward
-from signsplice.synth import notation, planner, pose
-from signsplice.synth.gestures import Gesture
-from signsplice.synth.signer import JOINTS
-from signsplice.synth.tables import sections
-from signsplice.synth.written import faces
-from signsplice.synth.written.shoulders import with_shoulders
-from signsplice.synth.written.tree import Tier, WrittenSign
+from signsplice.signer import notation, planner, pose
+from signsplice.signer.gestures import Gesture
+from signsplice.signer.signer import JOINTS
+from signsplice.signer.tables import sections
+from signsplice.written import faces
+from signsplice.written.shoulders import with_shoulders
+from signsplice.written.tree import Tier, WrittenSign
 
 FPS, HANDS, FRAMES = 30.0, (30, 60), 90
 CODES = {
-    (table, code): words for table, rows in sections("faces").items() if table != "shapes" for code, *words in rows
+    (table, code): words
+    for table, rows in sections(faces.__file__, "faces").items()
+    if table != "shapes"
+    for code, *words in rows
 }
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import locations, planner, pose, twists
-from signsplice.synth.avoidance import between_hands
-from signsplice.synth.notation import parse
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import JOINTS, STANDARD
-from signsplice.synth.written import signing
+from signsplice.signer import locations, planner, pose, twists
+from signsplice.signer.avoidance import between_hands
+from signsplice.signer.notation import parse
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, STANDARD
+from signsplice.written import signing
 
 LOWERED = """LOWERED  hands=one kind=written
   X shape=pinch12open at=space:3.78,24.83,16.46 palm=in fingers=0,0.383,0.924

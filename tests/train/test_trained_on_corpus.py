@@ -18,8 +18,9 @@ from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.rig.canonical import canonical_motion
+from signsplice.signer import notation
 from signsplice.splicing.networks.bundle import read_config
-from signsplice.synth import notation, training_data
+from signsplice.synth import training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train import training
 from signsplice.train.cut_data import CutDataset

@@ -11,9 +11,10 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
-from signsplice.synth import notation, planner, truth
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
+from signsplice.synth import truth
 from signsplice.synth.corpus import VERSION, Pairs
-from signsplice.synth.phonology import Sign
 
 FILE = "margins.json"
 DIGITS = 4

@@ -105,7 +105,7 @@ def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> S
 
 def synthetic() -> StickFigure:
     """The synthetic signer's, which frames without a figure are of."""
-    from signsplice.synth.signer import skeleton
+    from signsplice.signer.signer import skeleton
 
     body = skeleton()
     still = np.zeros((1, len(body), 4))

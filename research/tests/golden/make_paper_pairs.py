@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))
 
 import reference  # noqa: E402
-from signsplice.synth import notation  # noqa: E402
+from signsplice.signer import notation  # noqa: E402
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs  # noqa: E402
 from signsplice_paper import clip_methods  # noqa: E402
 

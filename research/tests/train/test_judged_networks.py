@@ -11,9 +11,10 @@ import pytest
 
 pytest.importorskip("torch")
 
+from signsplice.signer import notation
 from signsplice.splicing.methods.choice import WEIGHTS
 from signsplice.splicing.networks import features
-from signsplice.synth import notation, training_data
+from signsplice.synth import training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train import training
 from signsplice_paper.bundles import read_all

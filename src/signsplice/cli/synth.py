@@ -16,8 +16,8 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import check_writable, replacing
 
 if TYPE_CHECKING:
-    from signsplice.synth.phonology import Sign
-    from signsplice.synth.planner import IsolatedWord
+    from signsplice.signer.phonology import Sign
+    from signsplice.signer.planner import IsolatedWord
 
 _SEED = preset("--seed", 0, "N", "Seed of signers, takes and random choices.")
 _FPS = preset("--fps", 30.0, "N", "Frame rate.")
@@ -51,7 +51,8 @@ def synth() -> None:
 )
 def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: float, **drawn: Any) -> None:
     """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
-    from signsplice.synth import checks, folders, notation
+    from signsplice.signer import checks, notation
+    from signsplice.synth import folders
     from signsplice.synth.corpus import Recipe
 
     check_apart(output, [drawn["signs"]])
@@ -83,7 +84,8 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
     FILE may be `-`: the words that ship.
     """
     from signsplice.evaluation import notation_pictures, sign_pictures
-    from signsplice.synth import checks, folders, inflection, notation, planner
+    from signsplice.signer import checks, inflection, notation, planner
+    from signsplice.synth import folders
 
     if folder is not None:
         if file is not None or output is not None:
@@ -128,13 +130,14 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
     GLOSS may be left out where FILE has one sign. No signer has checked such signs.
     """
     from signsplice import formats
-    from signsplice.synth import folders, notation, planner
-    from signsplice.synth.notation_text import notation_text
-    from signsplice.synth.written import signing
-    from signsplice.synth.written.compiler import compile_sign
+    from signsplice.signer import notation, planner
+    from signsplice.signer.notation_text import notation_text
+    from signsplice.synth import folders
+    from signsplice.written import signing
+    from signsplice.written.compiler import compile_sign
 
     if Path(file).suffix.lower() == ".signs":
-        from signsplice.synth import inflection
+        from signsplice.signer import inflection
 
         signs = notation.read(file)
         clip = planner.isolated(inflection.form(signs, gloss or _only(file, signs)), fps=_rate(fps)).clip
@@ -257,9 +260,9 @@ synth.add_command(moved("synth study", corpus, "evaluate corpus"))
 
 def _chosen(signs: str | None, words: int | None, pseudo: int, seed: int, least: int = 1) -> list[Sign]:
     """The signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
-    from signsplice.synth import notation
+    from signsplice.signer import notation
+    from signsplice.signer.rng import stream
     from signsplice.synth.pseudo import sign
-    from signsplice.synth.rng import stream
 
     if pseudo < 0 or (words is not None and words < 0):
         raise InputError(f"--words {words} --pseudo {pseudo}, expected numbers of at least 0")
@@ -276,7 +279,7 @@ def _chosen(signs: str | None, words: int | None, pseudo: int, seed: int, least:
 
 def _forms(path: str | None, glosses: tuple[str, ...], made: set[str]) -> list[Sign]:
     """The forms of a file's or the package's signs that are named, but for those that are made already."""
-    from signsplice.synth import inflection, notation
+    from signsplice.signer import inflection, notation
 
     known = (notation.everyday() if path is None else notation.read(path)) if glosses else {}
     forms = {form.gloss: form for form in (inflection.form(known, gloss) for gloss in glosses)}

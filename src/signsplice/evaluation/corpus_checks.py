@@ -15,11 +15,12 @@ from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.naming import SIDES
-from signsplice.synth import hand, planner, pose, running
+from signsplice.signer import hand, planner, pose
+from signsplice.signer.phonology import Sign
+from signsplice.signer.rng import stream
+from signsplice.signer.signer import JOINTS
+from signsplice.synth import running
 from signsplice.synth.corpus import VERSION, Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import JOINTS
 
 LIMIT_CM = 0.5
 """Greatest depth of a hand in head, trunk, the other arm or its hand that a pair may have."""

@@ -16,14 +16,15 @@ from signsplice.evaluation.tables import Progress, counted
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
+from signsplice.signer import planner, pose
+from signsplice.signer.phonology import Sign
+from signsplice.signer.rng import stream
+from signsplice.signer.timing import Events
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.cut import CUTTERS
 from signsplice.splicing.methods.transition import TRANSITIONS
-from signsplice.synth import planner, pose, truth
+from signsplice.synth import truth
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
-from signsplice.synth.timing import Events
 
 BY_WORD = "words known: the most frequent cut of each word"
 Rule = Callable[[int, int], tuple[int, int]]

@@ -22,10 +22,11 @@ from signsplice.formats.reading import read_bytes
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
 from signsplice.rig.info import rig_info
+from signsplice.signer import notation
+from signsplice.signer.phonology import Sign
 from signsplice.splicing.methods.cut import CUTTERS
-from signsplice.synth import notation, pseudo
+from signsplice.synth import pseudo
 from signsplice.synth.corpus import MADE_BY, VERSION, Pairs
-from signsplice.synth.phonology import Sign
 
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 _AGREES = HEAD[-1]

@@ -17,10 +17,11 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion.arrays import FloatArray
 from signsplice.render.picture import draw, draw_hand, make_scene
 from signsplice.render.sheet import Strip, write_cells, write_strips
-from signsplice.synth import notation, planner, pseudo
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.rng import stream
+from signsplice.synth import pseudo
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
 
 SHEET_WORDS = (
     *("HELLO", "I", "DEAF", "SIGN", "THANK-YOU", "NAME", "MY", "YOU", "SEE", "TOMORROW"),

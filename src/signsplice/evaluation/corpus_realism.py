@@ -17,10 +17,10 @@ from signsplice.evaluation.tables import Quantity, percentiles
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
+from signsplice.signer.phonology import Sign
+from signsplice.signer.rng import stream
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
 
 N_PAIRS = 1500
 """Pairs whose motion is measured, drawn once; durations are counted over all pairs."""

@@ -15,9 +15,9 @@ from signsplice.evaluation.tables import MEDIAN_WITHIN, TAILS_WITHIN, markdown, 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
+from signsplice.signer.phonology import Sign
+from signsplice.signer.rng import stream
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import Sign
-from signsplice.synth.rng import stream
 
 N_SHAPES = 60
 """Pairs whose shape of motion is measured."""

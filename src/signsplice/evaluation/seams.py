@@ -28,6 +28,11 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.rng import stream
+from signsplice.signer.signer import HANGING, RESTS, STANDARD, Signer
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.choice import choose
@@ -39,11 +44,6 @@ from signsplice.splicing.passes.free_hand import NATURAL
 from signsplice.splicing.passes.idle_hand import idle_hands
 from signsplice.splicing.seam import DEEP_M
 from signsplice.splicing.tempo import NATURAL as NATURAL_TEMPO
-from signsplice.synth import notation, planner
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import HANGING, RESTS, STANDARD, Signer
 
 FrameRange = tuple[int, int]
 

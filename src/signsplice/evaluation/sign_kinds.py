@@ -12,9 +12,10 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
-from signsplice.synth import notation, pseudo
+from signsplice.signer import notation
+from signsplice.signer.phonology import ON_BASE, Sign
+from signsplice.synth import pseudo
 from signsplice.synth.corpus import Pairs
-from signsplice.synth.phonology import ON_BASE, Sign
 
 N_PSEUDO = 300
 """Pseudo-signs that are counted: the first ones by seed."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from signsplice.render.picture import Image, dotted, draw, draw_hand, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.rig.naming import SIDES
-from signsplice.synth.planner import IsolatedWord
+from signsplice.signer.planner import IsolatedWord
 
 _MOST_COLUMNS = 10
 DOT = (204, 24, 84)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from signsplice.signer.planner import IsolatedWord
 from signsplice.splicing.engine import Span
-from signsplice.synth.planner import IsolatedWord
 
 
 def stroke(word: IsolatedWord) -> tuple[int, int]:

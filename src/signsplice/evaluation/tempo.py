@@ -17,15 +17,15 @@ from signsplice.evaluation.strokes import keeps_stroke, output_frame, stroke
 from signsplice.evaluation.tables import Progress, counted, markdown_columns, percent, shown
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.rng import stream
+from signsplice.signer.signer import STANDARD, Signer, draw_signer
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S
 from signsplice.splicing.words.pace import contact_frames
-from signsplice.synth import notation, planner
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
 LENGTH = 7
 """Signs of a sentence; the first and the last are not measured, since rest is part of them."""

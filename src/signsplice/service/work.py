@@ -30,7 +30,7 @@ from signsplice.splicing.forms import open_lexicon
 from signsplice.splicing.methods import choice as methods
 from signsplice.splicing.onto_avatar import onto_avatar
 from signsplice.splicing.report import plain
-from signsplice.synth.written.files import SUFFIXES as WRITTEN_SUFFIXES
+from signsplice.written.files import SUFFIXES as WRITTEN_SUFFIXES
 
 _MOST_WRITTEN_BYTES = 256 << 10
 """Size of a file of written signs, each of which takes some 50 ms to sign."""
@@ -166,7 +166,7 @@ def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
     if Path(name).suffix.lower() not in WRITTEN_SUFFIXES:
         yield parse_file(content, name, _worker.settings.read_limits)
         return
-    from signsplice.synth.written import signing
+    from signsplice.written import signing
 
     if len(content) > _MOST_WRITTEN_BYTES:
         raise InputError(f"{name}: {len(content):,} bytes, expected at most {_MOST_WRITTEN_BYTES:,} of written signs")

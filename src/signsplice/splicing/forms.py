@@ -21,7 +21,7 @@ from signsplice.lexicon.reader import SHIPPED, Lexicon, shipped
 from signsplice.motion.clip import Clip, unchecked_copy
 
 if TYPE_CHECKING:
-    from signsplice.synth.phonology import Sign
+    from signsplice.signer.phonology import Sign
 
 DEFAULT = "default"
 """The name by which the words that ship are opened."""
@@ -30,7 +30,7 @@ _N_KEPT = 64
 
 
 class WordsWithForms(Lexicon):
-    """The lexicon that ships, which also has every form of its signs that ``synth.inflection`` can make: in ``in``,
+    """The lexicon that ships, which also has every form of its signs that ``signer.inflection`` can make: in ``in``,
     ``entry`` and ``clip``, and in no list.
     """
 
@@ -54,7 +54,7 @@ class WordsWithForms(Lexicon):
     @cached_property
     def _signs(self) -> dict[str, Sign]:
         """The signs of the words that ship, by gloss and synonym."""
-        from signsplice.synth import notation
+        from signsplice.signer import notation
 
         return {name: sign for sign in notation.everyday().values() for name in (*sign.synonyms, sign.gloss)}
 
@@ -62,7 +62,7 @@ class WordsWithForms(Lexicon):
         """The form that a gloss names, None where there is none."""
         if "-" not in gloss:
             return None
-        from signsplice.synth import inflection
+        from signsplice.signer import inflection
 
         with suppress(InputError):
             return inflection.form(self._signs, gloss.upper())
@@ -70,7 +70,7 @@ class WordsWithForms(Lexicon):
 
     def _sign(self, form: Sign) -> tuple[Entry, Clip]:
         """The entry and the clip of a form."""
-        from signsplice.synth import planner
+        from signsplice.signer import planner
 
         word = planner.isolated(form)
         clip = unchecked_copy(word.clip, skeleton=super().clip(self.glosses[0]).skeleton)

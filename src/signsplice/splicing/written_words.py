@@ -26,12 +26,12 @@ from signsplice.lexicon.reader import SHIPPED, Lexicon, shipped
 from signsplice.motion.clip import Clip
 from signsplice.progress import Progress
 from signsplice.splicing.forms import WordsWithForms, lexicon_folder, open_lexicon
-from signsplice.synth.written import files, signing
-from signsplice.synth.written.files import SUFFIXES
+from signsplice.written import files, signing
+from signsplice.written.files import SUFFIXES
 
 if TYPE_CHECKING:
-    from signsplice.synth.phonology import Sign
-    from signsplice.synth.written.tree import WrittenSign
+    from signsplice.signer.phonology import Sign
+    from signsplice.written.tree import WrittenSign
 
 _SIGNS_A_PROCESS = 40
 """A process takes as long to start as so many signs to sign."""

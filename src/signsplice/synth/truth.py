@@ -20,11 +20,11 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk_by_powers
-from signsplice.synth import elbows, pose, thumbs, trajectory
-from signsplice.synth.avoidance import clear_collisions, penetration
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.timing import slowed
+from signsplice.signer import elbows, pose, thumbs, trajectory
+from signsplice.signer.avoidance import clear_collisions, penetration
+from signsplice.signer.manner import PLAIN
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.timing import slowed
 
 KINDS = {
     "partner": "where a word is left and entered depends on the other word too",

@@ -22,9 +22,9 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.rig.canonical_map import ROLES
+from signsplice.signer.rng import stream
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
-from signsplice.synth.rng import stream
 from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 
 Int = NDArray[np.int64]

@@ -27,10 +27,10 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig.canonical import FEATURE_FPS, canonical_motion
 from signsplice.rig.canonical_map import MIRROR, ROLES
 from signsplice.rig.naming import SIDES
+from signsplice.signer.rng import stream
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import gap_features
-from signsplice.synth.rng import stream
 from signsplice.train import augmentation
 from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 

@@ -27,14 +27,14 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import ARM
 from signsplice.rig.info import rig_info
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.choice import WEIGHTS
 from signsplice.splicing.methods.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks.sessions import Array, Sessions
 from signsplice.splicing.networks.word_reader import REST_FRAMES, WordReader
-from signsplice.synth import planner
-from signsplice.synth.signer import RESTS, STANDARD
 
 TINY = GOLDEN / "tiny_bundle"
 SESSIONS = open_sessions(TINY)

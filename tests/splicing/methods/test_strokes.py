@@ -12,10 +12,10 @@ from signing import SIGNS, sign, word
 from signsplice.evaluation.strokes import keeps_stroke, stroke
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.methods.choice import open_learned
-from signsplice.synth import planner
-from signsplice.synth.signer import RESTS, STANDARD
 
 CUTTER = open_learned().cutters["learned"]
 

@@ -24,6 +24,8 @@ from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import reference
 from signsplice.rig.canonical_map import TRUNK
 from signsplice.rig.info import rig_info
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing import stages
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.gap import Cut
@@ -31,8 +33,6 @@ from signsplice.splicing.passes.collision_avoidance import TOLERANCE_M
 from signsplice.splicing.passes.free_hand import FASTEST_M_S, NATURAL, FreeHands
 from signsplice.splicing.passes.idle_hand import idle_hands, is_approached
 from signsplice.splicing.sentence import SentenceBuilder
-from signsplice.synth import planner
-from signsplice.synth.signer import RESTS, STANDARD
 
 LINES = ("HORSE TEACH I", "BOOK I HELP YOU", "CRY COLOR HOUSE TOMORROW", "RAIN SEE HAT LANGUAGE")
 LEFT, RIGHT = 0, 1

@@ -20,13 +20,13 @@ from signsplice.motion.clip import Clip, bone_translations
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
 from signsplice.rig.placement import ORIGIN, Placement
+from signsplice.signer.signer import STATURE_CM, skeleton, stature
 from signsplice.splicing.gap import Cut, Gap
 from signsplice.splicing.methods.cut import PairCutter
 from signsplice.splicing.methods.transition import GapTransition
 from signsplice.splicing.networks.bundle import bundle_sha256
 from signsplice.splicing.whole_system import SystemSplice, WholeSystem, is_near
 from signsplice.synth.corpus import EXTENT
-from signsplice.synth.signer import STATURE_CM, skeleton, stature
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_paper.systems.splicers import PaperSystem, TwoNetworkSystem

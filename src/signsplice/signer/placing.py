@@ -1,0 +1,276 @@
+"""Hands of written signs brought to their written places in the motion, on the body as it moves.
+
+What a word goes through (limits of the wrist, elbows that move steadily, head and trunk, hands that keep apart) leaves
+a hand, or a finger that touches, up to some centimetres from where its posture is written. Wrists are moved by what is
+missing at each posture, spread in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from signsplice.motion import rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.curves import minimum_jerk
+from signsplice.motion.kinematics import rest_positions
+from signsplice.signer import elbows, hand, pose
+from signsplice.signer.avoidance import clear_collisions
+from signsplice.signer.contact import PosedSigner, posed_figure
+from signsplice.signer.figure import Figure
+from signsplice.signer.hand_parts import hand_part
+from signsplice.signer.locations import MIRROR, WeakArm, axes, facing, locate, on_joint, on_weak_arm
+from signsplice.signer.low_pass import bump
+from signsplice.signer.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_base
+from signsplice.signer.reaching import NEAREST_CM
+from signsplice.signer.segment_plan import LANDING_S, TimedSegment
+from signsplice.signer.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
+
+_ROUNDS, _BETTER = 3, 0.85
+"""How often hands are moved at most, and to what part of it what is missing shrinks where they are moved again."""
+RADIUS_S = 0.3
+"""How far from a posture in time a correction reaches."""
+_LEFT_CM = 0.2
+"""How far from its place a hand that touches nothing may stay."""
+LEFT_ALONE = ON_ARM | {REST}
+"""Locations where hands are left alone: a forearm that crosses the other arm would be pushed about."""
+_MOST_CM = 8.0
+"""How far a hand is moved at most."""
+_MOST_PUSH_CM = 8.0
+"""How far a hand is pushed out of the body at most."""
+_BEHIND_CM = 12.0
+"""From how far behind the shoulder on wrists stay."""
+_BEFORE = np.array([-0.35, 0.0, 0.9367])
+"""Where it is else moved."""
+_SIDES = ("Right", "Left")
+
+
+def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float) -> FloatArray:
+    """States (T, 65) of a whole word with hands at their places at the end of each of its segments; ``figure``: of
+    these states but for their arms.
+    """
+    signer = figure.signer
+    wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in LEFT_ALONE)
+    moves = np.zeros((len(states), 2, 3))
+    if not wanted:
+        return states
+    frames = sorted({one.first for one in wanted})
+    rows = {frame: row for row, frame in enumerate(frames)}
+    fingers = pose.hands(states)[[one.first for one in wanted], [one.which for one in wanted], pose.FINGERS]
+    centres = [
+        hand_part(one.posture.part).centre(points) * signer.hands * signer.scale
+        for one, points in zip(wanted, hand.points(fingers), strict=True)
+    ]
+    quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
+    least, best = np.inf, moves
+    for n in range(_ROUNDS + 1):
+        posed = posed_figure(
+            figure, moved(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
+        )
+        missing = [
+            _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
+            for one, centre in zip(wanted, centres, strict=True)
+        ]
+        left = sum(float(np.linalg.norm(miss)) for miss in missing)
+        if left >= _BETTER * least:
+            break
+        least, best = left, moves
+        if n == _ROUNDS or left == 0.0:
+            break
+        step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
+        if sign.hands == "base":  # a hand at the other one goes where that one goes
+            missing = [
+                miss + MIRROR * step[one.first, 1] if not one.which and on_base(one.posture.location) else miss
+                for one, miss in zip(wanted, missing, strict=True)
+            ]
+            step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
+        moves = limited(moves + step, _MOST_CM)
+    return moved(states, quats, steady, best, signer)
+
+
+def moved(states: FloatArray, quats: FloatArray, steady: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3), and elbows in the directions
+    ``steady`` (T, 2, 3).
+    """
+    if not moves.any():
+        return states
+    made = states.copy()
+    wrists = reachable(pose.hands(states)[..., pose.WRIST] + moves, signer)
+    pose.hands(made)[..., pose.WRIST] = wrists
+    arm = pose.solve_arm(wrists, signer)
+    turned = rotation.multiply(rotation.inverse(arm.fore), quats)
+    return elbows.turned(made, arm, turned, elbows.swivels_to(arm, steady), signer)
+
+
+def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with wrists (T, 2, 3) and rotations of the hands (T, 2, 4)."""
+    moved = states.copy()
+    both = pose.hands(moved)
+    both[..., pose.WRIST] = wrists
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(wrists, quats, signer)
+    return moved
+
+
+def facing_as_written(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """Rotations (T, 2, 4) of the hands of states (T, 65), in the chest's axes, turned so that they are as written in
+    each posture: near its shoulder a hand that is moved a little turns far with its forearm.
+    """
+    quats = pose.hand_rotations(states, signer)
+    wanted, still = stays(segments, sign, fps, lambda posture: posture.location != REST)
+    if not wanted:
+        return quats
+    turns = [
+        rotation.log(
+            rotation.multiply(
+                facing(one.posture.palm, one.posture.fingers), rotation.inverse(quats[one.first, one.which])
+            )
+        )
+        for one in wanted
+    ]
+    return rotation.multiply(rotation.exp(spread(wanted, turns, still, len(states), RADIUS_S * fps)), quats)
+
+
+def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
+    signer = replace(signer, left_handed=False)
+    wrists = reachable(pose.hands(states)[..., pose.WRIST], signer)
+    return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
+
+
+def cleared(states: FloatArray, figure: Figure, sign: Sign) -> FloatArray:
+    """States (T, 65), those of a figure but for their arms, without collisions, hands pushed no farther than is of use:
+    what an arm cannot reach is not clear anywhere.
+    """
+    free = clear_collisions(states, figure.signer, figure=figure, mirrored=sign.hands == "symmetric").copy()
+    wrists = pose.hands(states)[..., pose.WRIST]
+    moves = limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
+    pose.hands(free)[..., pose.WRIST] = reachable(wrists + moves, figure.signer)
+    return free
+
+
+def reachable(wrists: FloatArray, signer: Signer) -> FloatArray:
+    """Wrists (T, 2, 3) moved before the shoulder where they are so near to it that no elbow bends so far; far behind it
+    they stay.
+    """
+    away = wrists / signer.scale - (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0])
+    along = away @ _BEFORE
+    beside = np.square(away).sum(axis=-1) - np.square(along)
+    push = np.maximum(np.sqrt(np.maximum(NEAREST_CM**2 - beside, 0.0)) - along, 0.0)
+    push = push * pose.smooth_step((along + _BEHIND_CM) / 8.0)
+    return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
+
+
+def limited(vectors: FloatArray, most: float) -> FloatArray:
+    """Vectors (..., 3) of a length of at most ``most``."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors * np.minimum(1.0, most / np.maximum(length, 1e-9)))
+
+
+@dataclass(frozen=True)
+class Stay:
+    """A posture of the strong (0) or the weak hand (1) that is kept from a ``first`` frame to a ``last`` one."""
+
+    first: int
+    last: int
+    which: int
+    posture: Posture
+
+
+def stays(
+    segments: Sequence[TimedSegment], sign: Sign, fps: float, changes: Callable[[Posture], bool]
+) -> tuple[list[Stay], list[Stay]]:
+    """Where hands are at the end of each segment, at both ends of each time that a movement is made, and in holds: the
+    postures that ``changes`` holds for, and the others.
+    """
+    mirrored = sign.hands == "symmetric"
+    found: list[Stay] = []
+    for which in (0, 1):
+        for before, one in zip((None, *segments), segments, strict=False):
+            posture = one.segment.strong if mirrored or not which else one.segment.weak
+            if posture is None:
+                continue
+            if one.segment.kind == "H" and found and found[-1].which == which and found[-1].posture == posture:
+                lands = before is not None and before.segment.kind == "M" and not posture.touch
+                landed = round(LANDING_S * fps) if lands else 0
+                first = min(found[-1].first + landed, one.end)
+                found[-1] = replace(found[-1], first=first, last=one.end)
+                continue
+            start = found[-1].posture if found and found[-1].which == which else None
+            passes = one.passes if one.segment.times > 1 else ((one.begin, one.end),)
+            for n, (begin, stop) in enumerate(passes):
+                if n and start is not None:  # it goes back to where it began
+                    found.append(Stay(begin, begin, which, start))
+                found.append(Stay(stop, stop, which, posture))
+    return [one for one in found if changes(one.posture)], [one for one in found if not changes(one.posture)]
+
+
+def spread(
+    wanted: Sequence[Stay], missing: Sequence[FloatArray], still: Sequence[Stay], n_frames: int, radius: float
+) -> FloatArray:
+    """Displacements (T, 2, C) that are what is ``missing`` (C,) where hands are ``wanted``, 0 where they are ``still``,
+    go from one to the next between them, and fade within ``radius`` frames before the first and after the last.
+    """
+    size = len(missing[0])
+    moves = np.zeros((n_frames, 2, size))
+    radius, times = max(3.0, radius), np.arange(n_frames)
+    values = [*zip(wanted, missing, strict=True), *((one, np.zeros(size)) for one in still)]
+    for which in (0, 1):
+        found = {frame: miss for one, miss in values if one.which == which for frame in (one.first, one.last)}
+        if found:
+            frames = np.array(sorted(found), np.intp)
+            at = np.array([found[int(frame)] for frame in frames])
+            u = np.interp(times, frames, np.arange(len(frames)))
+            k = u.astype(np.intp)
+            between = at[k] + minimum_jerk(u - k)[:, None] * (at[np.minimum(k + 1, len(at) - 1)] - at[k])
+            moves[:, which] = between * bump(times, np.clip(times, frames[0], frames[-1])[:, None], radius)
+    return moves
+
+
+def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray) -> FloatArray:
+    """What moves the part of a hand from where it is to where a posture puts it, (3,), cm, in the chest's axes,
+    mirrored for the weak hand as its state is. part: where it is in the hand's axes.
+    """
+    chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
+    joint, mirror = JOINTS[f"{_SIDES[which]}Hand"], MIRROR if which else np.ones(3)
+    here = posed.positions[frame, joint] + posed.rotations[frame, joint] @ (part * mirror)
+    missing = goal(posed, frame, which, posture, sign) - mirror * ((here - origin) @ chest)
+    length = float(np.linalg.norm(missing))
+    stays = 0.05 if posture.touch else _LEFT_CM * posed.signer.scale
+    return np.asarray(missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9))
+
+
+def goal(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> FloatArray:
+    """Where a posture puts the part of a hand, (3,), cm, in the chest's axes of a body as it is then, mirrored for the
+    weak hand as its state is.
+    """
+    signer, state = posed.signer, posed.states[frame]
+    chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
+    site, unit = hand_part(posture.part), signer.hands * signer.scale
+    mirror = MIRROR if which else np.ones(3)
+    weak = WeakArm(signer, state[27:54])
+    if on_arm(posture.location):
+        left = [JOINTS[name] for name in ("LeftArm", "LeftForeArm", "LeftHand")]
+        shoulder, elbow, wrist = (posed.positions[frame, left] - origin) @ chest * MIRROR
+        turned = chest.T @ posed.rotations[frame, left[2]]
+        quat = rotation.from_matrix(MIRROR[:, None] * turned * MIRROR)
+        found = on_weak_arm(posture.location, weak, shoulder, elbow, wrist, quat)
+    else:
+        found = locate(posture.location, weak)
+    point, normal = found.point, found.normal
+    if normal.any() and not on_arm(posture.location):  # the body as it is now
+        carrier = JOINTS[on_joint(posture.location, which)]
+        rest = rest_positions(skeleton(signer))
+        turn = chest.T @ posed.rotations[frame, carrier]
+        place = chest.T @ (posed.positions[frame, carrier] - origin)
+        point = mirror * (place + turn @ (mirror * point + rest[JOINTS["Spine2"]] - rest[carrier]))
+        normal = mirror * (turn @ (mirror * normal))
+    wanted = point + axes(posture.shift) * signer.scale
+    if normal.any():
+        wanted = wanted + (site.skin * unit + posture.off * signer.scale) * normal
+    elif sign.hands == "symmetric" and found.point[0] == 0.0:
+        wanted = wanted + axes((site.skin * unit + posture.off * signer.scale, 0.0, 0.0))
+    return np.asarray(wanted)
