@@ -18,8 +18,7 @@ from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import resting
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import RESTS, Signer
+from signsplice.signer.signer import RESTS, Signer, stream
 from signsplice.signer.trajectory import travel_seconds
 
 FPS = 30.0

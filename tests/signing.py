@@ -11,10 +11,9 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.signer import notation, planner
-from signsplice.signer.manner import PLAIN, Manner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import JOINTS, STANDARD, Signer, draw_signer
+from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, Manner, Signer, draw_signer
 
 MIRRORED = np.array([1.0, -1.0, -1.0, 1.0])
 """Factors of a quaternion seen in the mirror x -> -x."""

@@ -11,7 +11,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.signer import notation
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth import truth
 from signsplice_paper import margins, mean_transition, pair_samples, protocol
 from signsplice_paper.extra_metrics import stretched

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.signer import notation, planner
-from signsplice.signer.manner import PLAIN
-from signsplice.signer.signer import Signer, draw_signer
+from signsplice.signer.signer import PLAIN, Signer, draw_signer
 
 HERE = Path(__file__).parent
 SEED = 3

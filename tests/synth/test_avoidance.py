@@ -12,11 +12,10 @@ from signsplice.body import capsules, collision
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.signer import planner, pose
-from signsplice.signer.avoidance import TOLERANCE_CM, clear_collisions, penetration
+from signsplice.signer.collisions import TOLERANCE_CM, clear_collisions, penetration
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.phonology import Posture, Segment, Sign
-from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.segment_plan import touches
+from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import JOINTS, RESTS, STANDARD, draw_signer
 
 STRONG, WEAK = 1, 0

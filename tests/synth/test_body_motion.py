@@ -14,10 +14,9 @@ from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import planner, pose
-from signsplice.signer.avoidance import penetration
-from signsplice.signer.manner import PLAIN, USUAL, Manner
+from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import JOINTS, STANDARD, Signer
+from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, USUAL, Manner, Signer
 from signsplice.synth import truth
 
 TURNING = Manner(body_motion=1.0)

@@ -11,10 +11,9 @@ import pytest
 from signing import made, sign
 from signsplice.errors import FormatError
 from signsplice.signer import checks, notation, planner
-from signsplice.signer.avoidance import hand_clearances
-from signsplice.signer.manner import PLAIN
+from signsplice.signer.collisions import hand_clearances
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import STANDARD, Signer, draw_signer
+from signsplice.signer.signer import PLAIN, STANDARD, Signer, draw_signer
 
 CHEST = "X  shape=B-open at=chest palm=back fingers=in"
 

@@ -7,10 +7,9 @@ import pytest
 from signing import made, word
 from signsplice.evaluation.corpus_checks import skin_distance
 from signsplice.rig.naming import SIDES
-from signsplice.signer.avoidance import TOUCH_CM, skin_clearances, touching_sides
+from signsplice.signer.collisions import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.signer.phonology import Sign
-from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.segment_plan import touches
+from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import STANDARD, draw_signer
 
 LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)

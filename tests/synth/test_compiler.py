@@ -11,14 +11,13 @@ import pytest
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.signer import hand, locations, notation, planner, pose
-from signsplice.signer.avoidance import between_hands, hand_clearances
-from signsplice.signer.composed import BASES, THUMBS, handshape, is_handshape
-from signsplice.signer.hand_parts import hand_part, is_part
+from signsplice.signer.collisions import between_hands, hand_clearances
+from signsplice.signer.hand import hand_part, is_part
+from signsplice.signer.handshapes import BASES, THUMBS, handshape, is_handshape, thumb_depth
 from signsplice.signer.locations import WeakArm, axes
-from signsplice.signer.notation_text import notation_text
+from signsplice.signer.notation import notation_text
 from signsplice.signer.phonology import Sign, is_location
 from signsplice.signer.signer import JOINTS, STANDARD
-from signsplice.signer.thumbs import thumb_depth
 from signsplice.written import compile_sign, signing
 from signsplice.written.directions import direction, facing, oriented
 from signsplice.written.tree import Motion, Pair, Place, Site, WrittenManner, WrittenPosture, WrittenShape, WrittenSign

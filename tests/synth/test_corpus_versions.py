@@ -13,7 +13,7 @@ from conftest import GOLDEN
 from signing import sign
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty
-from signsplice.signer.manner import PLAIN
+from signsplice.signer.signer import PLAIN
 from signsplice.synth import training_data
 from signsplice.synth.corpus import VERSION, Pairs, Recipe, write_pairs
 

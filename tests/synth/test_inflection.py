@@ -9,7 +9,7 @@ from signing import SIGNS, made, sign, signer_of
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import inflection, notation, planner, pose
-from signsplice.signer.avoidance import penetration
+from signsplice.signer.collisions import penetration
 from signsplice.signer.inflection import agree, form, inflect
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD

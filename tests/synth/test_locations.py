@@ -14,7 +14,7 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.signer import hand, locations, pose
-from signsplice.signer.hand_parts import HandPart, hand_part
+from signsplice.signer.hand import HandPart, hand_part
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import WeakArm, resting
 from signsplice.signer.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector

@@ -11,9 +11,7 @@ import pytest
 
 from signing import SIGNS, signer_of
 from signsplice.signer import planner
-from signsplice.signer.manner import PLAIN, TRAITS, USUAL, Manner, only
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import draw_signer
+from signsplice.signer.signer import PLAIN, TRAITS, USUAL, Manner, draw_signer, only, stream
 
 WORDS = ("MOTHER", "MORE", "LEARN", "UNDERSTAND", "NAME", "HELLO")
 

@@ -16,9 +16,8 @@ from signing import seen_from_chest, sign
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import hand, planner, pose
 from signsplice.signer.locations import body_locations
-from signsplice.signer.manner import PLAIN
-from signsplice.signer.segment_plan import FPS
-from signsplice.signer.signer import STANDARD
+from signsplice.signer.planner import FPS
+from signsplice.signer.signer import PLAIN, STANDARD
 from signsplice.signer.timing import Events
 
 SIGNER = replace(STANDARD, manner=PLAIN)

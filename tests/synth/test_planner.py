@@ -13,9 +13,8 @@ from signsplice.motion import kinematics
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import planner, pose
 from signsplice.signer.handshapes import HANDSHAPES
-from signsplice.signer.manner import PLAIN
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import JOINTS, STANDARD, draw_signer
+from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, draw_signer
 
 ONE = ("MOTHER", "HELLO", "YES", "NO", "PLEASE", "YOU")
 KINDS = (*ONE, "BOOK", "HOUSE", "SIGN", "CAR", "LEARN", "NAME", "TREE")

@@ -9,11 +9,10 @@ import pytest
 
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.signer import locations, phonology, planner, pose
-from signsplice.signer.avoidance import penetration
+from signsplice.signer.collisions import penetration
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import Posture, Sign
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import STANDARD, draw_signer
+from signsplice.signer.signer import STANDARD, draw_signer, stream
 from signsplice.synth import pseudo, truth
 
 

@@ -10,7 +10,7 @@ import pytest
 from signing import made
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import pose
-from signsplice.signer.avoidance import penetration
+from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD
 

@@ -13,14 +13,11 @@ from signing import SIGNS, sign, signer_of, word, wrists
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import notation, planner, pose, timing, trajectory
-from signsplice.signer.avoidance import penetration
-from signsplice.signer.low_pass import low_passed
-from signsplice.signer.manner import PLAIN, Manner
-from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.segment_plan import SegmentPlan
-from signsplice.signer.signer import STANDARD, draw_signer
+from signsplice.signer.collisions import penetration
+from signsplice.signer.planner import IsolatedWord, SegmentPlan
+from signsplice.signer.signer import PLAIN, STANDARD, Manner, draw_signer
 from signsplice.signer.timing import Events
-from signsplice.signer.trajectory import Knot
+from signsplice.signer.trajectory import Knot, low_passed
 from signsplice.synth import pseudo, running, truth
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))

@@ -7,15 +7,14 @@ import pytest
 
 from signsplice.motion import rotation
 from signsplice.signer import hand, pose
-from signsplice.signer.comfort import YIELDS, eased
-from signsplice.signer.composed import handshape
-from signsplice.signer.contact import posed_signer, surface
-from signsplice.signer.hand_parts import hand_part
+from signsplice.signer.arms import YIELDS, ease_wrists
+from signsplice.signer.figure import posed_signer, surface
+from signsplice.signer.hand import hand_part
+from signsplice.signer.handshapes import handshape, thumb_depth
+from signsplice.signer.location_targets import posture_holds
 from signsplice.signer.locations import facing, resting
-from signsplice.signer.placing import stays
 from signsplice.signer.planner import isolated
 from signsplice.signer.signer import STANDARD
-from signsplice.signer.thumbs import thumb_depth
 from signsplice.written import compile_sign
 from signsplice.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
 
@@ -35,7 +34,7 @@ def test_the_written_part_touches_in_the_written_directions(
     motions = (Motion("straight", ("o",), size="small"),)
     word = isolated(compile_sign(WrittenSign("TRIED", "one", posture=start, motions=motions)))
     posed = posed_signer(word.states, STANDARD)
-    wanted, _ = stays(word.segments, word.sign, 30.0, lambda posture: posture.touch)
+    wanted, _ = posture_holds(word.segments, word.sign, 30.0, lambda posture: posture.touch)
     touches = [(stay.first, stay.posture) for stay in wanted if not stay.which]
     assert touches
     for frame, one in touches:
@@ -53,7 +52,9 @@ def test_a_hand_yields_only_where_its_wrist_is_not_easy_and_never_far() -> None:
     fore = pose.solve_arm(states[:, :3], STANDARD).fore
     written = usual.copy()
     written[:, 0] = rotation.multiply(fore, rotation.exp(bends[:, None] * [0.0, 0.0, 1.0]))
-    yielded = rotation.angle_between(pose.hand_rotations(eased(states, written, STANDARD), STANDARD), written)[:, 0]
+    yielded = rotation.angle_between(pose.hand_rotations(ease_wrists(states, written, STANDARD), STANDARD), written)[
+        :, 0
+    ]
     assert yielded.max() <= YIELDS + 1e-6
     assert yielded[[4, 5, 6, 7, 8]].max() < np.deg2rad(1.0)
     assert yielded[[0, 12]].min() > np.deg2rad(2.0)

@@ -14,10 +14,8 @@ from signsplice.motion import rotation
 from signsplice.rig.canonical import canonical_motion
 from signsplice.rig.canonical_map import LEFT, ROLES, TIPS
 from signsplice.signer import planner
-from signsplice.signer.manner import TRAITS
 from signsplice.signer.phonology import Sign
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import RESTS, draw_signer
+from signsplice.signer.signer import RESTS, TRAITS, draw_signer, stream
 from signsplice.synth import pseudo, training_data, truth
 from signsplice.synth.training_data import TrainingDataPlan
 

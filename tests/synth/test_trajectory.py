@@ -9,13 +9,12 @@ import pytest
 
 from signing import signer_of, word
 from signsplice.motion.arrays import FloatArray
-from signsplice.signer import hand, manner, planner, pose, trajectory
+from signsplice.signer import hand, planner, pose, trajectory
 from signsplice.signer.handshapes import HANDSHAPES
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import STANDARD, Signer
+from signsplice.signer.signer import STANDARD, Manner, Signer, stream
 from signsplice.signer.trajectory import Knot
 
-PLAIN = replace(STANDARD, arch=0.0, manner=manner.PLAIN)
+PLAIN = replace(STANDARD, arch=0.0, manner=Manner())
 
 
 def state(seed: int, spread: float = 5.0) -> FloatArray:

@@ -13,7 +13,7 @@ from signing import seen_from_chest, word, wrists
 from signsplice.errors import InputError
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.signer import pose, trajectory
-from signsplice.signer.avoidance import penetration
+from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD
 from signsplice.signer.timing import Events

@@ -10,7 +10,7 @@ import pytest
 from signsplice.motion.face import Face
 from signsplice.motion.kinematics import forward
 from signsplice.signer import notation, planner, pose
-from signsplice.signer.gestures import Gesture
+from signsplice.signer.phonology import Gesture
 from signsplice.signer.signer import JOINTS
 from signsplice.signer.tables import sections
 from signsplice.written import faces

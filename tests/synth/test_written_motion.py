@@ -9,8 +9,8 @@ import pytest
 
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.signer import locations, planner, pose, twists
-from signsplice.signer.avoidance import between_hands
+from signsplice.signer import arms, locations, planner, pose
+from signsplice.signer.collisions import between_hands
 from signsplice.signer.notation import parse
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, STANDARD
@@ -153,7 +153,7 @@ def test_a_hand_that_has_come_stays_while_wrists_move() -> None:
 
 def test_arms_that_turn_over_nowhere_are_left_alone() -> None:
     states = made(LOWERED).states
-    assert twists.steadied(states, STANDARD, 30.0) is states
+    assert arms.limit_forearm_speed(states, STANDARD, 30.0) is states
 
 
 CIRCLES = """CIRCLES  hands=one kind=written

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.motion.arrays import FloatArray
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth.corpus import Pairs
 from signsplice_paper.protocol import Answer, Protocol
 from signsplice_paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic

@@ -23,7 +23,7 @@ from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
 from signsplice.rig.placement import ORIGIN, place
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth.pairs import EXTENT
 
 Progress = Callable[[int, int], None]

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from itertools import pairwise
 
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth.corpus import Pairs
 
 N_TAUGHT = 500

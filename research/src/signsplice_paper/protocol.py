@@ -15,7 +15,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth.corpus import Pairs
 from signsplice_paper import extra_metrics, metrics, viewed
 from signsplice_paper.prediction import Prediction, System

@@ -131,7 +131,7 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
     """
     from signsplice import formats
     from signsplice.signer import notation, planner
-    from signsplice.signer.notation_text import notation_text
+    from signsplice.signer.notation import notation_text
     from signsplice.synth import folders
     from signsplice.written import signing
     from signsplice.written.compiler import compile_sign
@@ -261,7 +261,7 @@ synth.add_command(moved("synth study", corpus, "evaluate corpus"))
 def _chosen(signs: str | None, words: int | None, pseudo: int, seed: int, least: int = 1) -> list[Sign]:
     """The signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
     from signsplice.signer import notation
-    from signsplice.signer.rng import stream
+    from signsplice.signer.signer import stream
     from signsplice.synth.pseudo import sign
 
     if pseudo < 0 or (words is not None and words < 0):

@@ -29,7 +29,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip, Skeleton
 from signsplice.rig.align import Reference, copy_rotations
 from signsplice.rig.placement import placement
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 
 ROTATIONS, FITTED = "rotations", "fitted"
 _TIMED_FRAMES = 150

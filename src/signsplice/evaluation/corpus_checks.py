@@ -17,8 +17,7 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.naming import SIDES
 from signsplice.signer import hand, planner, pose
 from signsplice.signer.phonology import Sign
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import JOINTS
+from signsplice.signer.signer import JOINTS, stream
 from signsplice.synth import running
 from signsplice.synth.corpus import VERSION, Pairs
 

@@ -18,7 +18,7 @@ from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
 from signsplice.signer import planner, pose
 from signsplice.signer.phonology import Sign
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.signer.timing import Events
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.cut import CUTTERS

@@ -19,7 +19,7 @@ from signsplice.render.picture import draw, draw_hand, make_scene
 from signsplice.render.sheet import Strip, write_cells, write_strips
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth import pseudo
 from signsplice.synth.corpus import Pairs
 

@@ -18,7 +18,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.signer.phonology import Sign
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.synth.corpus import Pairs
 

@@ -12,12 +12,11 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.render.picture import Image, Scene, around_hand, dotted, draw, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.signer import locations, notation, planner, pose
-from signsplice.signer.hand_parts import PARTS_OF_HAND
+from signsplice.signer.hand import PARTS_OF_HAND
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import ON_HEAD, WeakArm
-from signsplice.signer.manner import PLAIN
 from signsplice.signer.phonology import HEAD, IN_SPACE, LOCALS, LOCATIONS, ON_ARM, ON_BASE, TRUNK, Posture, Sign, Vector
-from signsplice.signer.signer import JOINTS, STANDARD
+from signsplice.signer.signer import JOINTS, PLAIN, STANDARD
 from signsplice.signer.tables import FOLDER
 
 _SIGNER = replace(STANDARD, manner=PLAIN)

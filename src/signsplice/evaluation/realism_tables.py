@@ -16,7 +16,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.signer.phonology import Sign
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth.corpus import Pairs
 
 N_SHAPES = 60

@@ -31,8 +31,7 @@ from signsplice.rig.info import rig_info
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import HANGING, RESTS, STANDARD, Signer
+from signsplice.signer.signer import HANGING, RESTS, STANDARD, Signer, stream
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.choice import choose

@@ -20,8 +20,7 @@ from signsplice.motion.clip import Clip
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import STANDARD, Signer, draw_signer
+from signsplice.signer.signer import STANDARD, Signer, draw_signer, stream
 from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import CITATION, NATURAL, RUNNING_S

@@ -11,7 +11,7 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, pose
-from signsplice.signer.contact import PosedSigner, posed_signer
+from signsplice.signer.figure import PosedSigner, posed_signer
 from signsplice.signer.locations import MIRROR, WeakArm
 from signsplice.signer.phonology import Posture
 from signsplice.signer.planner import IsolatedWord

@@ -18,14 +18,11 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import Clip
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.signer import hand, pose
-from signsplice.signer.avoidance import hand_clearances
-from signsplice.signer.composed import handshape
-from signsplice.signer.hand_parts import HandPart, hand_part
-from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.collisions import clear_of_shoulder, hand_clearances, in_contact
+from signsplice.signer.hand import HandPart, hand_part
+from signsplice.signer.handshapes import HANDSHAPES, handshape
 from signsplice.signer.phonology import ON_ARM, PLACES, REST, Posture, Vector, on_arm
-from signsplice.signer.reaching import clear_of_shoulder, in_contact
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import HANGING, JOINTS, Signer, skeleton
+from signsplice.signer.signer import HANGING, JOINTS, Signer, skeleton, stream
 from signsplice.signer.tables import vector
 
 # words/places.txt tells what each table holds.

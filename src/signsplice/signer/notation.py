@@ -1,4 +1,4 @@
-"""Reads the notation of signs, one segment per line (described in full in docs/notation.md).
+"""Reads and writes the notation of signs, one segment per line (described in full in docs/notation.md).
 
 MOTHER  hands=one
   source: thumb of the open hand taps the chin (Costello 1994)
@@ -19,12 +19,11 @@ from pathlib import Path as FilePath
 
 from signsplice.errors import FormatError
 from signsplice.formats.reading import read_bytes
-from signsplice.signer import gestures
-from signsplice.signer.composed import is_handshape
-from signsplice.signer.hand_parts import is_part
-from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.hand import is_part
+from signsplice.signer.handshapes import HANDSHAPES, is_handshape
 from signsplice.signer.phonology import (
     DIRECTIONS,
+    GESTURE_FORM,
     HANDS,
     HEAD,
     LOCALS,
@@ -33,6 +32,7 @@ from signsplice.signer.phonology import (
     PATHS,
     PLANES,
     TRUNK,
+    Gesture,
     Local,
     Path,
     Posture,
@@ -41,6 +41,7 @@ from signsplice.signer.phonology import (
     Vector,
     faults,
     is_location,
+    read_gesture,
 )
 from signsplice.signer.tables import FOLDER
 
@@ -127,15 +128,15 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
     _one_of(first, "hands", hands, HANDS)
     _one_of(first, "kind", kind, ("sign", "letter", "pseudo", "written"))
     notes = {"source": "", "synonyms": ""}
-    made, segments = list[gestures.Gesture](), list[Segment]()
+    made, segments = list[Gesture](), list[Segment]()
     for position, content in block[1:]:
         line = replace(position, gloss=gloss)
         key, colon, value = content.partition(":")
         if colon and key in notes:
             notes[key] = value.strip()
         elif key == "gesture" and colon:
-            if (one := gestures.gesture(value.strip())) is None:
-                raise line.error(f"gesture: {value.strip()!r}, expected {gestures.EXPECTED}")
+            if (one := read_gesture(value.strip())) is None:
+                raise line.error(f"gesture: {value.strip()!r}, expected {GESTURE_FORM}")
             made.append(one)
         else:
             segments.append(_segment(line, content, hands, segments[-1] if segments else None))
@@ -348,3 +349,104 @@ def alphabet() -> dict[str, Sign]:
 def everyday() -> dict[str, Sign]:
     """The everyday words of this package, by gloss, read on each call. No signer has checked them."""
     return read(FOLDER / "everyday.signs")
+
+
+_WORDS = {vector: word for word, vector in DIRECTIONS.items()}
+
+
+def notation_text(sign: Sign) -> str:
+    """A sign in the notation; reading it gives the same sign, numbers to a thousandth."""
+    kind = "" if sign.kind == "sign" else f" kind={sign.kind}"
+    lines = [f"{sign.gloss}  hands={sign.hands}{kind}"]
+    lines += [f"  source: {sign.source}"] if sign.source else []
+    lines += [f"  synonyms: {', '.join(sign.synonyms)}"] if sign.synonyms else []
+    lines += [f"  gesture: {one}" for one in sign.gestures]
+    strong: Posture | None = None
+    weak: Posture | None = None
+    for segment in sign.segments:
+        words = [segment.kind, *_posture_words(segment.strong, strong, "", sign.hands)]
+        if segment.weak is not None:
+            words += _posture_words(segment.weak, weak, "w.", sign.hands)
+        lines.append("  " + " ".join([*words, *_movement_words(segment)]))
+        strong, weak = segment.strong, segment.weak
+    return "\n".join(lines) + "\n"
+
+
+def _posture_words(posture: Posture, before: Posture | None, prefix: str, hands: str) -> list[str]:
+    """The keys of a posture that differ from the one before."""
+    anew = before is None or posture.location != before.location
+    old = before or Posture("", "", "palm", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    if anew:
+        old = replace(old, location="", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
+    lower = lower_cm(posture.location, hands)
+    x, y, z = posture.shift
+    shift = _vector_text((x, y + lower, z))
+    keys = {
+        "shape": posture.shape if posture.shape != old.shape else "",
+        "at": posture.location if anew else "",
+        "by": posture.part if posture.part != old.part else "",
+        "off": _number_text(posture.off) if _number_text(posture.off) != _number_text(old.off) else "",
+        "shift": shift
+        if shift != ("0,0,0" if anew else _vector_text((old.shift[0], old.shift[1] + lower, old.shift[2])))
+        else "",
+        "touch": ("yes" if posture.touch else "no") if posture.touch != old.touch else "",
+        "palm": _direction_text(posture.palm) if posture.palm != old.palm else "",
+        "fingers": _direction_text(posture.fingers) if posture.fingers != old.fingers else "",
+    }
+    return [f"{prefix}{key}={value}" for key, value in keys.items() if value]
+
+
+def _movement_words(segment: Segment) -> list[str]:
+    """The keys of a segment beside its postures."""
+    keys = {
+        "path": notation_path(segment.path),
+        "w.path": notation_path(segment.weak_path),
+        "local": _local_text(segment.local),
+        "w.local": _local_text(segment.weak_local),
+        "times": str(segment.times) if segment.times > 1 else "",
+        "return": f"lifted:{_number_text(segment.lift)}" if segment.lift else "",
+        "step": _vector_text(segment.step) if any(segment.step) else "",
+        "tempo": _number_text(segment.tempo) if segment.tempo != 1.0 else "",
+        "keep": "touch" if segment.keeps else "",
+        "for": "" if segment.seconds is None else _number_text(segment.seconds),
+        "head": segment.head,
+        "trunk": segment.trunk,
+    }
+    return [f"{key}={value}" for key, value in keys.items() if value]
+
+
+def notation_path(path: Path) -> str:
+    """A path in the notation; "" for a straight one."""
+    if path.kind == "arc":
+        return f"arc:{_direction_text(path.direction)}:{_number_text(path.size)}"
+    if path.kind == "zigzag":
+        return f"zigzag:{_direction_text(path.direction)}:{_number_text(path.size)}:{_number_text(path.revolutions)}"
+    if path.kind == "circle":
+        plane = path.plane or _direction_text(path.direction)
+        text = f"circle:{plane}:{_number_text(path.size)}:{_number_text(path.revolutions)}"
+        start = "" if path.plane else f":{_direction_text(path.start)}"
+        return text + start + (f":{_number_text(path.ratio)}" if path.ratio != 1.0 else "")
+    return "" if path.kind == "straight" else path.kind
+
+
+def _local_text(local: Local | None) -> str:
+    if local is None:
+        return ""
+    more = f"+{_local_text(local.also)}" if local.also is not None else ""
+    return f"{local.kind}:{_number_text(local.amplitude)}:{_number_text(local.cycles)}{more}"
+
+
+def _number_text(value: float) -> str:
+    return f"{round(value, 3) + 0.0:g}"
+
+
+def _vector_text(vector: Vector) -> str:
+    return ",".join(map(_number, vector))
+
+
+def _direction_text(vector: Vector) -> str:
+    """A direction by its word, or as three numbers."""
+    near = next(
+        (word for v, word in _WORDS.items() if all(abs(a - b) < 5e-4 for a, b in zip(v, vector, strict=True))), ""
+    )
+    return near or _vector_text(vector)

@@ -14,11 +14,9 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.signer import locations, pose, trajectory
-from signsplice.signer.avoidance import touching
-from signsplice.signer.contact import into_touch
+from signsplice.signer.collisions import into_touch, touching
 from signsplice.signer.phonology import Path, Segment
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import Signer
+from signsplice.signer.signer import Signer, stream
 
 MOVEMENT_PACE = 0.70
 """Duration of a sign's movements, over what the travel law gives."""

@@ -14,9 +14,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from signsplice.signer.composed import is_handshape
-from signsplice.signer.gestures import Gesture
-from signsplice.signer.hand_parts import is_part
+from signsplice.signer.hand import is_part
+from signsplice.signer.handshapes import is_handshape
 from signsplice.signer.tables import sections
 
 HANDS = {
@@ -222,6 +221,46 @@ class Segment:
     def circles(self) -> bool:
         """Whether a hand circles."""
         return "circle" in (self.path.kind, self.weak_path.kind)
+
+
+_NUMBER = r"(-?[0-9]{1,3}(?:\.[0-9]{1,6})?)"
+_GESTURE = re.compile(
+    rf"(head|trunk) {_NUMBER},{_NUMBER},{_NUMBER}(?: cycles={_NUMBER})?(?: from={_NUMBER})?(?: to={_NUMBER})?"
+)
+GESTURE_FORM = "head|trunk FORWARD,LEFT,TILT [cycles=0:20] [from=0:1] [to=0:1], at most 60 degrees"
+
+
+@dataclass(frozen=True)
+class Gesture:
+    """A gesture of head or trunk.
+
+    part: head or trunk
+    degrees: how far it turns: forward, to the left, towards the right shoulder
+    cycles: how often it goes there and back; a turn to the side swings to both; 0: it goes there and stays
+    begin, end: fractions of the time between the sign's first posture and its last
+    """
+
+    part: str
+    degrees: tuple[float, float, float]
+    cycles: float = 0.0
+    begin: float = 0.0
+    end: float = 1.0
+
+    def __str__(self) -> str:
+        """The gesture in the notation, numbers to a thousandth."""
+        numbers = ",".join(f"{round(angle, 3) + 0.0:g}" for angle in self.degrees)
+        more = (("cycles", self.cycles, 0.0), ("from", self.begin, 0.0), ("to", self.end, 1.0))
+        return " ".join([self.part, numbers, *(f"{key}={round(x, 3):g}" for key, x, usual in more if x != usual)])
+
+
+def read_gesture(text: str) -> Gesture | None:
+    """The gesture of a text in the notation; None for any other text (``GESTURE_FORM`` says how it is written)."""
+    match = _GESTURE.fullmatch(text)
+    if match is None:
+        return None
+    x, y, z, cycles, begin, end = (float(n or usual) for n, usual in zip(match.groups()[1:], "000001", strict=True))
+    well = max(abs(x), abs(y), abs(z)) <= 60.0 and 0.0 <= cycles <= 20.0 and 0.0 <= begin < end <= 1.0
+    return Gesture(match[1], (x, y, z), cycles, begin, end) if well else None
 
 
 @dataclass(frozen=True)

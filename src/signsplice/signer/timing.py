@@ -15,9 +15,8 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
-from signsplice.signer.phonology import Sign
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import Signer
+from signsplice.signer.phonology import Segment, Sign
+from signsplice.signer.signer import Signer, stream
 from signsplice.signer.trajectory import Knot
 
 _MOVEMENT, _MOVEMENT_SPREAD = 0.03, 0.16
@@ -45,6 +44,10 @@ _MOST_PAUSE = 0.9
 """Longest pause over the transition without it: hands still go on at a tenth of their speed half way."""
 _MOST_OFF = 0.45
 """How far from its frame a stop may lie, frames: less than half, so that the frame stays the nearest one."""
+
+
+LANDING_S = 0.2
+"""How long, at most, a movement that ends in the open comes to rest within the hold after it."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,21 @@ def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, 
     moved = frames + np.clip(off * rng.uniform(-0.5, 0.5, len(frames)), -_MOST_OFF, _MOST_OFF)
     times = np.interp([knot.frame for knot in knots], frames, moved).tolist()
     return [replace(knot, frame=time) for knot, time in zip(knots, times, strict=True)]
+
+
+@dataclass(frozen=True)
+class TimedSegment:
+    """A segment, its [begin, end] frames, and for a movement those of each pass."""
+
+    segment: Segment
+    begin: int
+    end: int
+    passes: tuple[tuple[int, int], ...] = ()
+
+    def later(self, frames: int) -> TimedSegment:
+        """The same so many frames later."""
+        passes = tuple((begin + frames, end + frames) for begin, end in self.passes)
+        return replace(self, begin=self.begin + frames, end=self.end + frames, passes=passes)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""States over time: minimum-jerk trajectories through knots, reaches between two motions, and small oscillations.
+"""States over time: minimum-jerk trajectories through knots, reaches between two motions, small oscillations, and a low
+pass that leaves touches and repeated movements as they are.
 
 Fingers move each in a time of its own: in a sign's changes of handshape, and in reaches.
 """
@@ -6,17 +7,79 @@ Fingers move each in a time of its own: in a sign's changes of handshape, and in
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import hand, pose
-from signsplice.signer.manner import PLAIN
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import COLLAR, SHOULDER, Signer
+from signsplice.signer.signer import COLLAR, PLAIN, SHOULDER, Signer, stream
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+_LEAST_PASS = 0.18
+"""Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %
+of its size when it is repeated."""
+_AT_TOUCH = 0.4
+"""Standard deviation of the smoothing at a touch, frames, at most: hands come and go as straight as they would."""
+_REACH = 4.0
+"""How far from a touch the correction of its posture reaches, in standard deviations of the smoothing."""
+
+
+def low_passed(
+    states: FloatArray, deviation: float, passes: Sequence[tuple[int, int]] = (), touches: Sequence[int] = ()
+) -> FloatArray:
+    """States (T, 65) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
+
+    The first and the last frame stay as they are; within repeated ``passes``, [begin, end] each, and near both ends of
+    the word, and near the frames ``touches``, it is smoothed less. In those frames the states stay as they are, and
+    those around them are moved along, less with their distance.
+    """
+    n = len(states)
+    width = _deviations(n, deviation, passes, touches)
+    frames = np.arange(n)
+    weights = (frames - frames[:, None]) / np.maximum(width, 1e-3)[:, None]
+    weights *= weights
+    weights *= -0.5
+    np.exp(weights, out=weights)
+    weights /= weights.sum(axis=1, keepdims=True)
+    smooth = weights @ states
+    centres = np.array(sorted(set(touches)), np.intp)
+    if not len(centres):
+        return np.asarray(smooth)
+    radius = max(_REACH * deviation, 2.0)
+    factors = np.linalg.solve(wendland(centres, centres, radius), states[centres] - smooth[centres])
+    return np.asarray(smooth + wendland(frames, centres, radius) @ factors)
+
+
+def _deviations(
+    n_frames: int, deviation: float, passes: Sequence[tuple[int, int]], touches: Sequence[int]
+) -> FloatArray:
+    """The smoothing's standard deviation (T,) in each frame. It changes by no more than 1 in 3 frames."""
+    frames = np.arange(n_frames)
+    out = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
+    if len(passes) > 1:
+        least = _LEAST_PASS * min(stop - begin for begin, stop in passes)
+        away = np.maximum(np.maximum(passes[0][0] - frames, frames - passes[-1][1]), 0)
+        out = np.minimum(out, least + away / 3.0)
+    for touch in touches:
+        out = np.minimum(out, _AT_TOUCH + np.abs(frames - touch) / 3.0)
+    return np.asarray(out, np.float64)
+
+
+def wendland(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> FloatArray:
+    """Wendland's function (F, C) of the distance in frames: 1 at 0, 0 from ``radius`` on, twice differentiable, and
+    positive definite, so that any values at the centres can be met.
+    """
+    near = np.clip(np.abs(frames[:, None] - centres) / radius, 0.0, 1.0)
+    return np.asarray((1.0 - near) ** 4 * (4.0 * near + 1.0))
+
 
 _PER_FINGER = (4, 4, 4, 4, 5)
 """How many of ``hand.ANGLES`` belong to each finger, the thumb last."""
@@ -60,9 +123,6 @@ def advances(start: FloatArray, end: FloatArray, leads: FloatArray, signer: Sign
         fingers += np.clip(usual + signer.manner.finger_stagger * spread, -_MOST_ADVANCE, _MOST_ADVANCE)
     return advance
 
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 SHOULDERS_CM = 36.0
 """Shoulder width of the standard body, the unit of the travel law."""

@@ -14,12 +14,11 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import hand, pose, trajectory
-from signsplice.signer.avoidance import TOUCH_CM, between_hands, hand_clearances, penetration
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import Signer
+from signsplice.signer.collisions import TOUCH_CM, between_hands, hand_clearances, penetration
+from signsplice.signer.signer import Signer, stream
 
 if TYPE_CHECKING:
-    from signsplice.signer.carrying import Nearness
+    from signsplice.signer.body_motion import Nearness
     from signsplice.signer.phonology import Sign
 
 _FREE_CM = 3.5

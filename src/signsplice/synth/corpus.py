@@ -24,8 +24,7 @@ from signsplice.progress import Progress
 from signsplice.signer import planner, pose
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import STANDARD, Signer, draw_signer
+from signsplice.signer.signer import STANDARD, Signer, draw_signer, stream
 from signsplice.synth import pairs as storing
 from signsplice.synth import truth
 from signsplice.synth.pairs import EXTENT, FILES, HEAD, Pairs, StoredRow, signer_space

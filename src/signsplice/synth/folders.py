@@ -23,10 +23,8 @@ from signsplice.motion.clip import Clip
 from signsplice.progress import Progress, counted
 from signsplice.signer import planner
 from signsplice.signer.phonology import Sign
-from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.rng import stream
-from signsplice.signer.segment_plan import FPS
-from signsplice.signer.signer import STANDARD, Signer, draw_signer, skeleton
+from signsplice.signer.planner import FPS, IsolatedWord
+from signsplice.signer.signer import STANDARD, Signer, draw_signer, skeleton, stream
 from signsplice.synth import running
 from signsplice.synth.corpus import VERSION, Recipe
 

@@ -26,11 +26,10 @@ from numpy.typing import NDArray
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, phonology, pose
-from signsplice.signer.avoidance import hand_clearances
+from signsplice.signer.collisions import hand_clearances
 from signsplice.signer.locations import MIRROR, WeakArm, resting
 from signsplice.signer.phonology import Local, Path, Posture, Segment, Sign, Vector, faults
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import STANDARD
+from signsplice.signer.signer import STANDARD, stream
 from signsplice.signer.tables import sections
 
 T = TypeVar("T")

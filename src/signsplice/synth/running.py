@@ -19,7 +19,7 @@ from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.signer import pose
-from signsplice.signer.avoidance import penetration
+from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import skeleton
 from signsplice.signer.timing import transition_pause

@@ -23,10 +23,8 @@ from signsplice.motion.clip import Clip, concatenate, same_fps
 from signsplice.progress import Progress
 from signsplice.rig.canonical import FEATURE_FPS, canonical_bones, canonical_motion
 from signsplice.signer import planner
-from signsplice.signer.manner import PLAIN, TRAITS, only
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.rng import stream
-from signsplice.signer.signer import HANGING, RESTS, Signer, draw_signer
+from signsplice.signer.signer import HANGING, PLAIN, RESTS, TRAITS, Signer, draw_signer, only, stream
 from signsplice.signer.timing import Events
 from signsplice.synth import pseudo, running, truth
 from signsplice.synth.pairs import Pairs

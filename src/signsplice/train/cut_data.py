@@ -22,7 +22,7 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig.canonical import FEATURE_FPS
 from signsplice.rig.canonical_map import ROLES
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.splicing.networks import features
 from signsplice.splicing.networks.features import PHASES, CanonicalTrajectory
 from signsplice.train.prefetch import draw_from_folders, group_by_folder, opened_signing

@@ -27,7 +27,7 @@ from signsplice.motion.clip import Clip, Skeleton, concatenate
 from signsplice.rig.canonical import FEATURE_FPS, canonical_motion
 from signsplice.rig.canonical_map import MIRROR, ROLES
 from signsplice.rig.naming import SIDES
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition
 from signsplice.splicing.networks import gap_features

@@ -19,7 +19,7 @@ from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
 from signsplice.errors import InputError, SignspliceError
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.train import checkpoint
 from signsplice.train.log import Log, cpu_seconds
 from signsplice.train.prefetch import Dataset

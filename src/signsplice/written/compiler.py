@@ -13,10 +13,9 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.signer import pose
-from signsplice.signer.avoidance import between_hands
+from signsplice.signer.collisions import between_hands
 from signsplice.signer.locations import WeakArm, strong_hand
-from signsplice.signer.notation import parse
-from signsplice.signer.notation_text import notation_path, notation_text
+from signsplice.signer.notation import notation_path, notation_text, parse
 from signsplice.signer.phonology import Path, Posture, Segment, Sign, faults, on_base
 from signsplice.signer.signer import STANDARD
 from signsplice.written.directions import plus, unit

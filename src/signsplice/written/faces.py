@@ -18,7 +18,7 @@ from signsplice.motion.clip import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import VISEMES
 from signsplice.signer import mouthing
-from signsplice.signer.gestures import Gesture
+from signsplice.signer.phonology import Gesture
 from signsplice.signer.tables import sections
 from signsplice.written.tree import Tier, WrittenSign
 

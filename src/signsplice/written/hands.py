@@ -15,8 +15,8 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.signer import locations
-from signsplice.signer.composed import handshape
-from signsplice.signer.hand_parts import hand_part
+from signsplice.signer.hand import hand_part
+from signsplice.signer.handshapes import handshape
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import REST, Path, Posture, Vector, on_arm
 from signsplice.signer.signer import STANDARD

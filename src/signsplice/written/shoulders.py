@@ -13,7 +13,7 @@ from signsplice.body import collision
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
-from signsplice.signer import gestures
+from signsplice.signer.body_motion import gesture_level
 from signsplice.signer.signer import JOINTS
 from signsplice.written import faces
 from signsplice.written.tree import WrittenSign
@@ -36,7 +36,7 @@ def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Cli
     for part in _PARTS:
         quats = clip.local_rotations.copy()
         for side, degrees, cycles, begin, end in tracks:
-            level = part * gestures.level(len(clip), clip.fps, hands, begin, end, cycles)
+            level = part * gesture_level(len(clip), clip.fps, hands, begin, end, cycles)
             for name in ("Left", "Right") if side == "both" else (side,):
                 _turn(quats, name, np.deg2rad(degrees) * level[:, None], clip)
         moved = replace(clip, local_rotations=quats)

@@ -13,7 +13,7 @@ from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip
 from signsplice.signer import planner
-from signsplice.signer.segment_plan import FPS
+from signsplice.signer.planner import FPS
 from signsplice.signer.signer import JOINTS
 from signsplice.written import faces, files
 from signsplice.written.compiler import compile_sign

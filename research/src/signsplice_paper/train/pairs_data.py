@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.synth.corpus import Pairs
 from signsplice_paper.culling import cull
 from signsplice_paper.train.networks.layers import Normaliser

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.signer.rng import stream
+from signsplice.signer.signer import stream
 from signsplice.train.task import Task
 from signsplice_paper import bias
 from signsplice_paper.metrics import accuracy

@@ -1,8 +1,18 @@
-"""Where elbows go over time: their easy places smoothed, and turned out of the trunk and of the other arm.
+"""Where elbows, forearms and wrists go over time: elbows at their easy places, smoothed and turned out of the trunk and
+of the other arm; wrists that yield; forearms that turn no faster than people turn them.
 
 The easy place of an elbow depends on one pose (``pose.wrist_angles``) and can change suddenly with it. What is smoothed
 is the direction from the line between shoulder and wrist to the elbow, in the chest's axes: an angle about that line
 has no reference that is steady everywhere.
+
+Hands of written signs yield a little in direction if a wrist or forearm would else bend far. Up to the easy ranges
+directions are as they are written; they are a little wider than the 40 degrees of flexion and of extension, and 40 from
+side to side, with which people do daily tasks (Ryu et al. 1991, Journal of Hand Surgery 16A: 409-419). Beyond, a hand
+yields by a part of the rest, never by more than ``YIELDS``; at a joint's limit it misses the rest.
+
+The forearm's twist that a written hand needs, and the wrist's swing, can pass half a turn: then they would go from one
+of their limits to the other in a frame. The twist of such an arm is chosen anew, on one path over the whole word
+(Viterbi 1967): near to what is written, and turned over in its own time if it must be; the swing is smoothed there.
 """
 
 from __future__ import annotations
@@ -16,8 +26,8 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import between, sparse
 from signsplice.rig.naming import SIDES
 from signsplice.signer import pose, trajectory
-from signsplice.signer.arm_costs import led_costs
 from signsplice.signer.figure import Figure, PosedArms
+from signsplice.signer.pose import MARGIN, led_costs
 from signsplice.signer.signer import COLLAR, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer
 
 _WIDTH_S = 0.10
@@ -32,7 +42,7 @@ _PRESSED_M = 0.003
 """Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
 
 
-def steadied(
+def smooth_elbows(
     states: FloatArray, signer: Signer, fps: float, led: bool = False, figure: Figure | None = None
 ) -> FloatArray:
     """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
@@ -41,8 +51,10 @@ def steadied(
     """
     if not signer.manner.low_elbows:
         return states
-    directions, width_s = (_led(states, signer, fps), _LED_S) if led else (directions_of(states, signer), _WIDTH_S)
-    states = directed(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
+    directions, width_s = (
+        (_easiest_directions(states, signer, fps), _LED_S) if led else (directions_of(states, signer), _WIDTH_S)
+    )
+    states = turn_elbows(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
     figure = figure or Figure(states, signer)
     posed = figure.posed(states)
     for which in (0, 1):
@@ -71,7 +83,7 @@ _LEAST_OFF = 0.15
 """How far from the line between shoulder and wrist an elbow counts as at least, over the same: a straight arm turns."""
 
 
-def _led(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+def _easiest_directions(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967): hands miss their
     directions little, arms are easy, and elbows go no farther than they must. Found 15 times a second.
     """
@@ -113,7 +125,7 @@ def from_hanging(states: FloatArray, signer: Signer) -> tuple[FloatArray, Hangin
     need not be compared with what is easy.
     """
     made = states.copy()
-    made[:, pose.TURNS] = solved(states, signer)[1]
+    made[:, pose.TURNS] = solve_arms(states, signer)[1]
     return made, HangingElbowSigner(**vars(signer))
 
 
@@ -125,14 +137,14 @@ def from_easy(states: FloatArray, signer: Signer) -> FloatArray:
     return made
 
 
-def kept(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:
+def keep_elbows(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with elbows in the directions of those ``before`` (T, 65) hands were moved a little: an easy place
     can be far from the one beside it.
     """
-    return directed(states, directions_of(before, signer), signer)
+    return turn_elbows(states, directions_of(before, signer), signer)
 
 
-def turned(states: FloatArray, arm: pose.Arm, quats: FloatArray, swivels: FloatArray, signer: Signer) -> FloatArray:
+def turn_arms(states: FloatArray, arm: pose.Arm, quats: FloatArray, swivels: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) whose hands are turned to ``quats`` (T, 2, 4) from their forearms in an ``arm`` with hanging
     elbows, with elbows at ``swivels`` (T, 2).
     """
@@ -154,7 +166,7 @@ def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Si
     steps = len(states) + 1
     start, end = (directions_of(part, signer).reshape(len(part), 6) for part in (before, after))
     between = trajectory.joining(start, end, steps, np.arange(1, steps)[:, None] / steps)
-    return directed(states, between.reshape(-1, 2, 3), signer)
+    return turn_elbows(states, between.reshape(-1, 2, 3), signer)
 
 
 def largest_step(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> float:
@@ -171,7 +183,7 @@ _SLOWED_S, _SLOWED_ROUNDS = 0.2, 6
 """How far around that it is, seconds, and how often at most."""
 
 
-def slowed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+def limit_elbow_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) in which elbows that swing faster than people's go in more time; the states themselves without."""
     for _ in range(_SLOWED_ROUNDS):
         speed = np.linalg.norm(np.diff(_positions(states, signer), axis=0), axis=-1) * fps
@@ -182,18 +194,18 @@ def slowed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
         near = gaussian_filter1d(near, 0.4 * _SLOWED_S * fps, axis=0)[..., None]
         directions = directions_of(states, signer)
         smooth = gaussian_filter1d(directions, _WIDTH_S * fps, axis=0, mode="nearest")
-        states = directed(states, directions + near * (smooth - directions), signer)
+        states = turn_elbows(states, directions + near * (smooth - directions), signer)
     return states
 
 
 def _positions(states: FloatArray, signer: Signer) -> FloatArray:
     """Elbows (T, 2, 3) of states (T, 65) from their shoulders, cm on the standard body, in the chest's axes."""
-    arm, swivels = solved(states, signer)
+    arm, swivels = solve_arms(states, signer)
     upper = rotation.multiply(rotation.exp(swivels[..., None] * arm.direction), arm.upper)
     return np.asarray(rotation.rotate(upper, [-UPPER_ARM * signer.arms, 0.0, 0.0]))
 
 
-def solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
+def solve_arms(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
     """Both arms of states (T, 65) with hanging elbows, and their swivels (T, 2)."""
     both = pose.hands(states)
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
@@ -202,7 +214,7 @@ def solved(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
 
 def directions_of(states: FloatArray, signer: Signer) -> FloatArray:
     """Unit vectors (T, 2, 3) from the lines between shoulders and wrists to the elbows of states (T, 65)."""
-    return directions_at(*solved(states, signer))
+    return directions_at(*solve_arms(states, signer))
 
 
 def directions_at(arm: pose.Arm, swivels: FloatArray) -> FloatArray:
@@ -218,9 +230,9 @@ def swivels_to(arm: pose.Arm, directions: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(sin, cos))
 
 
-def directed(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
+def turn_elbows(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with elbows turned to these directions (T, 2, 3), as nearly as the wrists allow."""
-    arm, swivels = solved(states, signer)
+    arm, swivels = solve_arms(states, signer)
     made = states.copy()
     made[:, pose.TURNS] += _short(swivels_to(arm, directions) - swivels)
     return made
@@ -246,3 +258,113 @@ def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> Fl
         *grid,
     )
     return turns if which == 0 else -turns
+
+
+YIELDS = np.deg2rad(8.0)
+"""The most by which a hand yields."""
+_EASY_RANGES = np.deg2rad([[-78.0, 78.0], [-28.0, 18.0], [-48.0, 52.0]])
+"""Twist of the forearm, deviation and flexion of the wrist from which on it does."""
+_WRIST_LIMITS = np.array([[-pose.FOREARM_LIMIT, pose.FOREARM_LIMIT], *pose.WRIST_LIMITS])
+_YIELD_SCALE = np.deg2rad(18.0)
+"""How far beyond them it yields by 63 % of that."""
+
+
+def turn_hands(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, with the elbows where
+    they are.
+    """
+    arm, swivels = solve_arms(states, signer)
+    return turn_arms(states, arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels, signer)
+
+
+def beyond_easy(angles: FloatArray) -> FloatArray:
+    """How far twist, deviation and flexion (..., 3) are beyond the easy ranges."""
+    return np.asarray(angles - np.clip(angles, *_EASY_RANGES.T))
+
+
+def ease_wrists(
+    states: FloatArray,
+    written: FloatArray,
+    signer: Signer,
+    added: FloatArray | float = 0.0,
+    room: FloatArray | float = 0.0,
+) -> FloatArray:
+    """The same, as nearly as is easy, with what movements of forearm and wrist have ``added`` to their angles
+    (T, 2, 3); these have ``room`` (T, 2, 3) to either side before a joint's limit.
+    """
+    arm, swivels = solve_arms(states, signer)
+    wrist = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels)
+    angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
+    off = beyond_easy(angles)
+    size = np.linalg.norm(off, axis=-1, keepdims=True)
+    missed = np.linalg.norm(angles - np.clip(angles, *_WRIST_LIMITS.T), axis=-1, keepdims=True)
+    share = (1.0 - np.exp(-size / _YIELD_SCALE)) * np.maximum(0.0, 1.0 - missed / YIELDS)
+    angles = angles - YIELDS * share * off / np.maximum(size, 1e-9)
+    # Limits are approached softly from MARGIN before them on, which a movement needs free; without one nothing changes.
+    inner = room + MARGIN * (2.0 * np.minimum(room / MARGIN, 1.0) - 1.0)
+    angles = (
+        np.where(room > 0.0, np.clip(angles, _WRIST_LIMITS[:, 0] + inner, _WRIST_LIMITS[:, 1] - inner), angles) + added
+    )
+    twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in
+                    ((angles[..., :1], (0, 2)), (angles[..., 1:], (1, 0))))  # fmt: skip
+    made = rotation.multiply(rotation.exp(twist), rotation.exp(swing))
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    quats = rotation.multiply(rotation.exp(swivels[..., None] * axis), made)
+    return turn_arms(states, arm, quats, swivels, signer)
+
+
+_FASTEST_TURN = 18.0
+"""Speed of a forearm's turn, radians a second, from which on its twist is chosen anew."""
+_SWING_WEIGHT = 0.6
+"""Share of a wrist's swing that counts as such a turn: people nod with up to 12 radians a second."""
+_TWISTS = np.deg2rad(np.linspace(-92.0, 92.0, 25))
+_TWIST_MISSED = 0.5
+"""Angle by which a twist misses what is written that costs 1, radians."""
+_TWIST_CHANGE = 4.2
+"""Change of the twist that costs 1 a frame, radians a second."""
+_TWIST_WIDTH_S, _TWIST_AROUND_S = 0.045, 0.25
+"""Standard deviation of the Gaussian that smooths what was chosen, and how far around it that is taken, seconds."""
+
+
+def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) in which no forearm or wrist turns over in a frame; the states themselves where none did."""
+    arm, wrist = pose.posed_arms(states, signer)
+    kept = np.clip(wrist.twist, -pose.FOREARM_LIMIT, pose.FOREARM_LIMIT)
+    turned = kept.copy()
+    swing = np.clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), *pose.WRIST_LIMITS.T)
+    fast = (
+        np.maximum(np.abs(np.diff(kept, axis=0)), _SWING_WEIGHT * np.linalg.norm(np.diff(swing, axis=0), axis=-1)) * fps
+        > _FASTEST_TURN
+    )  # (T - 1, 2)
+    if not fast.any():
+        return states
+    for which in np.flatnonzero(fast.any(axis=0)):
+        path = _twist_path(wrist.twist[:, which], fps)
+        odd = np.abs(path - kept[:, which]) > _TWIST_MISSED
+        odd[1:] |= fast[:, which]
+        near = maximum_filter1d(odd.astype(np.float64), 2 * round(_TWIST_AROUND_S * fps) + 1)
+        near = gaussian_filter1d(near, 0.4 * _TWIST_AROUND_S * fps)
+        path = gaussian_filter1d(path, _TWIST_WIDTH_S * fps, mode="nearest")
+        turned[:, which] += near * (path - kept[:, which])
+        smooth = gaussian_filter1d(swing[:, which], _TWIST_WIDTH_S * fps, axis=0, mode="nearest")
+        swing[:, which] += near[:, None] * (smooth - swing[:, which])
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    zero = np.zeros_like(turned)
+    quats = rotation.multiply(
+        rotation.exp(wrist.swivel[..., None] * axis),
+        rotation.multiply(
+            rotation.exp(np.stack([turned, zero, zero], axis=-1)),
+            rotation.exp(np.concatenate([zero[..., None], swing], axis=-1)),
+        ),
+    )
+    made = states.copy()
+    fast = fast.any(axis=0)
+    pose.hands(made)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]
+    return keep_elbows(made, states, signer)
+
+
+def _twist_path(twist: FloatArray, fps: float) -> FloatArray:
+    """The twist (T,) of least cost for a wanted one (T,), in which half a turn may be added or taken away."""
+    missed = np.angle(np.exp(1j * (twist[:, None] - _TWISTS)))
+    change = np.square((_TWISTS[:, None] - _TWISTS) * fps / _TWIST_CHANGE)
+    return np.asarray(_TWISTS[swivel.smoothest(np.square(missed / _TWIST_MISSED), [change] * (len(twist) - 1))])

@@ -1,4 +1,8 @@
-"""Hands of written signs brought to their written places in the motion, on the body as it moves.
+"""Hands of written signs at their written places, on the body as it moves.
+
+Places in open space have no marks, and yield a little if hands at them would bend a wrist farther than is comfortable:
+a hand that is 4 cm lower or farther out still is where it is written. All of a sign moves alike, so that its movements
+stay as they are; whatever touches the body or is at it stays where it is.
 
 What a word goes through (limits of the wrist, elbows that move steadily, head and trunk, hands that keep apart) leaves
 a hand, or a finger that touches, up to some centimetres from where its posture is written. Wrists are moved by what is
@@ -16,17 +20,68 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
-from signsplice.signer import elbows, hand, pose
-from signsplice.signer.avoidance import clear_collisions
-from signsplice.signer.contact import PosedSigner, posed_figure
-from signsplice.signer.figure import Figure
-from signsplice.signer.hand_parts import hand_part
+from signsplice.signer import arms, hand, locations, pose
+from signsplice.signer.arms import GRID, hardship
+from signsplice.signer.collisions import NEAREST_CM, clear_collisions
+from signsplice.signer.figure import Figure, PosedSigner, posed_figure
+from signsplice.signer.hand import hand_part
 from signsplice.signer.locations import MIRROR, WeakArm, axes, facing, locate, on_joint, on_weak_arm
-from signsplice.signer.low_pass import bump
-from signsplice.signer.phonology import ON_ARM, REST, Posture, Sign, on_arm, on_base
-from signsplice.signer.reaching import NEAREST_CM
-from signsplice.signer.segment_plan import LANDING_S, TimedSegment
+from signsplice.signer.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm, on_base
 from signsplice.signer.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
+from signsplice.signer.timing import LANDING_S, TimedSegment
+from signsplice.signer.trajectory import wendland
+
+_MOVES = np.array([(0.0, up, fwd) for up in (0.0, -2.0, -4.0, 2.0) for fwd in (0.0, 2.0, 4.0, 6.0)])
+"""Displacements that are tried, chest axes, cm."""
+_OFF_CM, _ALONG_CM = 16.0, 32.0
+"""How far a hand goes off its place, and along itself, where another part of it is there then, for a cost of 1."""
+_FIRST_OFF_CM, _MOST_OFF_CM = 2.6, 4.5
+"""How far it goes off at most in its first posture, whose place is written, and later on."""
+
+
+def ease_places(sign: Sign, signer: Signer) -> Sign:
+    """A written sign at places where its arms are comfortable; the sign itself where something is not in open space."""
+    pairs = list(dict.fromkeys((one.strong, one.weak) for one in sign.segments))
+    if not all(_is_open(strong, sign) and (weak is None or _is_open(weak, sign)) for strong, weak in pairs):
+        return sign
+    nothing = np.zeros(27)
+    found = []
+    for strong, weak in pairs:
+        arm = WeakArm(signer, locations.weak_hand(weak, signer) if weak and on_base(strong.location) else nothing)
+        made = ((strong, arm), *(((weak, WeakArm(signer, nothing)),) if weak else ()))
+        found += [locations.strong_wrist(one, its, sign.hands != "base")[:2] for one, its in made
+                  if one.location != REST]  # fmt: skip
+    if not found:
+        return sign
+    wrists, quats = (np.array(x) for x in zip(*found, strict=True))
+    arms = pose.solve_arm(wrists + signer.scale * _MOVES[:, None], signer)  # (M, N)
+    rotvecs = rotation.log(rotation.multiply(rotation.inverse(arms.fore), quats))
+    hard, effort = hardship(arms, rotvecs, signer, GRID[::3])  # (M, N, S)
+    easiest = (hard + effort).argmin(axis=-1)[..., None]
+    along = _MOVES @ rotation.to_matrix(quats)[..., 0].T  # (M, N)
+    off = np.sqrt(np.maximum(np.square(_MOVES).sum(axis=-1)[:, None] - np.square(along), 0.0))
+    costs = np.take_along_axis(hard, easiest, axis=-1)[..., 0] + np.square(off / _OFF_CM) + np.square(along / _ALONG_CM)
+    costs[(off[:, :1] > _FIRST_OFF_CM) | (off > _MOST_OFF_CM)] = np.inf
+    move = _MOVES[costs.sum(axis=-1).argmin()]
+    if not move.any():
+        return sign
+    segments = (replace(one, strong=_shifted(one.strong, move), weak=one.weak and _shifted(one.weak, move))
+                for one in sign.segments)  # fmt: skip
+    return replace(sign, segments=tuple(segments))
+
+
+def _is_open(posture: Posture, sign: Sign) -> bool:
+    """Whether a hand is in open space, or at the other one, which is."""
+    return on_base(posture.location) or (in_space(posture.location) and not (posture.touch and sign.hands == "one"))
+
+
+def _shifted(posture: Posture, move: FloatArray) -> Posture:
+    """A posture in open space moved (3,)."""
+    if posture.location == REST or on_base(posture.location):
+        return posture
+    out, up, fwd = np.add(posture.shift, move).tolist()
+    return replace(posture, shift=(out, up, fwd))
+
 
 _ROUNDS, _BETTER = 3, 0.85
 """How often hands are moved at most, and to what part of it what is missing shrinks where they are moved again."""
@@ -47,12 +102,14 @@ _BEFORE = np.array([-0.35, 0.0, 0.9367])
 _SIDES = ("Right", "Left")
 
 
-def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float) -> FloatArray:
+def apply_location_targets(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
+) -> FloatArray:
     """States (T, 65) of a whole word with hands at their places at the end of each of its segments; ``figure``: of
     these states but for their arms.
     """
     signer = figure.signer
-    wanted, still = stays(segments, sign, fps, lambda posture: posture.location not in LEFT_ALONE)
+    wanted, still = posture_holds(segments, sign, fps, lambda posture: posture.location not in LEFT_ALONE)
     moves = np.zeros((len(states), 2, 3))
     if not wanted:
         return states
@@ -63,11 +120,11 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
         hand_part(one.posture.part).centre(points) * signer.hands * signer.scale
         for one, points in zip(wanted, hand.points(fingers), strict=True)
     ]
-    quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
+    quats, steady = pose.hand_rotations(states, signer), arms.directions_of(states, signer)
     least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
         posed = posed_figure(
-            figure, moved(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
+            figure, move_hands(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
         )
         missing = [
             _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
@@ -86,22 +143,24 @@ def placed(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, fig
                 for one, miss in zip(wanted, missing, strict=True)
             ]
             step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
-        moves = limited(moves + step, _MOST_CM)
-    return moved(states, quats, steady, best, signer)
+        moves = limit_length(moves + step, _MOST_CM)
+    return move_hands(states, quats, steady, best, signer)
 
 
-def moved(states: FloatArray, quats: FloatArray, steady: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
+def move_hands(
+    states: FloatArray, quats: FloatArray, steady: FloatArray, moves: FloatArray, signer: Signer
+) -> FloatArray:
     """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3), and elbows in the directions
     ``steady`` (T, 2, 3).
     """
     if not moves.any():
         return states
     made = states.copy()
-    wrists = reachable(pose.hands(states)[..., pose.WRIST] + moves, signer)
+    wrists = move_into_reach(pose.hands(states)[..., pose.WRIST] + moves, signer)
     pose.hands(made)[..., pose.WRIST] = wrists
     arm = pose.solve_arm(wrists, signer)
     turned = rotation.multiply(rotation.inverse(arm.fore), quats)
-    return elbows.turned(made, arm, turned, elbows.swivels_to(arm, steady), signer)
+    return arms.turn_arms(made, arm, turned, arms.swivels_to(arm, steady), signer)
 
 
 def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
@@ -120,7 +179,7 @@ def facing_as_written(
     each posture: near its shoulder a hand that is moved a little turns far with its forearm.
     """
     quats = pose.hand_rotations(states, signer)
-    wanted, still = stays(segments, sign, fps, lambda posture: posture.location != REST)
+    wanted, still = posture_holds(segments, sign, fps, lambda posture: posture.location != REST)
     if not wanted:
         return quats
     turns = [
@@ -137,22 +196,22 @@ def facing_as_written(
 def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
     signer = replace(signer, left_handed=False)
-    wrists = reachable(pose.hands(states)[..., pose.WRIST], signer)
+    wrists = move_into_reach(pose.hands(states)[..., pose.WRIST], signer)
     return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
 
 
-def cleared(states: FloatArray, figure: Figure, sign: Sign) -> FloatArray:
+def resolve_collisions(states: FloatArray, figure: Figure, sign: Sign) -> FloatArray:
     """States (T, 65), those of a figure but for their arms, without collisions, hands pushed no farther than is of use:
     what an arm cannot reach is not clear anywhere.
     """
     free = clear_collisions(states, figure.signer, figure=figure, mirrored=sign.hands == "symmetric").copy()
     wrists = pose.hands(states)[..., pose.WRIST]
-    moves = limited(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
-    pose.hands(free)[..., pose.WRIST] = reachable(wrists + moves, figure.signer)
+    moves = limit_length(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
+    pose.hands(free)[..., pose.WRIST] = move_into_reach(wrists + moves, figure.signer)
     return free
 
 
-def reachable(wrists: FloatArray, signer: Signer) -> FloatArray:
+def move_into_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
     """Wrists (T, 2, 3) moved before the shoulder where they are so near to it that no elbow bends so far; far behind it
     they stay.
     """
@@ -164,14 +223,14 @@ def reachable(wrists: FloatArray, signer: Signer) -> FloatArray:
     return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
 
 
-def limited(vectors: FloatArray, most: float) -> FloatArray:
+def limit_length(vectors: FloatArray, most: float) -> FloatArray:
     """Vectors (..., 3) of a length of at most ``most``."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors * np.minimum(1.0, most / np.maximum(length, 1e-9)))
 
 
 @dataclass(frozen=True)
-class Stay:
+class PostureHold:
     """A posture of the strong (0) or the weak hand (1) that is kept from a ``first`` frame to a ``last`` one."""
 
     first: int
@@ -180,14 +239,14 @@ class Stay:
     posture: Posture
 
 
-def stays(
+def posture_holds(
     segments: Sequence[TimedSegment], sign: Sign, fps: float, changes: Callable[[Posture], bool]
-) -> tuple[list[Stay], list[Stay]]:
+) -> tuple[list[PostureHold], list[PostureHold]]:
     """Where hands are at the end of each segment, at both ends of each time that a movement is made, and in holds: the
     postures that ``changes`` holds for, and the others.
     """
     mirrored = sign.hands == "symmetric"
-    found: list[Stay] = []
+    found: list[PostureHold] = []
     for which in (0, 1):
         for before, one in zip((None, *segments), segments, strict=False):
             posture = one.segment.strong if mirrored or not which else one.segment.weak
@@ -203,13 +262,17 @@ def stays(
             passes = one.passes if one.segment.times > 1 else ((one.begin, one.end),)
             for n, (begin, stop) in enumerate(passes):
                 if n and start is not None:  # it goes back to where it began
-                    found.append(Stay(begin, begin, which, start))
-                found.append(Stay(stop, stop, which, posture))
+                    found.append(PostureHold(begin, begin, which, start))
+                found.append(PostureHold(stop, stop, which, posture))
     return [one for one in found if changes(one.posture)], [one for one in found if not changes(one.posture)]
 
 
 def spread(
-    wanted: Sequence[Stay], missing: Sequence[FloatArray], still: Sequence[Stay], n_frames: int, radius: float
+    wanted: Sequence[PostureHold],
+    missing: Sequence[FloatArray],
+    still: Sequence[PostureHold],
+    n_frames: int,
+    radius: float,
 ) -> FloatArray:
     """Displacements (T, 2, C) that are what is ``missing`` (C,) where hands are ``wanted``, 0 where they are ``still``,
     go from one to the next between them, and fade within ``radius`` frames before the first and after the last.
@@ -226,7 +289,7 @@ def spread(
             u = np.interp(times, frames, np.arange(len(frames)))
             k = u.astype(np.intp)
             between = at[k] + minimum_jerk(u - k)[:, None] * (at[np.minimum(k + 1, len(at) - 1)] - at[k])
-            moves[:, which] = between * bump(times, np.clip(times, frames[0], frames[-1])[:, None], radius)
+            moves[:, which] = between * wendland(times, np.clip(times, frames[0], frames[-1])[:, None], radius)
     return moves
 
 
@@ -237,13 +300,13 @@ def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign:
     chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
     joint, mirror = JOINTS[f"{_SIDES[which]}Hand"], MIRROR if which else np.ones(3)
     here = posed.positions[frame, joint] + posed.rotations[frame, joint] @ (part * mirror)
-    missing = goal(posed, frame, which, posture, sign) - mirror * ((here - origin) @ chest)
+    missing = location_target(posed, frame, which, posture, sign) - mirror * ((here - origin) @ chest)
     length = float(np.linalg.norm(missing))
     stays = 0.05 if posture.touch else _LEFT_CM * posed.signer.scale
     return np.asarray(missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9))
 
 
-def goal(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> FloatArray:
+def location_target(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> FloatArray:
     """Where a posture puts the part of a hand, (3,), cm, in the chest's axes of a body as it is then, mirrored for the
     weak hand as its state is.
     """

@@ -15,15 +15,22 @@ from numpy.typing import NDArray
 from signsplice.body import collision
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.signer import elbows, hand, locations, pose
-from signsplice.signer.avoidance import MIRRORED_HANDS
-from signsplice.signer.contact import PosedSigner, posed_figure, surface
-from signsplice.signer.figure import Figure
-from signsplice.signer.hand_parts import hand_part
+from signsplice.signer import arms, hand, locations, pose
+from signsplice.signer.collisions import MIRRORED_HANDS
+from signsplice.signer.figure import Figure, PosedSigner, posed_figure, surface
+from signsplice.signer.hand import hand_part
+from signsplice.signer.location_targets import (
+    RADIUS_S,
+    PostureHold,
+    location_target,
+    move_into_reach,
+    posture_holds,
+    resolve_collisions,
+    spread,
+)
 from signsplice.signer.phonology import Sign, in_space
-from signsplice.signer.placing import RADIUS_S, Stay, cleared, goal, reachable, spread, stays
-from signsplice.signer.segment_plan import TimedSegment
 from signsplice.signer.signer import JOINTS, Signer
+from signsplice.signer.timing import TimedSegment
 
 _ROUNDS, _STEPS = 5, 8
 """How often all touches are brought about, and in how many steps each time."""
@@ -45,7 +52,7 @@ _MIRROR = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
-class _Touch(Stay):
+class _ContactTarget(PostureHold):
     """A touch that is written.
 
     meets: whether it is of both hands, which mirror one another
@@ -75,21 +82,23 @@ class _Poses:
 
 
 def _poses(states: FloatArray, signer: Signer) -> _Poses:
-    arm, swivels = elbows.solved(states, signer)
+    arm, swivels = arms.solve_arms(states, signer)
     quats = rotation.multiply(arm.fore, rotation.exp(pose.hands(states)[..., pose.ROTVEC]))
-    return _Poses(states, quats, elbows.directions_at(arm, swivels))
+    return _Poses(states, quats, arms.directions_at(arm, swivels))
 
 
-def brought_to_touch(
+def solve_contacts(
     states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
 ) -> FloatArray:
     """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to; ``figure``: of
     these states.
     """
     signer, mirrored = figure.signer, sign.hands in MIRRORED_HANDS
-    wanted, still = stays(segments, sign, fps, lambda posture: posture.touch)
+    wanted, still = posture_holds(segments, sign, fps, lambda posture: posture.touch)
     touches = [
-        _Touch(**vars(one), meets=mirrored and in_space(one.posture.location), centre=_centre(states, one, signer))
+        _ContactTarget(
+            **vars(one), meets=mirrored and in_space(one.posture.location), centre=_centre(states, one, signer)
+        )
         for one in wanted
         if not (one.which and mirrored and in_space(one.posture.location))
     ]
@@ -100,7 +109,7 @@ def brought_to_touch(
     for n in range(_ROUNDS + 1):
         at = _poses(moved[frames], signer)
         posed = posed_figure(figure, at.states, frames)
-        goals = np.array([goal(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
+        goals = np.array([location_target(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
         cost = np.square(_residuals(at, touches, goals, np.zeros((len(frames), 1, 7)), figure)).sum(axis=(1, 2))
         if cost.sum() < best:
             best, states = float(cost.sum()), moved
@@ -120,11 +129,11 @@ def brought_to_touch(
         held = [(replace(one, which=which), x) for one, x in zip(touches, found, strict=True)
                 for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
         steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), RADIUS_S * fps / (1 + n))
-        moved = cleared(_moved(moved, steps, signer), figure, sign)
+        moved = resolve_collisions(_moved(moved, steps, signer), figure, sign)
     return states
 
 
-def _centre(states: FloatArray, stay: Stay, signer: Signer) -> FloatArray:
+def _centre(states: FloatArray, stay: PostureHold, signer: Signer) -> FloatArray:
     """Where the part that touches is in its hand's axes (3,), cm."""
     fingers = pose.hands(states)[stay.first, stay.which, pose.FINGERS]
     centre = hand_part(stay.posture.part).centre(hand.points(fingers))
@@ -136,22 +145,22 @@ def _moved(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
     wrists, (arm, quats, swivels) = _arms(_poses(states, signer), steps, signer)
     changed = states.copy()
     pose.hands(changed)[..., pose.WRIST] = wrists
-    return elbows.turned(changed, arm, quats, swivels, signer)
+    return arms.turn_arms(changed, arm, quats, swivels, signer)
 
 
 def _arms(at: _Poses, steps: FloatArray, signer: Signer) -> tuple[FloatArray, tuple[pose.Arm, FloatArray, FloatArray]]:
     """Wrists (N, 2, 3) moved by ``steps`` (N, 2, 7); and their arms with hanging elbows, the rotations (N, 2, 4) of
     hands from these forearms, and the swivels (N, 2) of elbows.
     """
-    wrists = reachable(pose.hands(at.states)[..., pose.WRIST] + steps[..., :3], signer)
+    wrists = move_into_reach(pose.hands(at.states)[..., pose.WRIST] + steps[..., :3], signer)
     arm = pose.solve_arm(wrists, signer)
     quats = rotation.multiply(rotation.exp(steps[..., 3:6]), at.quats)
-    swivels = elbows.swivels_to(arm, at.elbows) + steps[..., 6]
+    swivels = arms.swivels_to(arm, at.elbows) + steps[..., 6]
     return wrists, (arm, rotation.multiply(rotation.inverse(arm.fore), quats), swivels)
 
 
 def _solved(
-    at: _Poses, touches: Sequence[_Touch], goals: FloatArray, rows: Sequence[int], figure: Figure
+    at: _Poses, touches: Sequence[_ContactTarget], goals: FloatArray, rows: Sequence[int], figure: Figure
 ) -> FloatArray:
     """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches."""
     n, going = len(rows), np.arange(len(rows))
@@ -178,7 +187,9 @@ def _solved(
     return best_x
 
 
-def _residuals(at: _Poses, touches: Sequence[_Touch], goals: FloatArray, x: FloatArray, figure: Figure) -> FloatArray:
+def _residuals(
+    at: _Poses, touches: Sequence[_ContactTarget], goals: FloatArray, x: FloatArray, figure: Figure
+) -> FloatArray:
     """What is missing (N, K, R) of touches with movements (N, K, 7); 1 is as bad in each number."""
     rows = np.repeat(np.arange(len(touches)), x.shape[1])
     hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in touches])
@@ -194,7 +205,7 @@ def _residuals(at: _Poses, touches: Sequence[_Touch], goals: FloatArray, x: Floa
     )
 
 
-def _missing(posed: PosedSigner, rows: slice, one: _Touch, aim: FloatArray, x: FloatArray) -> FloatArray:
+def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArray, x: FloatArray) -> FloatArray:
     body, starts, ends = posed.capsules.body, posed.capsules.starts[rows], posed.capsules.ends[rows]
     groups, radii, mirror = body.groups, body.radii, _MIRROR[one.which]
     chest = posed.rotations[rows, JOINTS["Spine2"]]

@@ -16,17 +16,26 @@ import numpy as np
 
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.signer import comfort, elbows, hand, locations, pose
-from signsplice.signer.avoidance import TOLERANCE_CM, penetration
-from signsplice.signer.composed import handshape
+from signsplice.signer import arms, hand, locations, pose
+from signsplice.signer.collisions import TOLERANCE_CM, penetration
 from signsplice.signer.figure import Figure
-from signsplice.signer.hand_parts import hand_part
+from signsplice.signer.hand import hand_part
+from signsplice.signer.handshapes import handshape
+from signsplice.signer.location_targets import (
+    LEFT_ALONE,
+    RADIUS_S,
+    PostureHold,
+    limit_length,
+    move_hands,
+    posture_holds,
+    resolve_collisions,
+    spread,
+)
 from signsplice.signer.locations import MIRROR, WeakArm
-from signsplice.signer.low_pass import bump
 from signsplice.signer.phonology import REST, Posture, Sign, in_space, on_arm
-from signsplice.signer.placing import LEFT_ALONE, RADIUS_S, Stay, cleared, limited, moved, spread, stays
-from signsplice.signer.segment_plan import TimedSegment
 from signsplice.signer.signer import HangingElbowSigner, Signer
+from signsplice.signer.timing import TimedSegment
+from signsplice.signer.trajectory import wendland
 
 _MOST_CM = 8.0
 """How far a posture is moved at most."""
@@ -42,14 +51,14 @@ _BLOCKED_CM = 1.5
 """How far from where it was to go a posture is that something is in the way of."""
 
 
-def as_written(
+def keep_path_shape(
     states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
 ) -> FloatArray:
     """States (T, 65) of a whole word, those of a figure but for their arms, free of collisions, with strokes as they
     are written.
     """
     signer = figure.signer
-    every, _ = stays(segments, sign, fps, lambda posture: True)
+    every, _ = posture_holds(segments, sign, fps, lambda posture: True)
     rows = _rows(every, sign)
     still = [one for one in every if not _is_open(one.posture)]
     before: list[FloatArray] = []
@@ -73,15 +82,15 @@ def as_written(
         if max((float(np.linalg.norm(miss)) for _, miss in wanted), default=0.0) < _LEFT_CM * signer.scale:
             break
         moves = spread([one for one, _ in wanted], [miss for _, miss in wanted], still, len(states), RADIUS_S * fps)
-        quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
-        whole = cleared(moved(states, quats, steady, moves, signer), figure, sign)
+        quats, steady = pose.hand_rotations(states, signer), arms.directions_of(states, signer)
+        whole = resolve_collisions(move_hands(states, quats, steady, moves, signer), figure, sign)
         depth = float(penetration(whole, signer, figure=figure)[0].max())
         if depth <= TOLERANCE_CM or depth <= float(penetration(states, signer, figure=figure)[0].max()):
             states = whole
     return states
 
 
-def rounded(
+def keep_circles(
     states: FloatArray, planned: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure
 ) -> FloatArray:
     """States (T, 65) of a whole word, those of a figure but for their arms, with circles as they were ``planned``
@@ -99,12 +108,14 @@ def rounded(
     if not moves.any():
         return states
     signer = figure.signer
-    quats, steady = pose.hand_rotations(states, signer), elbows.directions_of(states, signer)
-    whole = cleared(moved(states, quats, steady, moves, signer), figure, sign)
-    return elbows.directed(whole, steady, signer)
+    quats, steady = pose.hand_rotations(states, signer), arms.directions_of(states, signer)
+    whole = resolve_collisions(move_hands(states, quats, steady, moves, signer), figure, sign)
+    return arms.turn_elbows(whole, steady, signer)
 
 
-def still(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float) -> FloatArray:
+def keep_base_hand(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
+) -> FloatArray:
     """States (T, 65) of a whole word with base hands that stay while they are written to: what moved them apart from
     the strong hand moves that one, where it is near.
     """
@@ -122,11 +133,11 @@ def still(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figu
     for first, last in spans:
         weak = pose.hands(states)[first : last + 1, 1, pose.WRIST]
         off = weak - np.median(weak, axis=0)
-        back = limited(off, _STILL_CM * signer.scale) - off
+        back = limit_length(off, _STILL_CM * signer.scale) - off
         if not back.any():
             continue
         within = np.clip(times, first, last)
-        fade = bump(times, within[:, None], RADIUS_S * fps)
+        fade = wendland(times, within[:, None], RADIUS_S * fps)
         frames = np.flatnonzero(fade[:, 0])
         capsules = figure.posed(states[frames], frames).capsules
         groups = capsules.body.groups
@@ -134,16 +145,16 @@ def still(states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figu
         along = fade[frames] * back[within[frames] - first]
         moves[frames, 1] += along
         moves[frames, 0] += MIRROR * along * pose.smooth_step(2.0 - 2.0 * apart / _TOGETHER_CM)
-    return moved(states, pose.hand_rotations(states, signer), elbows.directions_of(states, signer), moves, signer)
+    return move_hands(states, pose.hand_rotations(states, signer), arms.directions_of(states, signer), moves, signer)
 
 
-def held(
+def hold_elbows(
     states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: HangingElbowSigner, fps: float
 ) -> FloatArray:
     """States (T, 65) of a whole word with elbows that stay while hands stay: where these bend wrists least."""
-    directions, wrist = elbows.directions_of(states, signer), pose.posed_arms(states, signer)[1]
-    bent = comfort.beyond(np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1))
-    every, reach = stays(segments, sign, fps, lambda posture: True)[0], round(_HELD_S * fps)
+    directions, wrist = arms.directions_of(states, signer), pose.posed_arms(states, signer)[1]
+    bent = arms.beyond_easy(np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1))
+    every, reach = posture_holds(segments, sign, fps, lambda posture: True)[0], round(_HELD_S * fps)
     # What is farther away in time stays; of the same frame the later one counts.
     wanted = [replace(one, first=max(one.first - reach, 0), last=one.last + reach) for one in every]
     missing = [np.zeros(3)] * len(wanted)
@@ -152,11 +163,15 @@ def held(
         best = min(frames, key=lambda frame: float(np.linalg.norm(bent[frame, one.which])))
         wanted += [replace(one, first=frame, last=frame) for frame in frames]
         missing += [*(directions[best, one.which] - directions[frames, one.which])]
-    return elbows.directed(states, directions + spread(wanted, missing, [], len(states), RADIUS_S * fps), signer)
+    return arms.turn_elbows(states, directions + spread(wanted, missing, [], len(states), RADIUS_S * fps), signer)
 
 
 def _in_rows(
-    places: Sequence[FloatArray], rows: Sequence[Sequence[int]], every: Sequence[Stay], sign: Sign, signer: Signer
+    places: Sequence[FloatArray],
+    rows: Sequence[Sequence[int]],
+    every: Sequence[PostureHold],
+    sign: Sign,
+    signer: Signer,
 ) -> list[FloatArray]:
     """The places (3,) of palms, those of a row all as far off what is written."""
     made, written = [*places], dict[tuple[Posture, Posture | None], FloatArray]()
@@ -170,8 +185,8 @@ def _in_rows(
         off = np.array([places[n] - written[key] for n, key in zip(row, keys, strict=True)])
         lead = 0 if every[row[0]].posture.touch else int(np.linalg.norm(off, axis=1).argmax())
         goal = off[lead]
-        changes = limited(goal - off, _MOST_CM * signer.scale)
-        changes[0] = limited(goal, max(_MOST_FIRST_CM * signer.scale, float(np.linalg.norm(off[0])))) - off[0]
+        changes = limit_length(goal - off, _MOST_CM * signer.scale)
+        changes[0] = limit_length(goal, max(_MOST_FIRST_CM * signer.scale, float(np.linalg.norm(off[0])))) - off[0]
         for n, change in zip(row, changes, strict=True):
             made[n] = places[n] + change
     return made
@@ -181,7 +196,7 @@ def _is_open(posture: Posture) -> bool:
     return not posture.touch and posture.location not in LEFT_ALONE
 
 
-def _rows(every: Sequence[Stay], sign: Sign) -> list[list[int]]:
+def _rows(every: Sequence[PostureHold], sign: Sign) -> list[list[int]]:
     """Stays that strokes lead through, by their numbers: a row begins anew at each touch, at a place that is written
     again, with the other hand, and at the other hand, which itself moves. A base hand stays where the other one is at
     it.
@@ -205,7 +220,7 @@ def _rows(every: Sequence[Stay], sign: Sign) -> list[list[int]]:
     return rows
 
 
-def _weak_posture(every: Sequence[Stay], stay: Stay) -> Posture | None:
+def _weak_posture(every: Sequence[PostureHold], stay: PostureHold) -> Posture | None:
     """The weak hand's posture at the time of a stay of the strong hand at it; None for any other stay."""
     if stay.which or not on_arm(stay.posture.location):
         return None
@@ -226,7 +241,7 @@ def _palms(states: FloatArray, figure: Figure) -> FloatArray:
 _PALM = hand_part("palm")
 
 
-def _steadiest(palms: FloatArray, stay: Stay) -> FloatArray:
+def _steadiest(palms: FloatArray, stay: PostureHold) -> FloatArray:
     """Where a palm (T, 3) is while it stays: in the frame nearest to all others."""
     there = palms[stay.first : stay.last + 1]
     return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])
