@@ -441,7 +441,7 @@ def _number_text(value: float) -> str:
 
 
 def _vector_text(vector: Vector) -> str:
-    return ",".join(map(_number, vector))
+    return ",".join(map(_number_text, vector))
 
 
 def _direction_text(vector: Vector) -> str:
