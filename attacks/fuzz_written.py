@@ -11,7 +11,8 @@ import numpy as np
 
 from fuzz_mutators import of_text
 from signsplice.errors import InputError
-from signsplice.written import compile_sign, signing, symbols
+from signsplice.written import signing, symbols
+from signsplice.written.compiler import compile_sign
 from signsplice.written.files import WrittenSigns
 
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "synth"

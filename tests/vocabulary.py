@@ -16,7 +16,8 @@ from signsplice.signer import notation, planner
 from signsplice.signer.locations import ON_HEAD
 from signsplice.signer.phonology import Sign, in_space, on_arm
 from signsplice.synth import pseudo
-from signsplice.written import compile_sign, files
+from signsplice.written import files
+from signsplice.written.compiler import compile_sign
 
 N_PSEUDO = 400
 N_TIMED = 150

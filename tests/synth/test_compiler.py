@@ -18,9 +18,10 @@ from signsplice.signer.locations import WeakArm, axes
 from signsplice.signer.notation import notation_text
 from signsplice.signer.phonology import Sign, is_location
 from signsplice.signer.signer import JOINTS, STANDARD
-from signsplice.written import compile_sign, signing
-from signsplice.written.directions import direction, facing, oriented
+from signsplice.written import signing
+from signsplice.written.compiler import compile_sign
 from signsplice.written.tree import Motion, Pair, Place, Site, WrittenManner, WrittenPosture, WrittenShape, WrittenSign
+from signsplice.written.vocabulary import direction, facing, oriented
 
 INDEX = WrittenPosture(WrittenShape("finger2"), ("u",), ("l",), Place("chest", "right_at", "close"))
 FLAT = WrittenPosture(WrittenShape("flat"), ("o",), ("d",), Place("shoulders", contact="close"))

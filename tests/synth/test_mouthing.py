@@ -11,7 +11,7 @@ from signsplice.errors import InputError
 from signsplice.evaluation.faces import random_face
 from signsplice.motion.clip import Clip
 from signsplice.motion.face_shapes import VISEMES
-from signsplice.signer.mouthing import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing
+from signsplice.written.nonmanual import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing
 
 
 def test_sounds_are_read_with_the_longest_symbol_first() -> None:

@@ -15,7 +15,7 @@ from signsplice.signer.location_targets import posture_holds
 from signsplice.signer.locations import facing, resting
 from signsplice.signer.planner import isolated
 from signsplice.signer.signer import STANDARD
-from signsplice.written import compile_sign
+from signsplice.written.compiler import compile_sign
 from signsplice.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
 
 

@@ -116,9 +116,9 @@ def convert(
 
 def _mouthing(clip: Clip, sampa: str) -> Clip:
     """A clip whose mouth says sounds during what a splice keeps of it."""
-    from signsplice.signer.mouthing import with_mouthing
     from signsplice.splicing.methods import choice
     from signsplice.splicing.methods.cut import cut_clips
+    from signsplice.written.nonmanual import with_mouthing
 
     (cut,) = cut_clips(choice.choose(None, None, None, None).cutter, [clip, clip])
     frames = (cut.post, cut.pre + 1) if cut.post < cut.pre else (0, len(clip))

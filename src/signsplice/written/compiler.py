@@ -7,7 +7,7 @@ two hands as ``hands=base``: the weak hand has postures and paths of its own.
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,14 +18,80 @@ from signsplice.signer.locations import WeakArm, strong_hand
 from signsplice.signer.notation import notation_path, notation_text, parse
 from signsplice.signer.phonology import Path, Posture, Segment, Sign, faults, on_base
 from signsplice.signer.signer import STANDARD
-from signsplice.written.directions import plus, unit
-from signsplice.written.faces import body_tracks
 from signsplice.written.hands import KINDS, HandState, checked, from_skin, palm_point, resting, weak_arm
-from signsplice.written.kinds import alternates, is_symmetric, is_two_handed, splits
-from signsplice.written.places import ON_ARM, Spot, part_of_hand, point_of, spot
-from signsplice.written.repetition import Tracked, collapsed
+from signsplice.written.nonmanual import body_tracks
 from signsplice.written.steps import Step, View, common_tempo, spread, steps
-from signsplice.written.tree import Pair, Place, WrittenPosture, WrittenSign
+from signsplice.written.tree import (
+    Pair,
+    Place,
+    WrittenPosture,
+    WrittenSign,
+    alternates,
+    is_symmetric,
+    is_two_handed,
+    splits,
+)
+from signsplice.written.vocabulary import ON_ARM, Spot, part_of_hand, plus, point_of, spot, unit
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """A segment, and whether it is an unmarked way back."""
+
+    segment: Segment
+    back: bool = False
+
+
+def collapsed(track: list[Tracked]) -> list[Segment]:
+    """Segments with repetitions of one movement as ``times=``, of circles and local movements as more of them."""
+    out: list[Segment] = []
+    k = 0
+    while k < len(track):
+        segment = track[k].segment
+        again = 1
+        while (
+            segment.kind == "M" and out and k + 2 < len(track) and track[k + 1].back
+            and not track[k + 1].segment.circles
+            and track[k + 2].segment == segment
+            and (track[k + 1].segment.strong, track[k + 1].segment.weak) == (out[-1].strong, out[-1].weak)
+        ):  # fmt: skip
+            again, k = again + 1, k + 2
+        before = out[-1] if out else None
+        k += 1
+        if again == 1 and before is not None and _continues(before, segment):
+            out[-1] = _longer(before, segment)
+            continue
+        out.append(replace(segment, times=again) if again > 1 else segment)
+    return out
+
+
+def _continues(before: Segment, segment: Segment) -> bool:
+    """Whether a segment is another turn, or more of the same local movement, in one place."""
+    same = before.kind == segment.kind == "M" and before.strong == segment.strong and before.weak == segment.weak
+    shape = replace(before.path, revolutions=0.0) == replace(segment.path, revolutions=0.0)
+    own = replace(before.weak_path, revolutions=0.0) == replace(segment.weak_path, revolutions=0.0)
+    kinds = before.local == segment.local or (
+        before.local and segment.local and before.local.kind == segment.local.kind
+    )
+    return bool(same and shape and own and kinds and before.tempo == segment.tempo and before.times == 1)
+
+
+def _longer(before: Segment, segment: Segment) -> Segment:
+    """Two segments in one place as one."""
+    local, own = before.local, before.weak_local
+    if not segment.circles:
+        local = local and replace(local, cycles=min(local.cycles + 2.0, 10.0))
+        own = own and replace(own, cycles=min(own.cycles + 2.0, 10.0))
+    turns = [min(a.revolutions + b.revolutions, 6.0) for a, b in
+             ((before.path, segment.path), (before.weak_path, segment.weak_path))]  # fmt: skip
+    return replace(
+        before,
+        local=local,
+        weak_local=own,
+        path=replace(before.path, revolutions=turns[0]),
+        weak_path=replace(before.weak_path, revolutions=turns[1]),
+    )
+
 
 _GAP_CM = {"close": 3.0, "armextended": 12.0}
 """Between two hands that are a pair; 0 for every other contact."""
@@ -67,7 +133,7 @@ def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
     for part in parts:
         made.add(part)
     hands = made.hands
-    if mirrored and any(part.alternating or alternates(part.motions) for part in parts):
+    if mirrored and any(map(alternates, parts)):
         if _one_move(made):
             hands = "alternating"
         else:

@@ -12,17 +12,27 @@ that dictionaries have are mended, and each mend is noted.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import takewhile
 from typing import Any
 
 from signsplice.written import symbols
-from signsplice.written.hamnosys_row import CLOSERS, Token, is_action, is_posture
 from signsplice.written.hamnosys_slots import Slots
-from signsplice.written.hamnosys_tokens import check_length, compound, mended
-from signsplice.written.reading import Reading, flipped, merged, weak_has_own
-from signsplice.written.tree import Motion, Pair, Tier, WrittenManner, WrittenPosture, WrittenSign
+from signsplice.written.nonmanual import hns_tiers
+from signsplice.written.reading import Element, Reading, below
+from signsplice.written.symbols import CLOSERS, Token, check_length, compound, is_action, is_posture, mended
+from signsplice.written.tree import (
+    Motion,
+    Pair,
+    Tier,
+    WrittenManner,
+    WrittenPosture,
+    WrittenSign,
+    flipped,
+    merged,
+    weak_has_own,
+)
 
 _SYMMETRY = symbols.KINDS["symmetry"]
 _KINDS = {"parbegin": "parallel", "seqbegin": "sequence", "fusionbegin": "fusion"}
@@ -78,16 +88,11 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
         raise reading.error("has no handshape, direction or place before its movement", "", where.position)
     if crossed and posture.place is not None and not posture.place.side:
         posture = replace(posture, place=replace(posture.place, side="left_at"))
-    two = weak_has_own([posture, *(m.target for m in _all(motions))]) or any(m.kind == "split" for m in _all(motions))
-    hands = "weak" if weak else "two" if two else "one"
+    hands = "weak" if weak else "two" if weak_has_own(posture, motions) else "one"
     if kinds:
         hands = flipped(kinds[0] == "mirrored", "largemod" in flips, "fingerstraightmod" in flips)
     tiers = tuple(parser.tiers)
     return WrittenSign(reading.gloss, hands, alternating, False, posture, tuple(motions), tiers=tiers, where=where)
-
-
-def _all(motions: Iterable[Motion]) -> list[Motion]:
-    return [one for m in motions for one in (m, *_all(m.parts))]
 
 
 class _Parser(Slots):
@@ -313,3 +318,25 @@ def _sized(m: Motion, key: str, size: str) -> Motion:
         return replace(m, parts=tuple(part if part.size else _sized(part, key, size) for part in m.parts))
     changed: dict[str, Any] = {key: size}
     return replace(m, **changed)
+
+
+def sign_of_element(element: Element, reading: Reading) -> WrittenSign:
+    """The tree of an ``hns_sign``. Raises ``FormatError`` for what is not understood, or notes it where the reading is
+    lenient.
+    """
+    tiers = hns_tiers((e for e in below(element) if e.tag.startswith("hnm_")), reading)
+    found = list[Token]()
+    for e in below(element):
+        if e.tag.startswith("ham") and not e.tag.startswith("hamnosys"):
+            found += symbols.named(e.tag.removeprefix("ham"), f"<{e.tag[:60]}>", e.line, reading)
+        elif e.children and not e.tag.startswith(("hnm_", "hamnosys", "hns_")):
+            reading.note(f"<{e.tag[:60]}> is left out, what is in it is read", e.line)
+        elif not e.tag.startswith(("hnm_", "hamnosys", "hns_")):
+            reading.refuse("is no symbol of HamNoSys 4", f"<{e.tag}>", e.line)
+    written = "".join(e.text for e in (element, *element.named("hamnosys_manual"))).strip()
+    if not found and (written := written or element.attributes.get("hamnosys", "")):
+        found = symbols.tokens(written, reading)
+    if not found:
+        raise reading.error("has no symbol of HamNoSys", f"<{element.tag}>", element.line)
+    made = sign(found, reading)
+    return replace(made, tiers=(*made.tiers, *tiers))

@@ -6,9 +6,8 @@ from collections.abc import Container, Sequence
 from dataclasses import replace
 
 from signsplice.written import symbols
-from signsplice.written.hamnosys_row import PALMS, SITES, Row, Token, is_posture
-from signsplice.written.reading import merged, with_weak
-from signsplice.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape
+from signsplice.written.symbols import PALMS, SITES, Row, Token, is_posture
+from signsplice.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape, merged, with_weak
 
 _ARM = ("elbow", "elbowinside", "lowerarm", "upperarm")
 _ON_HEAD = tuple(symbols.PLACES)[: tuple(symbols.PLACES).index("neck")]

@@ -20,9 +20,8 @@ from signsplice.signer.handshapes import handshape
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import REST, Path, Posture, Vector, on_arm
 from signsplice.signer.signer import STANDARD
-from signsplice.written.directions import dot, facing, oriented, plus, unit
-from signsplice.written.places import Spot, shape_text, spot, usual_part
 from signsplice.written.tree import Place, WrittenPosture, WrittenShape
+from signsplice.written.vocabulary import Spot, dot, facing, oriented, plus, shape_text, spot, unit, usual_part
 
 KINDS: dict[str, tuple[str, str, Vector]] = {
     "mirrored": ("lr", "lr", (1.0, 1.0, 1.0)),

@@ -15,9 +15,9 @@ from signsplice.motion.clip import Clip
 from signsplice.signer import planner
 from signsplice.signer.planner import FPS
 from signsplice.signer.signer import JOINTS
-from signsplice.written import faces, files
+from signsplice.written import files, nonmanual
 from signsplice.written.compiler import compile_sign
-from signsplice.written.shoulders import with_shoulders
+from signsplice.written.nonmanual import with_shoulders
 from signsplice.written.tree import WrittenSign
 
 _FASTEST_CM_S = 350.0
@@ -35,7 +35,7 @@ def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
     """
     word = planner.isolated(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
     hands = word.events.start, word.events.end + 1
-    clip = faces.with_face(with_shoulders(word.clip, sign, hands), sign, hands)
+    clip = nonmanual.with_face(with_shoulders(word.clip, sign, hands), sign, hands)
     return replace(clip, notes=(*clip.notes, *deep_hands(clip), *jumps(clip)))
 
 
@@ -65,7 +65,7 @@ def jumps(clip: Clip) -> Iterator[str]:
 
 def warnings(sign: WrittenSign) -> tuple[str, ...]:
     """What a reader mended or left out of a sign, and what of its face and body is not made, one line each."""
-    return tuple(f"{sign.where.file}: {sign.gloss}: {line}" for line in (*sign.notes, *faces.left_out(sign)))
+    return tuple(f"{sign.where.file}: {sign.gloss}: {line}" for line in (*sign.notes, *nonmanual.left_out(sign)))
 
 
 def find(path: str | Path, gloss: str = "", lenient: bool = False) -> WrittenSign:

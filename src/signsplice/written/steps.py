@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 from signsplice.errors import InputError
 from signsplice.signer.phonology import LOCALS, Local, Path, Vector
-from signsplice.written.directions import cross, direction, dot, facing, plus, unit
 from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenPosture
+from signsplice.written.vocabulary import cross, direction, dot, facing, plus, unit
 
 _TRAVEL = {"small": 6.0, "": 12.0, "big": 20.0}
 _BULGE = {"small": 2.0, "": 6.0, "big": 19.0}

@@ -1,4 +1,5 @@
-"""What a written sign says, for gestural SiGML, SiGML of HamNoSys and HamNoSys text alike: one tree of frozen values.
+"""What a written sign says, for gestural SiGML, SiGML of HamNoSys and HamNoSys text alike: one tree of frozen values,
+and how its hands work together, by all that is written of them.
 
 The words are those of HamNoSys 4 and of gestural SiGML (Elliott, Glauert, Kennaway and Marshall 2004). Letters of
 directions are the signer's own: u up, d down, l left, r right, o out, i in. The signer is right-handed. ``None`` says
@@ -7,7 +8,8 @@ directions are the signer's own: u up, d down, l left, r right, o out, i in. The
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
@@ -245,3 +247,98 @@ class WrittenSign:
     tiers: tuple[Tier, ...] = ()
     notes: tuple[str, ...] = ()
     where: Where = field(default_factory=Where)
+
+
+def merged(before: WrittenPosture | None, after: WrittenPosture | None) -> WrittenPosture | None:
+    """A posture to which another adds what it says."""
+    if before is None or after is None:
+        return before or after
+    return WrittenPosture(
+        shape=after.shape or before.shape,
+        fingers=after.fingers or before.fingers,
+        palm=after.palm or before.palm,
+        place=after.place or before.place,
+        pair=after.pair or before.pair,
+        weak=merged(before.weak, after.weak),
+    )
+
+
+def with_weak(strong: WrittenPosture, weak: WrittenPosture) -> WrittenPosture:
+    """A posture of the strong hand, with the other hand's own."""
+    return replace(strong, weak=merged(strong.weak, replace(weak, weak=None)))
+
+
+def flipped(sides: bool, heights: bool, depths: bool) -> str:
+    """How hands work together that mirror one another in some directions, a word of ``WrittenSign.hands``."""
+    if sides and heights and depths:
+        return "point"
+    words = [w for w, on in (("mirrored", sides), ("up_down", heights), ("out_in", depths)) if on]
+    return "_".join(words) or "parallel"
+
+
+def site(part: str, digits: Sequence[int], side: str = "") -> Site:
+    """A part of a hand; the midjoint where a finger is named without its part."""
+    return Site(part or "midjoint", tuple(digits), side)
+
+
+def all_motions(motions: Iterable[Motion]) -> Iterator[Motion]:
+    """Motions and the parts of which they consist, in their order."""
+    for motion in motions:
+        yield motion
+        yield from all_motions(motion.parts)
+
+
+def weak_has_own(posture: WrittenPosture, motions: Iterable[Motion]) -> bool:
+    """Whether a posture or a motion says what the weak hand does, or brings the strong hand to it."""
+    every = [*all_motions(motions)]
+    postures = [p for p in (posture, *(motion.target for motion in every)) if p is not None]
+    pairs = [p.pair for p in postures if p.pair is not None]
+    meets = any(pair.weak is not None or pair.strong is not None for pair in pairs)
+    return meets or any(p.weak is not None for p in postures) or any(motion.kind == "split" for motion in every)
+
+
+_ON_ARM = ("upperarm", "elbow", "elbowinside", "lowerarm", "wristback", "wristpulse")
+
+
+def alternates(sign: WrittenSign) -> bool:
+    """Whether a sign or any of its motions alternates."""
+    return sign.alternating or any(motion.alternating for motion in all_motions(sign.motions))
+
+
+def splits(motions: Iterable[Motion]) -> bool:
+    """Whether any of some motions is written for each hand."""
+    return any(m.kind in ("split", "swap") or m.repeat == "swap" for m in all_motions(motions))
+
+
+def is_two_handed(sign: WrittenSign) -> bool:
+    """Whether the weak hand takes part in a sign."""
+    return sign.hands != "one" or sign.holdover or splits(sign.motions) or any(map(_needs_weak_arm, _postures(sign)))
+
+
+def _needs_weak_arm(posture: WrittenPosture) -> bool:
+    at_arm = posture.place is not None and posture.place.name in _ON_ARM
+    return at_arm or posture.weak is not None or (posture.pair is not None and posture.pair.weak is not None)
+
+
+def is_symmetric(sign: WrittenSign) -> bool:
+    """Whether both hands mirror one another in all that is written."""
+    if sign.hands != "mirrored" or sign.holdover or splits(sign.motions):
+        return False
+    return all(map(_is_alike, _postures(sign)))
+
+
+def _is_alike(posture: WrittenPosture) -> bool:
+    pair, place = posture.pair, posture.place
+    meets = pair is None or (pair.weak == pair.strong and (pair.place is None or pair.place.contact != "touch"))
+    at_arm = place is not None and place.name in _ON_ARM and place.name != "elbowinside"
+    return posture.weak is None and meets and not at_arm
+
+
+def _postures(sign: WrittenSign) -> Iterator[WrittenPosture]:
+    """The first posture of a sign, and those that its motions end in, or brush along."""
+    yield sign.posture
+    for motion in all_motions(sign.motions):
+        if motion.target is not None:
+            yield motion.target
+        if motion.brushing_pair is not None:
+            yield WrittenPosture(pair=motion.brushing_pair)
