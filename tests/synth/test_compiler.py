@@ -126,7 +126,7 @@ def test_composed_places_lie_on_the_skin_beside_and_between_named_ones() -> None
         locations.locate(name, weak) for name in ("chin", "mouth", "chin/mouth", "ear", "ear-weak")
     )
     assert chin.point[1] < both.point[1] < mouth.point[1]
-    assert np.allclose(ear.point * locations.MIRROR, other.point, atol=0.05)
+    assert np.allclose(ear.point * pose.MIRROR, other.point, atol=0.05)
     beside = locations.locate("chest:8,-3", weak).point - locations.locate("chest", weak).point
     assert np.allclose(beside[:2], (-8.0, -3.0), atol=0.8)
     assert np.allclose(locations.locate("space:1,2,30", weak).point, axes((1.0, 2.0, 30.0)))

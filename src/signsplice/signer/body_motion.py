@@ -27,7 +27,7 @@ from signsplice.motion.curves import between, sparse
 from signsplice.motion.kinematics import forward, rest_positions
 from signsplice.signer import hand, pose, trajectory
 from signsplice.signer.figure import Figure
-from signsplice.signer.phonology import Gesture, Local, Segment
+from signsplice.signer.phonology import MIRRORED_HANDS, Gesture, Local, Segment
 from signsplice.signer.signer import JOINTS, Signer, skeleton
 from signsplice.signer.timing import Events, TimedSegment
 
@@ -46,8 +46,6 @@ _TOUCH_CM = 2.0
 """Distance from the skin up to which it is kept, where the wrist's limits would change it."""
 _ROUNDS, _SMOOTHED_FRAMES = 3, 1.0
 """How often that distance is corrected, and how far a correction is spread in time."""
-_MIRRORED = np.array([-1.0, 1.0, 1.0])
-_MIRRORED_QUAT = np.array([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -142,7 +140,7 @@ def attach_hands_to_body(states: FloatArray, near: Nearness, signer: Signer) -> 
     rest = rest - rest[_CHEST]
     moved = states.copy()
     quats = pose.hand_rotations(states, signer)
-    for n, (mirror, mirror_quat) in enumerate(((np.ones(3), np.ones(4)), (_MIRRORED, _MIRRORED_QUAT))):
+    for n, (mirror, mirror_quat) in enumerate(zip(pose.MIRRORS, (np.ones(4), pose.MIRROR_QUAT), strict=True)):
         wrist = pose.hands(states)[:, n, pose.WRIST] * mirror
         moves = rotation.rotate(turns, wrist[:, None] - rest) + places - wrist[:, None]  # (T, 4, 3)
         wrist = (wrist + np.einsum("tk,tkc->tc", near.weights[:, n], moves)) * mirror
@@ -182,7 +180,7 @@ def keep_distances(states: FloatArray, near: Nearness, signer: Signer) -> FloatA
         missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
         pushes[frames] = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
         push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")
-        pose.hands(states)[..., pose.WRIST] += push * [np.ones(3), _MIRRORED]
+        pose.hands(states)[..., pose.WRIST] += push * pose.MIRRORS
     return states
 
 
@@ -265,7 +263,7 @@ def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer:
 
 def _locals(segment: Segment, hands: str) -> Iterator[tuple[int, Local, float]]:
     """The local movements of a segment: which hand's (0 strong, 1 weak), and its phase."""
-    mirrored = hands in ("symmetric", "alternating")
+    mirrored = hands in MIRRORED_HANDS
     for which, local in enumerate((segment.local, segment.local if mirrored else segment.weak_local)):
         while local is not None:
             yield which, local, np.pi if which == 1 and hands == "alternating" else 0.0

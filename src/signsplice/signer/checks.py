@@ -12,9 +12,10 @@ import numpy as np
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, pose
 from signsplice.signer.figure import PosedSigner, posed_signer
-from signsplice.signer.locations import MIRROR, WeakArm
+from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import Posture
 from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import JOINTS
 
 CONTORTED_DEG = 75.0

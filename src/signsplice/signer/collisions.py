@@ -19,8 +19,8 @@ from signsplice.motion.clip import Clip
 from signsplice.rig.naming import SIDES
 from signsplice.signer import pose
 from signsplice.signer.figure import Figure, posed_signer
-from signsplice.signer.phonology import Posture, Sign, on_arm
-from signsplice.signer.signer import COLLAR, SHOULDER, Signer
+from signsplice.signer.phonology import MIRRORED_HANDS, Posture, Sign, on_arm
+from signsplice.signer.signer import Signer, shoulder
 
 TOLERANCE_CM = 0.2
 """Depth up to which a touch may press into the body."""
@@ -86,7 +86,7 @@ def penetration(
 def _depths(capsules: PosedCapsules, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """``penetration`` of capsules in the chest's axes."""
     depth, out = capsules.near_pairs(slack, forearms=True).penetration()
-    return depth[:, ::-1], out[:, ::-1] * [[[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]]
+    return depth[:, ::-1], out[:, ::-1] * pose.MIRRORS
 
 
 def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
@@ -97,8 +97,6 @@ def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
 
 TOUCH_CM = 0.5
 """Distance of the skins up to which hands count as touching."""
-MIRRORED_HANDS = ("symmetric", "alternating")
-"""Kinds of hands of which either may touch; of others the strong one."""
 
 
 def hand_clearances(states: FloatArray, signer: Signer, most: float = np.inf) -> FloatArray:
@@ -160,7 +158,7 @@ def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) 
     to one another.
     """
     moves = np.zeros((2, 3))
-    meets = hands in ("symmetric", "alternating")
+    meets = hands in MIRRORED_HANDS
     if meets and posture.location.endswith("-mid"):
         moves[:, 0] = 0.5 * min(float(between_hands(state[None], signer)[0]), NEAR_CM)  # hands apart do not cross
         return moves
@@ -184,12 +182,12 @@ def clear_of_shoulder(
     """Wrist (3,) and rotation (4,) of a hand turned about a part of it, ``part`` (3,) from the wrist, so that the wrist
     is not so near to its shoulder that the elbow cannot bend so far.
     """
-    shoulder = (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]) * signer.scale
+    centre = shoulder(signer) * signer.scale
     least = NEAREST_CM * signer.scale
-    back, away = -part, shoulder - wrist - part
+    back, away = -part, centre - wrist - part
     axis = np.cross(away, back)
     lengths = float(np.linalg.norm(back) * np.linalg.norm(away))
-    if np.linalg.norm(wrist - shoulder) >= least or np.linalg.norm(axis) < 1e-6:
+    if np.linalg.norm(wrist - centre) >= least or np.linalg.norm(axis) < 1e-6:
         return wrist, quat
     wanted = np.arccos(np.clip((back @ back + away @ away - least**2) / (2.0 * lengths), -1.0, 1.0))
     angle = min(float(wanted - np.arccos(np.clip(back @ away / lengths, -1.0, 1.0))), _MOST_LEAN)

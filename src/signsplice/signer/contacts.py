@@ -16,7 +16,6 @@ from signsplice.body import collision
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import arms, hand, locations, pose
-from signsplice.signer.collisions import MIRRORED_HANDS
 from signsplice.signer.figure import Figure, PosedSigner, posed_figure, surface
 from signsplice.signer.hand import hand_part
 from signsplice.signer.location_targets import (
@@ -28,7 +27,7 @@ from signsplice.signer.location_targets import (
     resolve_collisions,
     spread,
 )
-from signsplice.signer.phonology import Sign, in_space
+from signsplice.signer.phonology import MIRRORED_HANDS, Sign, in_space
 from signsplice.signer.signer import JOINTS, Signer
 from signsplice.signer.timing import TimedSegment
 
@@ -48,7 +47,6 @@ _MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
 _DIFFERENCE = np.array([0.02] * 3 + [0.004] * 3 + [0.01])
 """Movements by which derivatives are found."""
 _SIDES = ("Right", "Left")
-_MIRROR = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +135,7 @@ def _centre(states: FloatArray, stay: PostureHold, signer: Signer) -> FloatArray
     """Where the part that touches is in its hand's axes (3,), cm."""
     fingers = pose.hands(states)[stay.first, stay.which, pose.FINGERS]
     centre = hand_part(stay.posture.part).centre(hand.points(fingers))
-    return np.asarray(centre * signer.hands * signer.scale * _MIRROR[stay.which])
+    return np.asarray(centre * signer.hands * signer.scale * pose.MIRRORS[stay.which])
 
 
 def _moved(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
@@ -207,7 +205,7 @@ def _residuals(
 
 def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArray, x: FloatArray) -> FloatArray:
     body, starts, ends = posed.capsules.body, posed.capsules.starts[rows], posed.capsules.ends[rows]
-    groups, radii, mirror = body.groups, body.radii, _MIRROR[one.which]
+    groups, radii, mirror = body.groups, body.radii, pose.MIRRORS[one.which]
     chest = posed.rotations[rows, JOINTS["Spine2"]]
     own, other, arm = (
         (groups.left, groups.right, groups.right_arm) if one.which else (groups.right, groups.left, groups.left_arm)

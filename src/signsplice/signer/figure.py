@@ -26,7 +26,6 @@ from signsplice.signer.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_AR
 ARMS = np.array([[JOINTS[side + n] for n in ("Shoulder", "Arm", "ForeArm", "Hand")] for side in ("Right", "Left")])
 """The joints (2, 4) of both arms, strong first, from the chest on."""
 _SPINE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2")]
-_MIRRORS = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 Frames = NDArray[np.intp] | slice
 
 
@@ -90,8 +89,8 @@ class Figure:
         positions[:, :, 1] = rotations[:, :, 0] @ (SHOULDER * broad * scale)
         for n, length in enumerate(lengths):  # bones along -X
             positions[:, :, n + 2] = -length * rotations[:, :, n + 1, :, 0]
-        positions = np.cumsum(positions, axis=2) * _MIRRORS[:, None]
-        rotations[:, 1] *= np.outer(_MIRRORS[1], _MIRRORS[1])
+        positions = np.cumsum(positions, axis=2) * pose.MIRRORS[:, None]
+        rotations[:, 1] *= np.outer(pose.MIRROR, pose.MIRROR)
         return PosedArms(self, at, rotations, positions)
 
     def capsules(self, arms: PosedArms) -> PosedCapsules:
@@ -149,7 +148,7 @@ class PosedSigner:
         """The middle (1, 3) of the part of the strong (0) or the weak hand (1) that a posture names."""
         unit, wrist = self.signer.hands * self.signer.scale, JOINTS["LeftHand" if which else "RightHand"]
         fingers = pose.hands(self.states[frame])[which, pose.FINGERS]
-        part = hand_part(posture.part).centre(hand.points(fingers)) * unit * ([-1.0, 1.0, 1.0] if which else 1.0)
+        part = hand_part(posture.part).centre(hand.points(fingers)) * unit * pose.MIRRORS[which]
         return np.asarray(self.positions[frame, wrist] + self.rotations[frame, wrist] @ part)[None]
 
     def nearest(self, points: FloatArray, frame: int, rows: Sequence[int]) -> tuple[FloatArray, FloatArray]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, pose
-from signsplice.signer.phonology import IN_SPACE, ON_BASE, ROLES, Posture, Segment, Sign, Vector, faults
+from signsplice.signer.phonology import IN_SPACE, MIRRORED_HANDS, ON_BASE, ROLES, Posture, Segment, Sign, Vector, faults
 from signsplice.signer.signer import STANDARD
 
 PERSONS = ("1", "2", "3", "3-weak")
@@ -142,7 +142,7 @@ def _repeated(segment: Segment, goes: bool, more: int) -> Segment:
 def _sidewards(segment: Segment, sign: Sign) -> Segment:
     """A movement in one place, going on to the strong side, or what follows it there."""
     strong, weak = segment.strong, segment.weak
-    if sign.hands in ("symmetric", "alternating") or strong.location not in IN_SPACE | ON_BASE:
+    if sign.hands in MIRRORED_HANDS or strong.location not in IN_SPACE | ON_BASE:
         raise InputError(
             f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place, and only hands=one or base in space go on from it"
         )

@@ -25,9 +25,10 @@ from signsplice.signer.arms import GRID, hardship
 from signsplice.signer.collisions import NEAREST_CM, clear_collisions
 from signsplice.signer.figure import Figure, PosedSigner, posed_figure
 from signsplice.signer.hand import hand_part
-from signsplice.signer.locations import MIRROR, WeakArm, axes, facing, locate, on_joint, on_weak_arm
+from signsplice.signer.locations import WeakArm, axes, facing, locate, on_joint, on_weak_arm
 from signsplice.signer.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm, on_base
-from signsplice.signer.signer import COLLAR, JOINTS, SHOULDER, Signer, skeleton
+from signsplice.signer.pose import MIRROR
+from signsplice.signer.signer import JOINTS, Signer, shoulder, skeleton
 from signsplice.signer.timing import LANDING_S, TimedSegment
 from signsplice.signer.trajectory import wendland
 
@@ -215,7 +216,7 @@ def move_into_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
     """Wrists (T, 2, 3) moved before the shoulder where they are so near to it that no elbow bends so far; far behind it
     they stay.
     """
-    away = wrists / signer.scale - (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0])
+    away = wrists / signer.scale - shoulder(signer)
     along = away @ _BEFORE
     beside = np.square(away).sum(axis=-1) - np.square(along)
     push = np.maximum(np.sqrt(np.maximum(NEAREST_CM**2 - beside, 0.0)) - along, 0.0)

@@ -22,6 +22,7 @@ from signsplice.signer.collisions import clear_of_shoulder, hand_clearances, in_
 from signsplice.signer.hand import HandPart, hand_part
 from signsplice.signer.handshapes import HANDSHAPES, handshape
 from signsplice.signer.phonology import ON_ARM, PLACES, REST, Posture, Vector, on_arm
+from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import HANGING, JOINTS, Signer, skeleton, stream
 from signsplice.signer.tables import vector
 
@@ -35,7 +36,6 @@ _ON_BASE = {
 }
 _ON_WEAK_ARM = {name: (bone, float(at), float(skin), vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
 
-MIRROR = np.array([-1.0, 1.0, 1.0])
 _TOUCH_ROUNDS = 3
 """How often a hand that is written to lie on the skin is moved there."""
 

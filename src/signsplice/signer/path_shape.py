@@ -31,8 +31,9 @@ from signsplice.signer.location_targets import (
     resolve_collisions,
     spread,
 )
-from signsplice.signer.locations import MIRROR, WeakArm
+from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import REST, Posture, Sign, in_space, on_arm
+from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import HangingElbowSigner, Signer
 from signsplice.signer.timing import TimedSegment
 from signsplice.signer.trajectory import wendland
@@ -233,9 +234,8 @@ def _palms(states: FloatArray, figure: Figure) -> FloatArray:
     arms = figure.posed(states)
     fingers = pose.hands(states)[..., pose.FINGERS]
     centres = _PALM.centre(hand.points(fingers)) * figure.signer.hands * figure.signer.scale
-    mirrors = np.array([[1.0, 1.0, 1.0], MIRROR])
-    places = arms.positions[:, :, 3] + np.einsum("tkab,tkb->tka", arms.rotations[:, :, 3], centres * mirrors)
-    return np.asarray(mirrors * places)
+    places = arms.positions[:, :, 3] + np.einsum("tkab,tkb->tka", arms.rotations[:, :, 3], centres * pose.MIRRORS)
+    return np.asarray(pose.MIRRORS * places)
 
 
 _PALM = hand_part("palm")

@@ -15,7 +15,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.curves import minimum_jerk
 from signsplice.signer import locations, pose, trajectory
 from signsplice.signer.collisions import into_touch, touching
-from signsplice.signer.phonology import Path, Segment
+from signsplice.signer.phonology import MIRRORED_HANDS, Path, Segment
 from signsplice.signer.signer import Signer, stream
 
 MOVEMENT_PACE = 0.70
@@ -49,7 +49,7 @@ def without_spins(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[
 
 def drifted(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:
     """A state (65,) with the strong hand moved by ``displacement`` (3,), cm, and with it a weak hand that moves."""
-    weak = translated(state[27:54], displacement, signer) if hands in ("symmetric", "alternating") else state[27:54]
+    weak = translated(state[27:54], displacement, signer) if hands in MIRRORED_HANDS else state[27:54]
     return np.concatenate([translated(state[:27], displacement, signer), weak, state[54:]])
 
 
@@ -136,14 +136,14 @@ class PathMotion:
             return state
         moved = locations.axes(self.segment.step) * self.size * self.signer.scale * (k // 2 + (k % 2) * s)
         strong, weak = pose.hands(state)
-        weak = weak if self.hands == "one" else translated(weak, moved * locations.MIRROR, self.signer)
+        weak = weak if self.hands == "one" else translated(weak, moved * pose.MIRROR, self.signer)
         return np.concatenate([translated(strong, moved, self.signer), weak, state[54:]])
 
     def _both(self, s: float) -> tuple[tuple[int, float, float], tuple[int, float, float]]:
         """For strong and weak hand at progress ``s``: whose path it follows (0 strong, 1 weak), its progress, and its
         phase on a circle, in revolutions.
         """
-        mirrored = self.hands in ("symmetric", "alternating")
+        mirrored = self.hands in MIRRORED_HANDS
         opposite = self.hands == "alternating" and self.segment.path.kind == "circle"
         reverse = self.hands == "alternating" and not opposite
         return (0, s, 0.0), (0 if mirrored else 1, 1.0 - s if reverse else s, 0.5 * opposite)
@@ -160,7 +160,7 @@ class PathMotion:
         along = self._path_offset(self.segment.weak_path, s, phase)
         if along is None:
             return own
-        mirrored = np.asarray(along * locations.MIRROR)
+        mirrored = np.asarray(along * pose.MIRROR)
         return mirrored if own is None else np.asarray(own + mirrored)
 
     def _path_offset(self, path: Path, s: float, phase: float) -> FloatArray | None:

@@ -24,6 +24,8 @@ HANDS = {
     "alternating": "the weak hand mirrors the strong one half a cycle away",
     "base": "the weak hand has postures and paths of its own (w.shape, w.at, w.palm, w.fingers, w.path)",
 }
+MIRRORED_HANDS = ("symmetric", "alternating")
+"""Kinds of hands that mirror one another; either may touch, of other kinds the strong one."""
 
 DIRECTIONS: dict[str, tuple[float, float, float]] = {
     "up": (0.0, 1.0, 0.0),
@@ -325,7 +327,7 @@ def faults(sign: Sign) -> list[str]:
             dot = sum(a * b for a, b in zip(p.palm, p.fingers, strict=True))
             if abs(dot) > 0.9:
                 found.append(f"segment {n}: palm and fingers must be at least 25 degrees from parallel")
-            if p.location in LOCI and sign.hands in ("symmetric", "alternating"):
+            if p.location in LOCI and sign.hands in MIRRORED_HANDS:
                 found.append(
                     f"segment {n}: at={p.location} needs hands=one or hands=base; mirrored hands have no common locus"
                 )
@@ -336,7 +338,7 @@ def faults(sign: Sign) -> list[str]:
 
 def _is_touch(posture: Posture, hands: str) -> bool:
     """Whether a posture is written as a touch of the body, or of hands that mirror one another and meet."""
-    meets = hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
+    meets = hands in MIRRORED_HANDS and posture.location in ("space-mid", "space-low-mid")
     return posture.off < 1.0 and (meets or not in_space(posture.location))
 
 

@@ -46,7 +46,7 @@ from signsplice.signer.location_targets import (
 )
 from signsplice.signer.locations import ON_HEAD, WeakArm, resting
 from signsplice.signer.paths import PathMotion, drifted, rounds, strokes, translated, varied_rounds, without_spins
-from signsplice.signer.phonology import REST, Posture, Segment, Sign, in_space, on_base
+from signsplice.signer.phonology import MIRRORED_HANDS, REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.signer.signer import PLAIN, STANDARD, Signer, stream
 from signsplice.signer.timing import LANDING_S, Events, TimedSegment, between_frames, hold_pause, tempo_of
 from signsplice.signer.trajectory import Knot, low_passed
@@ -131,7 +131,7 @@ class SegmentPlan:
 
     def _postures(self) -> list[tuple[FloatArray, FloatArray]]:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
-        meets = self.sign.hands in ("symmetric", "alternating")
+        meets = self.sign.hands in MIRRORED_HANDS
         arms: dict[Posture | None, WeakArm] = {}
         made: dict[tuple[Posture, Posture | None], FloatArray] = {}
         pairs = []
@@ -268,7 +268,7 @@ def touches(segment: Segment, sign: Sign) -> bool:
     other hand. What is seen to touch, which events tell, can differ.
     """
     posture = segment.strong
-    meets = sign.hands in ("symmetric", "alternating") and posture.location in ("space-mid", "space-low-mid")
+    meets = sign.hands in MIRRORED_HANDS and posture.location in ("space-mid", "space-low-mid")
     free = in_space(posture.location) and not meets and not posture.touch
     return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
 

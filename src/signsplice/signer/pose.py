@@ -48,6 +48,11 @@ _ANGLE_LIMITS = ((-FOREARM_LIMIT, FOREARM_LIMIT), *WRIST_LIMITS)
 
 MARGIN = 0.15  # from here on angles approach their limits softly, radians
 
+MIRROR = np.array([-1.0, 1.0, 1.0])
+"""Takes a vector of one hand to the other's side."""
+MIRRORS = np.array([np.ones(3), MIRROR])
+"""The same for the strong hand, which stays, and the weak one."""
+MIRROR_QUAT = np.array([1.0, -1.0, -1.0, 1.0])
 _X = np.array([1.0, 0.0, 0.0])
 COMFORT = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
 """Twist of the forearm, deviation and flexion of the wrist up to which they are comfortable."""
@@ -386,7 +391,7 @@ def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
         "Hand": rotation.multiply(rotation.inverse(fore), hand_quats),
     }
     for n, side in enumerate(_sides(signer)):
-        mirror = np.array([1.0, -1.0, -1.0, 1.0]) if side == "Left" else 1.0
+        mirror = MIRROR_QUAT if side == "Left" else 1.0
         for name, q in chain.items():
             local_quats[:, JOINTS[side + name]] = q[:, n] * mirror
     return local_quats, roots
@@ -402,18 +407,18 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
     local_quats[..., 3] = 1.0
     # Legs lean against the root's displacement, so that the feet stay where they are.
-    displacement = states[:, ROOT] * (np.array([-1.0, 1.0, 1.0]) if signer.left_handed else 1.0)
+    displacement = states[:, ROOT] * (MIRROR if signer.left_handed else 1.0)
     lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _LEG_CM
     parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)] + [f * states[:, HEAD] for f in _HEAD_PARTS]
     local_quats[:, _MIDDLE + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
     fingers = hand.rotations(hands(states)[..., FINGERS])
     for n, side in enumerate(_sides(signer)):
         first = JOINTS[f"{side}HandThumb1"]
-        mirror = np.array([1.0, -1.0, -1.0, 1.0]) if side == "Left" else 1.0
+        mirror = MIRROR_QUAT if side == "Left" else 1.0
         local_quats[:, first : first + 15] = fingers[:, n] * mirror
     roots = displacement * signer.scale + skeleton(signer).offsets[0]
     if signer.left_handed:  # trunk and head are written for a right-handed signer, too
-        local_quats[:, _MIDDLE] *= np.array([1.0, -1.0, -1.0, 1.0])
+        local_quats[:, _MIDDLE] *= MIRROR_QUAT
     return local_quats, roots
 
 

@@ -261,6 +261,11 @@ def _skeleton(signer: Signer) -> Skeleton:
     )
 
 
+def shoulder(signer: Signer) -> FloatArray:
+    """The right shoulder (3,) of the standard body with a signer's width, from the chest joint, arms hanging, cm."""
+    return np.asarray((COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]))
+
+
 def stature(bones: Skeleton) -> float:
     """Stature (cm) of the signer whose ``skeleton`` this is, from the legs, which scale with the stature alone; of any
     skeleton with a joint LeftLeg in its own unit. Raises ``InputError`` for one without.

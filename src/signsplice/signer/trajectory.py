@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +16,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import hand, pose
-from signsplice.signer.signer import COLLAR, PLAIN, SHOULDER, Signer, stream
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+from signsplice.signer.signer import PLAIN, Signer, shoulder, stream
 
 _LEAST_PASS = 0.18
 """Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %
@@ -286,12 +281,12 @@ _MOST_PASSING_CM = 16.0
 
 def _avoid_shoulder(path: FloatArray, hill: FloatArray, start: FloatArray, end: FloatArray, signer: Signer) -> None:
     """Bow a wrist's path (n, 3) forward and out, in place, where it would come nearer to the shoulder than its ends."""
-    shoulder = (COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]) * signer.scale
-    ends = min(float(np.linalg.norm(start - shoulder)), float(np.linalg.norm(end - shoulder)))
+    centre = shoulder(signer) * signer.scale
+    ends = min(float(np.linalg.norm(start - centre)), float(np.linalg.norm(end - centre)))
     least = min(_SHOULDER_DISTANCE_CM * signer.scale, ends)
     left = np.inf if signer.manner == PLAIN else _MOST_PASSING_CM * signer.scale
     for _ in range(4):
-        lack = least - np.linalg.norm(path - shoulder, axis=-1)
+        lack = least - np.linalg.norm(path - centre, axis=-1)
         if lack.max() <= 0.0:
             break
         bow = min(float((lack / np.maximum(hill[:, 0], 0.2)).max()), left)

@@ -7,19 +7,16 @@ hand comes and goes in a time of its own, and gives way a little where it is tou
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import hand, pose, trajectory
+from signsplice.signer.body_motion import Nearness
 from signsplice.signer.collisions import TOUCH_CM, between_hands, hand_clearances, penetration
+from signsplice.signer.phonology import MIRRORED_HANDS, Sign
 from signsplice.signer.signer import Signer, stream
-
-if TYPE_CHECKING:
-    from signsplice.signer.body_motion import Nearness
-    from signsplice.signer.phonology import Sign
 
 _FREE_CM = 3.5
 """How much farther than that hands are as free as in the open."""
@@ -46,7 +43,7 @@ def with_separate_timing(
     """
     up, start, end, down = span
     manner = signer.manner
-    mirrored, base = sign.hands in ("symmetric", "alternating"), sign.hands == "base"
+    mirrored, base = sign.hands in MIRRORED_HANDS, sign.hands == "base"
     inner = states[start : end + 1, :54].reshape(-1, 2, 27)[..., pose.FINGERS]
     formed = manner.finger_stagger > 0.0 and float(np.ptp(inner, axis=0).max()) > 0.05
     if not (formed or (mirrored and manner.hand_difference) or (base and manner.base_lag)):
@@ -115,9 +112,6 @@ def _smooth_step(x: FloatArray) -> FloatArray:
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x * x * (3.0 - 2.0 * x))
 
-
-if TYPE_CHECKING:
-    from signsplice.signer.phonology import Sign
 
 _LAG_S = 0.15
 """How much earlier or later than the strong hand a base hand comes and goes, at most."""
@@ -219,5 +213,5 @@ def _give(
         u = np.maximum(frames - onset, 0) * 30.0 / fps / 3.0
         push = (size * u**2 * np.exp(2.0 * (1.0 - u)))[:, None] * velocity / max(speed, 1e-9)
         shift[:, :3] += push
-        shift[:, 27:30] += push * [-1.0, 1.0, 1.0]
+        shift[:, 27:30] += push * pose.MIRROR
     return shift

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, phonology, pose
 from signsplice.signer.collisions import hand_clearances
-from signsplice.signer.locations import MIRROR, WeakArm, resting
+from signsplice.signer.locations import WeakArm, resting
 from signsplice.signer.phonology import Local, Path, Posture, Segment, Sign, Vector, faults
 from signsplice.signer.signer import STANDARD, stream
 from signsplice.signer.tables import sections
@@ -300,5 +300,5 @@ def _out_of_reach(segment: Segment) -> bool:
 
 def _in_front(hand_states: FloatArray, meets: bool) -> NDArray[np.bool_]:
     """Whether wrists are in front of the chest, and on the strong side where hands mirror one another."""
-    wrists = hand_states[..., pose.WRIST] * MIRROR
+    wrists = hand_states[..., pose.WRIST] * pose.MIRROR
     return np.asarray((wrists[..., 2] > 2.0) & ((wrists[..., 0] > 1.0) | (not meets)))

@@ -19,6 +19,7 @@ from signsplice.signer.hand import hand_part
 from signsplice.signer.handshapes import handshape
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import REST, Path, Posture, Vector, on_arm
+from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import STANDARD
 from signsplice.written.tree import Place, WrittenPosture, WrittenShape
 from signsplice.written.vocabulary import Spot, dot, facing, oriented, plus, shape_text, spot, unit, usual_part
@@ -38,7 +39,6 @@ KINDS: dict[str, tuple[str, str, Vector]] = {
 }
 """Kinds of hands: letters of finger directions, and of palms, that are exchanged for the weak hand; and the signs of
 motions in its own directions."""
-_AWAY: Vector = (-1.0, 1.0, 1.0)
 _SLIDE_CM, _SLIDE_COSINE = 7.0, 0.6
 _LEAST_SLIDE = 0.75
 """How much of its way a hand goes at least that slides."""
@@ -224,7 +224,7 @@ def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool)
     """A posture moved by ``travel``; a short way along the skin that it touches it slides."""
     length = dot(travel, travel) ** 0.5
     if posture.touch and not fast and length <= _SLIDE_CM:
-        normal = locations.locate(posture.location, weak_arm(weak)).normal * _AXES
+        normal = locations.locate(posture.location, weak_arm(weak)).normal * MIRROR
         if normal.any() and abs(float(normal @ np.array(travel))) < _SLIDE_COSINE * length:
             slid = _slid_location(posture.location, travel)
             if slid and normal[2] > 0.6 and _goes(posture.location, slid, travel):
@@ -249,10 +249,7 @@ def _goes(location: str, slid: str, travel: Vector) -> bool:
     """
     nobody = weak_arm(None)
     way = locations.locate(slid, nobody).point - locations.locate(location, nobody).point
-    return float(way @ (_AXES * travel)) >= _LEAST_SLIDE * dot(travel, travel)
-
-
-_AXES = np.array([-1.0, 1.0, 1.0])
+    return float(way @ (MIRROR * travel)) >= _LEAST_SLIDE * dot(travel, travel)
 
 
 _IN_PLANE = 0.5
@@ -263,7 +260,7 @@ def from_skin(path: Path, posture: Posture, weak: Posture | None, meets: bool) -
     """A circle of a hand at the skin, or at the other hand, that begins where it is nearest to that: it is whole.
     Circles that keep clear of it begin at their top.
     """
-    out, up, ahead = (locations.MIRROR * locations.locate(posture.location, weak_arm(weak)).normal).tolist()
+    out, up, ahead = (MIRROR * locations.locate(posture.location, weak_arm(weak)).normal).tolist()
     toward = (-out, -up, -ahead) if out or up or ahead else (-float(meets and posture.touch), 0.0, 0.0)
     toward = plus(toward, path.direction, -dot(toward, path.direction))
     start = unit(toward)
