@@ -291,8 +291,9 @@ def test_a_place_between_the_middle_and_a_side_is_half_way_to_the_side() -> None
 
 def test_frames_of_postures_are_where_the_hands_have_come_to_them() -> None:
     word = planner.isolated(made(INDEX, straight("d", size="big"), straight("r", size="small")))
-    heights = [word.states[frame, 1] for _, frame in word.posture_frames]
-    assert [n for n, _ in word.posture_frames] == [0, 1, 2]
+    frames = [word.events.start, *(one.end for one in word.segments if one.segment.kind == "M")]
+    assert len(frames) == 3
+    heights = word.states[frames, 1]
     assert heights[0] - heights[1] == pytest.approx(20.0, abs=3.0)
 
 

@@ -71,7 +71,7 @@ GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
 _MISSED = np.deg2rad(6.0)
 """Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
 _EFFORT = 0.35
-"""What an elbow costs that is not where it is easy, over ``arm_costs.swivel_costs``."""
+"""What an elbow costs that is not where it is easy, over what its angles cost."""
 _BEFORE, _ACROSS = 0.35, 0.08
 """How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
 over the upper arm's length."""
@@ -283,18 +283,13 @@ def beyond_easy(angles: FloatArray) -> FloatArray:
 
 
 def ease_wrists(
-    states: FloatArray,
-    written: FloatArray,
-    signer: Signer,
-    added: FloatArray | float = 0.0,
-    room: FloatArray | float = 0.0,
+    states: FloatArray, written: FloatArray, signer: Signer, added: FloatArray, room: FloatArray
 ) -> FloatArray:
     """The same, as nearly as is easy, with what movements of forearm and wrist have ``added`` to their angles
     (T, 2, 3); these have ``room`` (T, 2, 3) to either side before a joint's limit.
     """
     arm, swivels = solve_arms(states, signer)
-    wrist = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels)
-    angles = np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1)  # (T, 2, 3)
+    angles = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels).angles  # (T, 2, 3)
     off = beyond_easy(angles)
     size = np.linalg.norm(off, axis=-1, keepdims=True)
     missed = np.linalg.norm(angles - np.clip(angles, *_WRIST_LIMITS.T), axis=-1, keepdims=True)
@@ -302,15 +297,9 @@ def ease_wrists(
     angles = angles - YIELDS * share * off / np.maximum(size, 1e-9)
     # Limits are approached softly from MARGIN before them on, which a movement needs free; without one nothing changes.
     inner = room + MARGIN * (2.0 * np.minimum(room / MARGIN, 1.0) - 1.0)
-    angles = (
-        np.where(room > 0.0, np.clip(angles, _WRIST_LIMITS[:, 0] + inner, _WRIST_LIMITS[:, 1] - inner), angles) + added
-    )
-    twist, swing = (np.pad(part, ((0, 0), (0, 0), side)) for part, side in
-                    ((angles[..., :1], (0, 2)), (angles[..., 1:], (1, 0))))  # fmt: skip
-    made = rotation.multiply(rotation.exp(twist), rotation.exp(swing))
-    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    quats = rotation.multiply(rotation.exp(swivels[..., None] * axis), made)
-    return turn_arms(states, arm, quats, swivels, signer)
+    low, high = _WRIST_LIMITS.T
+    angles = np.where(room > 0.0, np.clip(angles, low + inner, high - inner), angles) + added
+    return turn_arms(states, arm, pose.hands_at(arm, angles, swivels), swivels, signer)
 
 
 _FASTEST_TURN = 18.0
@@ -329,34 +318,23 @@ _TWIST_WIDTH_S, _TWIST_AROUND_S = 0.045, 0.25
 def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) in which no forearm or wrist turns over in a frame; the states themselves where none did."""
     arm, wrist = pose.posed_arms(states, signer)
-    kept = np.clip(wrist.twist, -pose.FOREARM_LIMIT, pose.FOREARM_LIMIT)
-    turned = kept.copy()
-    swing = np.clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), *pose.WRIST_LIMITS.T)
-    fast = (
-        np.maximum(np.abs(np.diff(kept, axis=0)), _SWING_WEIGHT * np.linalg.norm(np.diff(swing, axis=0), axis=-1)) * fps
-        > _FASTEST_TURN
-    )  # (T - 1, 2)
+    within = np.clip(wrist.angles, *_WRIST_LIMITS.T)  # (T, 2, 3)
+    steps = np.diff(within, axis=0)
+    turns = np.maximum(np.abs(steps[..., 0]), _SWING_WEIGHT * np.linalg.norm(steps[..., 1:], axis=-1))
+    fast = turns * fps > _FASTEST_TURN  # (T - 1, 2)
     if not fast.any():
         return states
+    angles = within.copy()
     for which in np.flatnonzero(fast.any(axis=0)):
         path = _twist_path(wrist.twist[:, which], fps)
-        odd = np.abs(path - kept[:, which]) > _TWIST_MISSED
+        odd = np.abs(path - within[:, which, 0]) > _TWIST_MISSED
         odd[1:] |= fast[:, which]
         near = maximum_filter1d(odd.astype(np.float64), 2 * round(_TWIST_AROUND_S * fps) + 1)
         near = gaussian_filter1d(near, 0.4 * _TWIST_AROUND_S * fps)
         path = gaussian_filter1d(path, _TWIST_WIDTH_S * fps, mode="nearest")
-        turned[:, which] += near * (path - kept[:, which])
-        smooth = gaussian_filter1d(swing[:, which], _TWIST_WIDTH_S * fps, axis=0, mode="nearest")
-        swing[:, which] += near[:, None] * (smooth - swing[:, which])
-    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    zero = np.zeros_like(turned)
-    quats = rotation.multiply(
-        rotation.exp(wrist.swivel[..., None] * axis),
-        rotation.multiply(
-            rotation.exp(np.stack([turned, zero, zero], axis=-1)),
-            rotation.exp(np.concatenate([zero[..., None], swing], axis=-1)),
-        ),
-    )
+        swing = gaussian_filter1d(within[:, which, 1:], _TWIST_WIDTH_S * fps, axis=0, mode="nearest")
+        angles[:, which] += near[:, None] * (np.column_stack([path, swing]) - within[:, which])
+    quats = pose.hands_at(arm, angles, wrist.swivel)
     made = states.copy()
     fast = fast.any(axis=0)
     pose.hands(made)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]

@@ -11,11 +11,10 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, pose
-from signsplice.signer.figure import PosedSigner, posed_signer
+from signsplice.signer.figure import ARMS, PosedSigner, posed_signer
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import Posture
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import JOINTS
 
 CONTORTED_DEG = 75.0
@@ -57,14 +56,12 @@ def _posed(word: IsolatedWord) -> _Body:
     posed = posed_signer(word.states, word.signer)
     rotations, positions = posed.rotations, posed.positions
     chest = rotations[:, JOINTS["Spine2"]]
-    seen = np.einsum("tba,tkb->tka", chest, positions - positions[:, JOINTS["Spine2"], None])  # (T, J, 3)
-    hands, forearms, arms = ([JOINTS[side + part] for side in ("Right", "Left")] for part in ("Hand", "ForeArm", "Arm"))
+    seen = np.einsum("tba,tkb->tka", chest, positions)  # (T, J, 3)
+    _, arms, forearms, hands = ARMS.T
     along = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])  # the bones of the right arm and of the left one
     bones = [np.einsum("tkab,kb->tka", rotations[:, joints], along) for joints in (hands, forearms)]
     cosines = np.clip((bones[0] * bones[1]).sum(axis=-1), -1.0, 1.0)
-    wrists, shoulders = seen[:, hands], seen[:, arms]
-    wrists[:, 1] *= MIRROR
-    shoulders[:, 1] *= MIRROR
+    wrists, shoulders = seen[:, hands] * pose.MIRRORS, seen[:, arms] * pose.MIRRORS
     return _Body(word, posed, wrists, shoulders, np.rad2deg(np.arccos(cosines)))
 
 

@@ -16,7 +16,7 @@ from signsplice.body import collision
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import arms, hand, locations, pose
-from signsplice.signer.figure import Figure, PosedSigner, posed_figure, surface
+from signsplice.signer.figure import ARMS, Figure, PosedSigner, posed_figure, surface
 from signsplice.signer.hand import hand_part
 from signsplice.signer.location_targets import (
     RADIUS_S,
@@ -46,7 +46,6 @@ _MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
 """Movements in one step, at most."""
 _DIFFERENCE = np.array([0.02] * 3 + [0.004] * 3 + [0.01])
 """Movements by which derivatives are found."""
-_SIDES = ("Right", "Left")
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,10 +209,10 @@ def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArr
     own, other, arm = (
         (groups.left, groups.right, groups.right_arm) if one.which else (groups.right, groups.left, groups.left_arm)
     )
-    unit, wrist = posed.signer.hands * posed.signer.scale, JOINTS[f"{_SIDES[one.which]}Hand"]
+    unit, wrist = posed.signer.hands * posed.signer.scale, ARMS[one.which, 3]
     part = hand_part(one.posture.part)
     at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
-    here = np.einsum("kb,kba->ka", at - posed.positions[rows, JOINTS["Spine2"]], chest) * mirror
+    here = np.einsum("kb,kba->ka", at, chest) * mirror
     touched = np.array(other if one.meets else surface(one.posture.location, body, one.which))
     start = starts[:, touched]
     span = ends[:, touched] - start

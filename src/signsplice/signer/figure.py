@@ -139,29 +139,19 @@ class PosedSigner:
         """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
         cm, and the unit vector (3,) from there to the part, in the chest's axes.
         """
-        rows = surface(posture.location, self.capsules.body, 0)
-        gaps, out = self.nearest(self.part(posture, frame, 0), frame, rows)
-        site = hand_part(posture.part).skin * self.signer.hands * self.signer.scale
-        return float(gaps[0]) - site, out[0] @ self.rotations[frame, JOINTS["Spine2"]]
-
-    def part(self, posture: Posture, frame: int, which: int) -> FloatArray:
-        """The middle (1, 3) of the part of the strong (0) or the weak hand (1) that a posture names."""
-        unit, wrist = self.signer.hands * self.signer.scale, JOINTS["LeftHand" if which else "RightHand"]
-        fingers = pose.hands(self.states[frame])[which, pose.FINGERS]
-        part = hand_part(posture.part).centre(hand.points(fingers)) * unit * pose.MIRRORS[which]
-        return np.asarray(self.positions[frame, wrist] + self.rotations[frame, wrist] @ part)[None]
-
-    def nearest(self, points: FloatArray, frame: int, rows: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Distances (N,) of points (N, 3) from the skin of some capsules, and unit vectors (N, 3) away from it."""
-        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[list(rows)]
+        part, unit, wrist = hand_part(posture.part), self.signer.hands * self.signer.scale, ARMS[0, 3]
+        centre = part.centre(hand.points(pose.hands(self.states[frame])[0, pose.FINGERS])) * unit
+        rows = list(surface(posture.location, self.capsules.body, 0))
+        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[rows]
         span = self.capsules.ends[frame, rows] - starts
-        apart = points[:, None] - starts
+        apart = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre - starts
         along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
         out = apart - along[..., None] * span
         lengths = np.linalg.norm(out, axis=-1)
         gaps = lengths - radii[:, 0] - along * (radii[:, 1] - radii[:, 0])
-        n, each = gaps.argmin(axis=1), np.arange(len(points))
-        return gaps[each, n], out[each, n] / np.maximum(lengths[each, n], 1e-9)[:, None]
+        n = int(gaps.argmin())
+        direction = out[n] / max(lengths[n], 1e-9)
+        return float(gaps[n]) - part.skin * unit, direction @ self.rotations[frame, JOINTS["Spine2"]]
 
 
 def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:

@@ -23,7 +23,7 @@ from signsplice.motion.kinematics import rest_positions
 from signsplice.signer import arms, hand, locations, pose
 from signsplice.signer.arms import GRID, hardship
 from signsplice.signer.collisions import NEAREST_CM, clear_collisions
-from signsplice.signer.figure import Figure, PosedSigner, posed_figure
+from signsplice.signer.figure import ARMS, Figure, PosedSigner, posed_figure
 from signsplice.signer.hand import hand_part
 from signsplice.signer.locations import WeakArm, axes, facing, locate, on_joint, on_weak_arm
 from signsplice.signer.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm, on_base
@@ -100,7 +100,6 @@ _BEHIND_CM = 12.0
 """From how far behind the shoulder on wrists stay."""
 _BEFORE = np.array([-0.35, 0.0, 0.9367])
 """Where it is else moved."""
-_SIDES = ("Right", "Left")
 
 
 def apply_location_targets(
@@ -164,15 +163,6 @@ def move_hands(
     return arms.turn_arms(made, arm, turned, arms.swivels_to(arm, steady), signer)
 
 
-def _with_wrists(states: FloatArray, wrists: FloatArray, quats: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) with wrists (T, 2, 3) and rotations of the hands (T, 2, 4)."""
-    moved = states.copy()
-    both = pose.hands(moved)
-    both[..., pose.WRIST] = wrists
-    both[..., pose.ROTVEC] = pose.hand_rotvecs(wrists, quats, signer)
-    return moved
-
-
 def facing_as_written(
     states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
@@ -197,8 +187,12 @@ def facing_as_written(
 def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
     signer = replace(signer, left_handed=False)
-    wrists = move_into_reach(pose.hands(states)[..., pose.WRIST], signer)
-    return _with_wrists(states, wrists, pose.hand_rotations(states, signer), signer)
+    reached = states.copy()
+    both = pose.hands(reached)
+    wrists = move_into_reach(both[..., pose.WRIST], signer)
+    both[..., pose.ROTVEC] = pose.hand_rotvecs(wrists, pose.hand_rotations(states, signer), signer)
+    both[..., pose.WRIST] = wrists
+    return reached
 
 
 def resolve_collisions(states: FloatArray, figure: Figure, sign: Sign) -> FloatArray:
@@ -298,13 +292,13 @@ def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign:
     """What moves the part of a hand from where it is to where a posture puts it, (3,), cm, in the chest's axes,
     mirrored for the weak hand as its state is. part: where it is in the hand's axes.
     """
-    chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
-    joint, mirror = JOINTS[f"{_SIDES[which]}Hand"], MIRROR if which else np.ones(3)
+    joint, mirror = ARMS[which, 3], pose.MIRRORS[which]
     here = posed.positions[frame, joint] + posed.rotations[frame, joint] @ (part * mirror)
-    missing = location_target(posed, frame, which, posture, sign) - mirror * ((here - origin) @ chest)
+    here = mirror * (here @ posed.rotations[frame, JOINTS["Spine2"]])
+    missing = location_target(posed, frame, which, posture, sign) - here
     length = float(np.linalg.norm(missing))
-    stays = 0.05 if posture.touch else _LEFT_CM * posed.signer.scale
-    return np.asarray(missing * max(0.0, min(length, _MOST_CM) - stays) / max(length, 1e-9))
+    tolerance = 0.05 if posture.touch else _LEFT_CM * posed.signer.scale
+    return np.asarray(missing * max(0.0, min(length, _MOST_CM) - tolerance) / max(length, 1e-9))
 
 
 def location_target(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> FloatArray:
@@ -312,16 +306,15 @@ def location_target(posed: PosedSigner, frame: int, which: int, posture: Posture
     weak hand as its state is.
     """
     signer, state = posed.signer, posed.states[frame]
-    chest, origin = posed.rotations[frame, JOINTS["Spine2"]], posed.positions[frame, JOINTS["Spine2"]]
+    chest, mirror = posed.rotations[frame, JOINTS["Spine2"]], pose.MIRRORS[which]
     site, unit = hand_part(posture.part), signer.hands * signer.scale
-    mirror = MIRROR if which else np.ones(3)
     weak = WeakArm(signer, state[27:54])
     if on_arm(posture.location):
-        left = [JOINTS[name] for name in ("LeftArm", "LeftForeArm", "LeftHand")]
-        shoulder, elbow, wrist = (posed.positions[frame, left] - origin) @ chest * MIRROR
+        left = ARMS[1, 1:]
+        at_shoulder, elbow, wrist = posed.positions[frame, left] @ chest * MIRROR
         turned = chest.T @ posed.rotations[frame, left[2]]
         quat = rotation.from_matrix(MIRROR[:, None] * turned * MIRROR)
-        found = on_weak_arm(posture.location, weak, shoulder, elbow, wrist, quat)
+        found = on_weak_arm(posture.location, weak, at_shoulder, elbow, wrist, quat)
     else:
         found = locate(posture.location, weak)
     point, normal = found.point, found.normal
@@ -329,7 +322,7 @@ def location_target(posed: PosedSigner, frame: int, which: int, posture: Posture
         carrier = JOINTS[on_joint(posture.location, which)]
         rest = rest_positions(skeleton(signer))
         turn = chest.T @ posed.rotations[frame, carrier]
-        place = chest.T @ (posed.positions[frame, carrier] - origin)
+        place = chest.T @ posed.positions[frame, carrier]
         point = mirror * (place + turn @ (mirror * point + rest[JOINTS["Spine2"]] - rest[carrier]))
         normal = mirror * (turn @ (mirror * normal))
     wanted = point + axes(posture.shift) * signer.scale

@@ -245,6 +245,17 @@ def weak_hand(posture: Posture, signer: Signer, size: float = 1.0) -> FloatArray
     return strong_hand(posture, WeakArm(signer, np.zeros(27)), size=size)
 
 
+def palm(posture: Posture, weak: WeakArm, meets: bool = False) -> FloatArray:
+    """Where the middle of the strong palm is in a posture, (3,), cm, by the posture alone; arguments as of
+    ``strong_hand``.
+    """
+    wrist, quat, _ = strong_wrist(posture, weak, meets)
+    if posture.touch:
+        wrist = strong_hand(posture, weak, meets)[pose.WRIST]
+    centre = hand_part("palm").centre(handshape(posture.shape).points) * weak.signer.hands * weak.signer.scale
+    return np.asarray(wrist + rotation.rotate(quat, centre))
+
+
 _LIFTED_IN_SPACE = (0.0, 0.7, -0.7)
 
 

@@ -14,13 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import arms, hand, locations, pose
 from signsplice.signer.collisions import TOLERANCE_CM, penetration
 from signsplice.signer.figure import Figure
 from signsplice.signer.hand import hand_part
-from signsplice.signer.handshapes import handshape
 from signsplice.signer.location_targets import (
     LEFT_ALONE,
     RADIUS_S,
@@ -154,7 +152,7 @@ def hold_elbows(
 ) -> FloatArray:
     """States (T, 65) of a whole word with elbows that stay while hands stay: where these bend wrists least."""
     directions, wrist = arms.directions_of(states, signer), pose.posed_arms(states, signer)[1]
-    bent = arms.beyond_easy(np.stack([wrist.twist, wrist.deviation, wrist.flexion], axis=-1))
+    bent = arms.beyond_easy(wrist.angles)
     every, reach = posture_holds(segments, sign, fps, lambda posture: True)[0], round(_HELD_S * fps)
     # What is farther away in time stays; of the same frame the later one counts.
     wanted = [replace(one, first=max(one.first - reach, 0), last=one.last + reach) for one in every]
@@ -182,7 +180,9 @@ def _in_rows(
         keys = [(every[n].posture, _weak_posture(every, every[n])) for n in row]
         for key in dict.fromkeys(keys):
             if key not in written:
-                written[key] = _written_palm(*key, sign.hands == "symmetric", signer)
+                posture, weak = key
+                arm = WeakArm(signer, locations.weak_hand(weak, signer) if weak else np.zeros(27))
+                written[key] = locations.palm(posture, arm, sign.hands == "symmetric")
         off = np.array([places[n] - written[key] for n, key in zip(row, keys, strict=True)])
         lead = 0 if every[row[0]].posture.touch else int(np.linalg.norm(off, axis=1).argmax())
         goal = off[lead]
@@ -245,15 +245,3 @@ def _steadiest(palms: FloatArray, stay: PostureHold) -> FloatArray:
     """Where a palm (T, 3) is while it stays: in the frame nearest to all others."""
     there = palms[stay.first : stay.last + 1]
     return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])
-
-
-def _written_palm(posture: Posture, weak: Posture | None, mirrored: bool, signer: Signer) -> FloatArray:
-    """Where the palm of a hand is by its posture alone, (3,), with the body at rest; ``weak``: that of the weak hand,
-    where it is at that.
-    """
-    arm = WeakArm(signer, locations.weak_hand(weak, signer) if weak else np.zeros(27))
-    wrist, quat, _ = locations.strong_wrist(posture, arm, mirrored)
-    if posture.touch:
-        wrist = locations.strong_hand(posture, arm, mirrored)[pose.WRIST]
-    palm = _PALM.centre(handshape(posture.shape).points) * signer.hands * signer.scale
-    return np.asarray(wrist + rotation.rotate(quat, palm))

@@ -352,13 +352,6 @@ class IsolatedWord:
     def __len__(self) -> int:
         return len(self.states)
 
-    @property
-    def posture_frames(self) -> list[tuple[int, int]]:
-        """(segment, frame) of each posture: the first one, and that at the end of each movement."""
-        found = [(n, one.passes[0][1] if one.segment.times > 1 and one.passes else one.end) for n, one in
-                 enumerate(self.segments) if one.segment.kind == "M"]  # fmt: skip
-        return [(0, self.events.start), *found]
-
 
 def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
     """A sign in citation form, as in a dictionary: both arms rest before and after it. The same arguments give the same

@@ -65,24 +65,17 @@ _TINY = 1e-300
 _ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
 
 
-def swivel_costs(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
-    """What elbows at ``swivels`` (S,) cost, (..., S), in arms that carry hands with rotation vectors ``rotvecs``
-    (..., 3).
-    """
-    return _costs(arm, angles_of(_turned(arm, rotvecs, swivels)), signer, swivels)
-
-
 def led_costs(
     arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """By how much (..., S), radians, forearm and wrist miss the rotations ``rotvecs`` (..., 3) with elbows at
-    ``swivels`` (S,), since they keep to their limits; ``swivel_costs``; and what costs that they are not comfortable.
+    ``swivels`` (S,), since they keep to their limits; what these elbows cost; and what it costs that forearm and wrist
+    are not comfortable.
     """
     turned = _turned(arm, rotvecs, swivels)
     angles = angles_of(turned)
     kept = [soft_clip(x, low, high, MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
-    swing = rotation.exp(np.stack([np.zeros_like(kept[1]), *kept[1:]], axis=-1))
-    made = rotation.multiply(rotation.exp(kept[0][..., None] * _X), swing)
+    made = _from_forearm(np.stack(kept, axis=-1))
     # Of the rotation from one to the other: its angle from the cosine of its half.
     half = np.minimum(np.abs(np.einsum("...c,...c->...", made, turned)), 1.0)
     strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(kept, COMFORT, strict=True)) / _STRAINED**2
@@ -99,7 +92,7 @@ def _turned(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
 
 
 def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: FloatArray) -> FloatArray:
-    """``swivel_costs`` (..., S) of angles of twist, deviation and flexion, each (..., S)."""
+    """What elbows at ``swivels`` (S,) cost, (..., S), with angles of twist, deviation and flexion, each (..., S)."""
     usual = -np.deg2rad(signer.elbow_deg)
     cost = sum(np.square(angle / ease) for angle, ease in zip((*angles, swivels - usual), _EASE, strict=True))
     if signer.manner.low_elbows:
@@ -318,6 +311,11 @@ class Wrist:
     deviation: FloatArray
     flexion: FloatArray
 
+    @property
+    def angles(self) -> FloatArray:
+        """Twist, deviation and flexion (..., 3)."""
+        return np.stack([self.twist, self.deviation, self.flexion], axis=-1)
+
 
 def elbow_axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (..., 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
@@ -344,7 +342,7 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
 
 def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer) -> FloatArray:
     """``easy_swivels`` of the bytes of rotation vectors."""
-    cost = swivel_costs(arm, np.frombuffer(data).reshape(shape), signer, _SWIVELS)
+    cost = _costs(arm, angles_of(_turned(arm, np.frombuffer(data).reshape(shape), _SWIVELS)), signer, _SWIVELS)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
     return np.asarray((weight @ _SWIVELS) / weight.sum(axis=-1))
@@ -361,6 +359,19 @@ def wrist_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> Wrist:
     """The same for rotations (..., 4) of hands from forearms with hanging elbows, elbows at ``swivels`` (...)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     return Wrist(swivels, *angles_of(rotation.multiply(rotation.exp(-swivels[..., None] * axis), quats)))
+
+
+def hands_at(arm: Arm, angles: FloatArray, swivels: FloatArray) -> FloatArray:
+    """The rotations that ``wrist_at`` gives twist, deviation and flexion ``angles`` (..., 3) of."""
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    return rotation.multiply(rotation.exp(swivels[..., None] * axis), _from_forearm(angles))
+
+
+def _from_forearm(angles: FloatArray) -> FloatArray:
+    """Rotations (..., 4) from forearm to hand by twist, deviation and flexion (..., 3), deviation and flexion first."""
+    twist, swing = np.zeros_like(angles), angles.copy()
+    twist[..., 0], swing[..., 0] = angles[..., 0], 0.0
+    return rotation.multiply(rotation.exp(twist), rotation.exp(swing))
 
 
 def is_easy(hand_states: FloatArray) -> NDArray[np.bool_]:

@@ -42,82 +42,6 @@ POSTURES = (
 )  # fmt: skip
 
 
-class _Values:
-    """Reads the attributes of one sign's elements.
-
-    reading: of the sign
-    """
-
-    def __init__(self, reading: Reading) -> None:
-        self.reading = reading
-
-    def check(self, e: Element) -> None:
-        """Refuse attributes that are not read; note those that have no form."""
-        for key in sorted(e.attributes.keys() - KNOWN.get(e.tag, frozenset())):
-            if key in _SILENT:
-                self.reading.note(f"{key} of <{e.tag}> is left out", e.line)
-            else:
-                self.refuse(e, f"attribute {key[:40]} is not known")
-
-    def refuse(self, e: Element, what: str) -> None:
-        """Refuse an element, or note that it is left out."""
-        self.reading.refuse(what, f"<{e.tag}>", e.line)
-
-    def unknown(self, e: Element, key: str, expected: str) -> str:
-        """Refuse a value; "" where that is left out."""
-        self.refuse(e, f"{key}={e.attributes[key][:40]!r}, expected {expected}")
-        return ""
-
-    def choice(self, e: Element, key: str) -> str:
-        """One of the words that an attribute may have, or "" where it is absent."""
-        plain = re.sub("^second_", "", key)
-        options = _VALUES.get(f"{e.tag}.{plain}") or _VALUES.get(plain, ("true", "false"))
-        value = e.attributes.get(key, "")
-        return value if value in ("", *options) else self.unknown(e, key, f"one of {' '.join(options)}")
-
-    def flag(self, e: Element, key: str) -> bool:
-        """Whether an attribute is true."""
-        return self.choice(e, key) == "true"
-
-    def bend(self, e: Element, key: str) -> str:
-        """A bend by name, or three digits of quarters."""
-        value = e.attributes.get(key, "")
-        if value in ("", *_VALUES["mainbend"]) or re.fullmatch("[0-4]{3}", value):
-            return value
-        numbers = re.findall(r"[01]\.\d+?(?=[01]\.|$)", value.replace(" ", ""))
-        if len(numbers) == 3 and all(float(n) <= 1.0 for n in numbers):
-            mended = "".join(str(round(4.0 * float(n))) for n in numbers)
-            self.reading.note(f"{key}={value!r} is read as three numbers, {mended} quarters", e.line)
-            return mended
-        return self.unknown(e, key, f"one of {' '.join(_VALUES['mainbend'])} or three digits from 0 to 4")
-
-    def digits(self, e: Element, key: str) -> tuple[int, ...]:
-        """Fingers from 1 to 5."""
-        value = e.attributes.get(key, "")
-        if not re.fullmatch("[1-5]{0,5}", value):
-            value = self.unknown(e, key, "digits from 1 to 5")
-        return tuple(map(int, value))
-
-    def letters(self, e: Element, key: str) -> str:
-        """Letters of a direction, "" where it is absent or its letters cancel."""
-        value = e.attributes.get(key, "")
-        if not re.fullmatch("[udlroi]{0,6}", value):
-            return self.unknown(e, key, "letters of u d l r o i")
-        kept = value
-        for pair in ("ud", "lr", "oi"):
-            if all(letter in kept for letter in pair):
-                kept = "".join(letter for letter in kept if letter not in pair)
-                self.reading.note(f"{key}={value}: {pair[0]} and {pair[1]} cancel", e.line)
-        return kept
-
-    def words(self, e: Element, key: str, needed: bool = False) -> tuple[str, ...]:
-        """One direction, or two of which the mean is meant."""
-        found = tuple(filter(None, (self.letters(e, key), self.letters(e, f"second_{key}"))))
-        if needed and not found:
-            raise self.reading.error(f"has no {key}, expected letters of u d l r o i", f"<{e.tag}>", e.line)
-        return found
-
-
 _ELLIPSES = {"h": "l", "v": "u", "ur": "ur", "ul": "ul"}
 """Direction of an ellipse's long axis -> letters."""
 _OPENINGS = {"slack": 0.6, "tight": 1.4}
@@ -141,8 +65,14 @@ def sign(element: Element, reading: Reading) -> WrittenSign:
     return replace(made, tiers=tiers, notes=tuple(reading.notes))
 
 
-class _Gestural(_Values):
-    """Reads the manual part of one sign."""
+class _Gestural:
+    """Reads one sign.
+
+    reading: of the sign
+    """
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
 
     def manual(self, e: Element) -> WrittenSign:
         """A sign, or a part of a compound."""
@@ -194,7 +124,7 @@ class _Gestural(_Values):
             own = [self.site(child, not weak) for child in e.children if child.tag == "location_hand"]
             sites = self.site(e, weak), own[0] if own else None
             weak_site, strong_site = sites[::-1] if weak else sites
-            pair = Pair(weak_site, strong_site, self.contact(e))
+            pair = Pair(weak_site, strong_site, self.choice(e, "contact"))
             return WrittenPosture(pair=pair)
         if e.tag == "handconstellation":
             return self.constellation(e)
@@ -219,7 +149,7 @@ class _Gestural(_Values):
         if len(sites) > 2:
             self.refuse(e, f"has {len(sites)} sites, expected two at most")
         weak, strong = [*sites, None, None][:2]
-        return WrittenPosture(pair=Pair(weak, strong, self.contact(e), place))
+        return WrittenPosture(pair=Pair(weak, strong, self.choice(e, "contact"), place))
 
     def shape(self, e: Element) -> WrittenShape | None:
         """The handshape of a ``handconfig``; None where it has none."""
@@ -261,7 +191,7 @@ class _Gestural(_Values):
         second = Place(other, self.choice(e, "second_side"))
         name = self.choice(e, "location")
         behind = self.flag(e, "behind")
-        return Place(name, side, self.contact(e), behind, second if other else None, own[0] if own else None)
+        return Place(name, side, self.choice(e, "contact"), behind, second if other else None, own[0] if own else None)
 
     def site(self, e: Element, weak: bool) -> Site | None:
         """A part of a hand; None where the element names none."""
@@ -283,10 +213,6 @@ class _Gestural(_Values):
         if "_" in side:
             return "radial" if side.startswith("left") != weak else "ulnar"
         return "dorsal" if side == "back" else side
-
-    def contact(self, e: Element) -> str:
-        """How near a place or a pair is."""
-        return self.choice(e, "contact")
 
     # --- motions
 
@@ -379,3 +305,71 @@ class _Gestural(_Values):
         made = Motion("sequence", parts=parts) if whole else parts[0]
         repeat, shift = self.choice(e, "repetition"), self.letters(e, "repetition_baseshift")
         return replace(made, repeat=repeat or "fromstart", shift=shift)
+
+    # --- attributes
+
+    def check(self, e: Element) -> None:
+        """Refuse attributes that are not read; note those that have no form."""
+        for key in sorted(e.attributes.keys() - KNOWN.get(e.tag, frozenset())):
+            if key in _SILENT:
+                self.reading.note(f"{key} of <{e.tag}> is left out", e.line)
+            else:
+                self.refuse(e, f"attribute {key[:40]} is not known")
+
+    def refuse(self, e: Element, what: str) -> None:
+        """Refuse an element, or note that it is left out."""
+        self.reading.refuse(what, f"<{e.tag}>", e.line)
+
+    def unknown(self, e: Element, key: str, expected: str) -> str:
+        """Refuse a value; "" where that is left out."""
+        self.refuse(e, f"{key}={e.attributes[key][:40]!r}, expected {expected}")
+        return ""
+
+    def choice(self, e: Element, key: str) -> str:
+        """One of the words that an attribute may have, or "" where it is absent."""
+        plain = re.sub("^second_", "", key)
+        options = _VALUES.get(f"{e.tag}.{plain}") or _VALUES.get(plain, ("true", "false"))
+        value = e.attributes.get(key, "")
+        return value if value in ("", *options) else self.unknown(e, key, f"one of {' '.join(options)}")
+
+    def flag(self, e: Element, key: str) -> bool:
+        """Whether an attribute is true."""
+        return self.choice(e, key) == "true"
+
+    def bend(self, e: Element, key: str) -> str:
+        """A bend by name, or three digits of quarters."""
+        value = e.attributes.get(key, "")
+        if value in ("", *_VALUES["mainbend"]) or re.fullmatch("[0-4]{3}", value):
+            return value
+        numbers = re.findall(r"[01]\.\d+?(?=[01]\.|$)", value.replace(" ", ""))
+        if len(numbers) == 3 and all(float(n) <= 1.0 for n in numbers):
+            mended = "".join(str(round(4.0 * float(n))) for n in numbers)
+            self.reading.note(f"{key}={value!r} is read as three numbers, {mended} quarters", e.line)
+            return mended
+        return self.unknown(e, key, f"one of {' '.join(_VALUES['mainbend'])} or three digits from 0 to 4")
+
+    def digits(self, e: Element, key: str) -> tuple[int, ...]:
+        """Fingers from 1 to 5."""
+        value = e.attributes.get(key, "")
+        if not re.fullmatch("[1-5]{0,5}", value):
+            value = self.unknown(e, key, "digits from 1 to 5")
+        return tuple(map(int, value))
+
+    def letters(self, e: Element, key: str) -> str:
+        """Letters of a direction, "" where it is absent or its letters cancel."""
+        value = e.attributes.get(key, "")
+        if not re.fullmatch("[udlroi]{0,6}", value):
+            return self.unknown(e, key, "letters of u d l r o i")
+        kept = value
+        for pair in ("ud", "lr", "oi"):
+            if all(letter in kept for letter in pair):
+                kept = "".join(letter for letter in kept if letter not in pair)
+                self.reading.note(f"{key}={value}: {pair[0]} and {pair[1]} cancel", e.line)
+        return kept
+
+    def words(self, e: Element, key: str, needed: bool = False) -> tuple[str, ...]:
+        """One direction, or two of which the mean is meant."""
+        found = tuple(filter(None, (self.letters(e, key), self.letters(e, f"second_{key}"))))
+        if needed and not found:
+            raise self.reading.error(f"has no {key}, expected letters of u d l r o i", f"<{e.tag}>", e.line)
+        return found

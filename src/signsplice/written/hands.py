@@ -13,10 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import rotation
 from signsplice.signer import locations
-from signsplice.signer.hand import hand_part
-from signsplice.signer.handshapes import handshape
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import REST, Path, Posture, Vector, on_arm
 from signsplice.signer.pose import MIRROR
@@ -279,10 +276,5 @@ def weak_arm(posture: Posture | None) -> WeakArm:
 def palm_point(posture: Posture, weak: Posture | None, meets: bool = False) -> Vector:
     """The middle of the palm (out, up, forward) of a hand of the standard signer, cm."""
     needed = weak_arm(weak) if on_arm(posture.location) else WeakArm(STANDARD, np.zeros(27))
-    if posture.touch:
-        wrist = locations.strong_hand(posture, needed, meets)[:3]
-        quat = locations.facing(posture.palm, posture.fingers)
-    else:
-        wrist, quat, _ = locations.strong_wrist(posture, needed, meets)
-    point = wrist + rotation.rotate(quat, hand_part("palm").centre(handshape(posture.shape).points))
+    point = locations.palm(posture, needed, meets)
     return (-float(point[0]), float(point[1]), float(point[2]))
