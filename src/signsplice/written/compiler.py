@@ -18,7 +18,7 @@ from signsplice.signer.locations import WeakArm, strong_hand
 from signsplice.signer.notation import notation_path, notation_text, parse
 from signsplice.signer.phonology import Path, Posture, Segment, Sign, faults, on_base
 from signsplice.signer.signer import STANDARD
-from signsplice.written.hands import KINDS, HandState, checked, from_skin, palm_point, resting, weak_arm
+from signsplice.written.hands import HANGING, KINDS, HandState, checked, from_skin, palm_point, weak_arm
 from signsplice.written.nonmanual import body_tracks
 from signsplice.written.steps import Step, View, common_tempo, spread, steps
 from signsplice.written.tree import (
@@ -388,7 +388,7 @@ class _Compiler:
     def _emit(self, mine: Step, its: Step, first: bool) -> None:
         """Add a movement to the postures of both hands now, or the first posture."""
         strong = self.strong.made
-        weak = (self.weak.made if self.weak.posture is not None else resting()) if self.hands == "base" else None
+        weak = (self.weak.made if self.weak.posture is not None else HANGING) if self.hands == "base" else None
         last = self.track[-1].segment if self.track else None
         if last is None:
             self.track.append(Tracked(Segment("X", strong, weak)))

@@ -23,7 +23,6 @@ from signsplice.written.tree import (
     WrittenSign,
     flipped,
     merged,
-    site,
     weak_has_own,
     with_weak,
 )
@@ -202,7 +201,7 @@ class _Gestural:
         other, others = self.choice(e, "second_location"), self.digits(e, "second_digits")
         second = None
         if other or others:
-            second = site(other or part, others or digits, self.side(e, "second_side", weak))
+            second = Site(other or part or "midjoint", others or digits, self.side(e, "second_side", weak))
         return Site(part or "midjoint", digits, self.side(e, "side", weak), second) if part or digits else None
 
     def side(self, e: Element, key: str, weak: bool) -> str:

@@ -101,7 +101,7 @@ class _Parser(Slots):
     def actions(self, top: bool = False) -> list[Motion]:
         """Actions up to a plus, a closing bracket or the end."""
         found = list[Motion]()
-        while (t := self.peek()) is not None and t.name not in CLOSERS:
+        while (t := self.peek()).name not in ("", *CLOSERS):
             if t.name == "plus":
                 if not top or not found:
                     break
@@ -124,7 +124,6 @@ class _Parser(Slots):
     def action(self) -> Motion:
         """One action with all that belongs to it."""
         t = self.peek()
-        assert t is not None
         if t.name == "nondominant":
             self.next()
             rest = Motion("hold", where=self.where(t))
@@ -133,7 +132,7 @@ class _Parser(Slots):
 
     def action_or_hold(self, t: Token) -> Motion:
         """One action, or none where none comes after the symbol."""
-        ends = self.peek() is None or self.at(*CLOSERS, "plus")
+        ends = self.at("", *CLOSERS, "plus")
         return Motion("hold", where=self.where(t)) if ends else self.action()
 
     def core(self, t: Token) -> Motion:
@@ -168,7 +167,7 @@ class _Parser(Slots):
     def of_the_body(self, t: Token) -> Motion | None:
         """What brackets hold that begin with a part of the body and a movement of it; the bracket is passed."""
         part, after = self.peek(), self.peek(1)
-        if part is None or after is None or not is_action(after.name):
+        if not is_action(after.name):
             return None
         if part.name in ("elbow", "elbowinside", "lowerarm", "upperarm"):
             self.reading.note(f"{part.shown} that moves is read as a movement of the hand", self.next().position)
@@ -187,8 +186,7 @@ class _Parser(Slots):
 
     def two_directions(self, t: Token, kind: str) -> tuple[str, ...]:
         """The direction of a movement that was passed, or two whose mean is meant."""
-        after = self.peek(1)
-        if not self.at("between") or after is None or not after.name.startswith(kind):
+        if not self.at("between") or not self.peek(1).name.startswith(kind):
             return (t.name.removeprefix(kind),)
         self.next()
         return t.name.removeprefix(kind), self.next().name.removeprefix(kind)
@@ -232,7 +230,7 @@ class _Parser(Slots):
     def modified(self, m: Motion) -> Motion:
         """An action with its sizes, curves, manner, target and repetitions."""
         sized = "size"
-        while (t := self.peek()) is not None:
+        while (t := self.peek()).name:
             name, kinds = t.name, symbols.KINDS
             if shaping := next((kind for kind in _SHAPED if name in kinds[kind]), ""):
                 m = self.shaped(m, shaping, t)
@@ -250,7 +248,7 @@ class _Parser(Slots):
                 m = replace(again, repeat=symbols.REPEATS[name])
             elif name == "alternatingmotion":
                 m = replace(m, alternating=True)
-            elif name == "seqbegin" and getattr(self.peek(1), "name", "") in symbols.REPEATS:
+            elif name == "seqbegin" and self.peek(1).name in symbols.REPEATS:
                 m = self.shifted(m)
             elif self.is_location():
                 m = self.aimed(m)
@@ -264,12 +262,9 @@ class _Parser(Slots):
         """A motion that brackets repeat, each time further in a direction; the closing bracket comes next."""
         self.next()
         again = symbols.REPEATS[self.next().name]
-        t = self.peek()
-        moves = t is not None and t.name.startswith("move")
-        shift = self.next().name.removeprefix("move") if moves else ""
+        shift = self.next().name.removeprefix("move") if self.peek().name.startswith("move") else ""
         self.take(*symbols.KINDS["size"])
-        while (t := self.peek()) is not None and t.name != "seqend":
-            self.reading.refuse("stands within a repetition", t.shown, self.next().position)
+        self.refuse_until("seqend", "a repetition")
         return replace(m, repeat=again, shift=shift)
 
     def shaped(self, m: Motion, shaping: str, t: Token) -> Motion:

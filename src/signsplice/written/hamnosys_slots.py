@@ -6,7 +6,7 @@ from collections.abc import Container, Sequence
 from dataclasses import replace
 
 from signsplice.written import symbols
-from signsplice.written.symbols import PALMS, SITES, Row, Token, is_posture
+from signsplice.written.symbols import CLOSERS, PALMS, SITES, Row, Token, is_posture
 from signsplice.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape, merged, with_weak
 
 _ARM = ("elbow", "elbowinside", "lowerarm", "upperarm")
@@ -19,7 +19,7 @@ class Slots(Row):
     def posture(self) -> WrittenPosture:
         """Slots up to what is none."""
         found = WrittenPosture()
-        while (t := self.peek()) is not None:
+        while (t := self.peek()).name:
             if t.name == "orirelative":
                 self.reading.note("hamorirelative is left out", self.next().position)
             elif t.name == "nondominant":
@@ -46,7 +46,6 @@ class Slots(Row):
     def slot(self, before: WrittenPosture) -> WrittenPosture:
         """One slot, or slots in brackets."""
         t = self.peek()
-        assert t is not None
         if self.is_location():
             return self.location()
         if t.name in symbols.SHAPES:
@@ -70,8 +69,7 @@ class Slots(Row):
             halves.append(self.inner())
         self.second = False
         closer = symbols.BRACKETS[opener.name]
-        while (t := self.peek()) is not None and t.name != closer:
-            self.reading.refuse("stands within a posture", t.shown, self.next().position)
+        self.refuse_until(closer, "a posture")
         self.take(closer)
         if len(halves) > 2:
             self.reading.refuse(f"holds {len(halves)} parts, expected two", opener.shown, opener.position)
@@ -80,7 +78,7 @@ class Slots(Row):
     def inner(self) -> WrittenPosture:
         """Slots up to a plus or a closing bracket."""
         found = WrittenPosture()
-        while (t := self.peek()) is not None and t.name != "plus" and t.name not in symbols.BRACKETS.values():
+        while (t := self.peek()).name not in ("", "plus", *CLOSERS):
             if t.name == "nondominant":
                 self.next()
             elif is_posture(t.name) or self.is_location() or self.is_posture_bracket():
@@ -94,10 +92,9 @@ class Slots(Row):
         names = PALMS if kind == "palm" else tuple(n for n in symbols.NAMES if n.startswith(kind))
         found = [self.next().name.removeprefix(kind)]
         while True:
-            t, after = self.peek(), self.peek(1)
-            if t is not None and t.name == "between" and after is not None and after.name in names:
+            if self.at("between") and self.peek(1).name in names:
                 self.next()
-            elif t is None or t.name not in names:
+            elif not self.at(*names):
                 break
             t = self.next()
             if len(found) == 2:
@@ -111,9 +108,8 @@ class Slots(Row):
     def shape(self) -> WrittenShape:
         """A handshape with its thumb, bends and fingers."""
         made = WrittenShape(symbols.SHAPES[self.next().name])
-        while (t := self.peek()) is not None:
-            after = self.peek(1)
-            following = after.name if after is not None else ""
+        while (t := self.peek()).name:
+            following = self.peek(1).name
             if t.name in symbols.THUMBS or t.name in symbols.BENDS:
                 made = _modified(made, self.next().name)
             elif t.name in symbols.DIGITS:
@@ -137,18 +133,17 @@ class Slots(Row):
         """A handshape with a finger that bends on its own, crosses another, or is selected."""
         digit = symbols.DIGITS[self.next().name]
         meets = self.left_out_parts() and self.at(*symbols.DIGITS)
-        t, after = self.peek(), self.peek(1)
-        following = after.name if after is not None else ""
-        if t is not None and (meets or (t.name in ("cross", "touch") and following in symbols.DIGITS)):
+        t = self.peek()
+        if meets or (t.name in ("cross", "touch") and self.peek(1).name in symbols.DIGITS):
             crossed = meets or self.next().name == "cross"  # a part of one finger at another says that they cross
             other = symbols.DIGITS[self.next().name]
             self.left_out_parts()
             if 1 in (digit, other):  # the thumb meets a finger
                 return replace(made, opposed=max(digit, other))
             return replace(made, pair=(digit, other), crossed=crossed)
-        if t is not None and t.name in symbols.BENDS:
+        if t.name in symbols.BENDS:
             return replace(made, bends=(*made.bends, (digit, symbols.BENDS[self.next().name])))
-        if digit == 1 and t is not None and (t.name in symbols.THUMBS or t.name == "between"):
+        if digit == 1 and (t.name in symbols.THUMBS or t.name == "between"):
             return made
         return replace(made, special=(*made.special, digit))
 
@@ -163,8 +158,7 @@ class Slots(Row):
 
     def location(self, weak: bool = True) -> WrittenPosture:
         """A place on the body, a site of a hand (``weak`` says which), two hands together, or a contact alone."""
-        after = self.peek(1)
-        if self.at("seqbegin") and after is not None and after.name == "brushing":
+        if self.at("seqbegin") and self.peek(1).name == "brushing":
             return self.brushed()
         found = self.hands_together() if self.at("parbegin") else self.place(weak)
         contact, own = self.contact()
@@ -189,8 +183,7 @@ class Slots(Row):
         self.next()
         found = self.place()
         self.take(*symbols.CONTACTS)
-        while (t := self.peek()) is not None and t.name != "seqend":
-            self.reading.refuse("stands within what is brushed", t.shown, self.next().position)
+        self.refuse_until("seqend", "what is brushed")
         self.take("seqend")
         if found.place is not None:
             return WrittenPosture(place=replace(found.place, contact="brushing"))
@@ -204,8 +197,7 @@ class Slots(Row):
             self.second = True
             halves.append(self.location(weak=False) if self.is_location() else WrittenPosture())
         self.second = False
-        while (t := self.peek()) is not None and t.name != "parend":
-            self.reading.refuse("stands within a location", t.shown, self.next().position)
+        self.refuse_until("parend", "a location")
         self.take("parend")
         if len(halves) > 2:
             self.reading.refuse(f"holds {len(halves)} places, expected two", opener.shown, opener.position)
@@ -224,7 +216,7 @@ class Slots(Row):
         """A place or a site with its side, and the other of two between which it is; empty where a contact comes."""
         before = self.take(*symbols.SIDES)
         t = self.peek()
-        if t is not None and t.name in symbols.PLACES:
+        if t.name in symbols.PLACES:
             t = self.next()
             side = self.sided(before)
             crossed, own = ("right", "left") if self.second else ("left", "right")
@@ -239,7 +231,7 @@ class Slots(Row):
                 place = replace(place, between=other)
             self.last = replace(place, behind=bool(self.take("behind")))
             return WrittenPosture(place=self.last)
-        if t is not None and t.name in SITES:
+        if t.name in SITES:
             return WrittenPosture(pair=Pair(weak=self.site(weak, before)))
         if before:
             self.reading.note(f"{before[0].shown} without a place is read as right_at the body", before[0].position)
@@ -260,11 +252,8 @@ class Slots(Row):
 
     def between(self, names: Container[str]) -> bool:
         """Whether the other of two places or sites follows; hambetween is passed."""
-        after = self.peek(1)
-        if self.at("between") and after is not None and (after.name in names or after.name in symbols.SIDES):
-            self.next()
-            return True
-        return False
+        after = self.peek(1).name
+        return self.at("between") and (after in names or after in symbols.SIDES) and bool(self.take("between"))
 
     def site(self, weak: bool, before: Sequence[Token] = ()) -> Site:
         """A part of a hand: fingers and their part in either order, and a side."""
@@ -295,13 +284,10 @@ class Slots(Row):
             for arm in self.take(*_ARM):
                 own = Site(arm.name)
             names += [t.name for t in self.take(*symbols.CONTACTS)]
-            while (t := self.peek()) is not None and t.name != "seqend":
-                self.reading.refuse("stands within a part of the hand", t.shown, self.next().position)
+            self.refuse_until("seqend", "a part of the hand")
             self.take("seqend")
-        for strongest in ("interlock", "cross", "brushing"):
-            if strongest in names:
-                return strongest, own
-        return names[-1] if names else "", own
+        strongest = next((name for name in ("interlock", "cross", "brushing") if name in names), "")
+        return strongest or (names[-1] if names else ""), own
 
 
 def _modified(made: WrittenShape, name: str) -> WrittenShape:

@@ -41,7 +41,8 @@ _LEAST_SLIDE = 0.75
 """How much of its way a hand goes at least that slides."""
 _UPRIGHT, _TURNED_OUT = 0.7, 0.5
 """Upright fingers whose palm faces out as no forearm turns: its letter is read with the mean of two directions."""
-_HANGING = Posture("rest", REST, "palm", (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+HANGING = Posture("rest", REST, "palm", (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+"""The posture of a hand that takes no part."""
 Words = tuple[str, ...]
 _Value = TypeVar("_Value")
 
@@ -81,7 +82,7 @@ class HandState:
     @property
     def made(self) -> Posture:
         """The posture."""
-        return _HANGING if self.posture is None else self.posture
+        return HANGING if self.posture is None else self.posture
 
     @property
     def axes(self) -> tuple[Vector, Vector]:
@@ -200,11 +201,6 @@ def _first(
 def _own(v: Vector) -> Vector:
     """A vector (right, up, forward) in the weak hand's own directions, or back."""
     return (-v[0], v[1], v[2])
-
-
-def resting() -> Posture:
-    """The posture of a hand that takes no part."""
-    return _HANGING
 
 
 def checked(state: HandState, lenient: bool) -> HandState:

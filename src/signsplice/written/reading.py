@@ -153,7 +153,10 @@ class Reading:
 
     def error(self, what: str, symbol: str, position: int) -> FormatError:
         """An error that names file, gloss, symbol and position."""
-        return error_at(self.where(symbol, position), what, self.by_line)
+        number = f"symbol {position} " if not self.by_line and position else ""
+        named = f"{symbol[:60]}: " if symbol else f"{number.rstrip()}: " if number else ""
+        text = f"{self.gloss[:80]}: {number if symbol else ''}{named}{what}"
+        return FormatError(text[:700], file=self.file, line=position if self.by_line and position else None)
 
     def refuse(self, what: str, symbol: str, position: int) -> None:
         """Raise ``FormatError``, or note that the symbol is left out."""
@@ -165,11 +168,3 @@ class Reading:
         """Keep a note of what was mended or left out."""
         at = f"{'line' if self.by_line else 'symbol'} {position}: "
         self.notes.append(at + what)
-
-
-def error_at(where: Where, what: str, by_line: bool = True) -> FormatError:
-    """An error that names file, gloss, symbol and position."""
-    symbol = f"symbol {where.position} " if not by_line and where.position else ""
-    named = f"{where.symbol[:60]}: " if where.symbol else f"{symbol.rstrip()}: " if symbol else ""
-    text = f"{where.gloss[:80]}: {symbol if where.symbol else ''}{named}{what}"
-    return FormatError(text[:700], file=where.file, line=where.position if by_line and where.position else None)

@@ -81,14 +81,13 @@ class Row:
         self.second = False
         self._at = 0
 
-    def peek(self, ahead: int = 0) -> Token | None:
-        """The next symbol, or one after it; None at the end."""
-        return self.tokens[self._at + ahead] if self._at + ahead < len(self.tokens) else None
+    def peek(self, ahead: int = 0) -> Token:
+        """The next symbol, or one after it; one without a name at the end."""
+        return self.tokens[self._at + ahead] if self._at + ahead < len(self.tokens) else Token("", 0)
 
     def at(self, *names: str) -> bool:
         """Whether the next symbol is one of some."""
-        token = self.peek()
-        return token is not None and token.name in names
+        return self.peek().name in names
 
     def next(self) -> Token:
         """The next symbol, which is passed."""
@@ -106,8 +105,13 @@ class Row:
 
     def rest(self) -> Iterator[Token]:
         """All that is left."""
-        while self.peek() is not None:
+        while self.peek().name:
             yield self.next()
+
+    def refuse_until(self, closer: str, place: str) -> None:
+        """Refuse all up to a closing bracket, as what stands within a ``place``."""
+        while (t := self.peek()).name not in ("", closer):
+            self.reading.refuse(f"stands within {place}", t.shown, self.next().position)
 
     def where(self, token: Token) -> Where:
         """The place of a symbol, for errors."""
@@ -120,9 +124,8 @@ class Row:
 
     def is_location(self) -> bool:
         """Whether a place, a site or a contact comes next, or brackets of them."""
-        t = self.peek()
-        if t is None or t.name not in ("parbegin", "seqbegin"):
-            return t is not None and t.name in LOCATION
+        if not self.at("parbegin", "seqbegin"):
+            return self.at(*LOCATION)
         return all(name in LOCATION or name in _WITHIN for name in self._bracket())
 
     def _bracket(self) -> list[str]:
@@ -138,8 +141,7 @@ class Row:
     def slot_follows(self) -> bool:
         """Whether a slot comes after the next symbol."""
         self._at += 1
-        t = self.peek()
-        found = t is not None and (is_posture(t.name) or self.is_posture_bracket() or self.is_location())
+        found = is_posture(self.peek().name) or self.is_posture_bracket() or self.is_location()
         self._at -= 1
         return found
 

@@ -8,7 +8,7 @@ directions are the signer's own: u up, d down, l left, r right, o out, i in. The
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 
@@ -274,11 +274,6 @@ def flipped(sides: bool, heights: bool, depths: bool) -> str:
         return "point"
     words = [w for w, on in (("mirrored", sides), ("up_down", heights), ("out_in", depths)) if on]
     return "_".join(words) or "parallel"
-
-
-def site(part: str, digits: Sequence[int], side: str = "") -> Site:
-    """A part of a hand; the midjoint where a finger is named without its part."""
-    return Site(part or "midjoint", tuple(digits), side)
 
 
 def all_motions(motions: Iterable[Motion]) -> Iterator[Motion]:
