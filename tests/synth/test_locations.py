@@ -17,8 +17,9 @@ from signsplice.signer import hand, locations, pose
 from signsplice.signer.hand import HandPart, hand_part
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import WeakArm, resting
-from signsplice.signer.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture, Vector
+from signsplice.signer.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture
 from signsplice.signer.signer import JOINTS, STANDARD, Signer, skeleton
+from signsplice.signer.tables import Vector
 
 SEEDS = (None, 1, 3, 7, 13)
 SOLID = ("face", "hair", "nose", "neck", "shirt")

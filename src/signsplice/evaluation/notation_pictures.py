@@ -15,9 +15,9 @@ from signsplice.signer import locations, notation, planner, pose
 from signsplice.signer.hand import PARTS_OF_HAND
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import ON_HEAD, WeakArm
-from signsplice.signer.phonology import HEAD, IN_SPACE, LOCALS, LOCATIONS, ON_ARM, ON_BASE, TRUNK, Posture, Sign, Vector
+from signsplice.signer.phonology import HEAD, IN_SPACE, LOCALS, LOCATIONS, ON_ARM, ON_BASE, TRUNK, Posture, Sign
 from signsplice.signer.signer import JOINTS, PLAIN, STANDARD
-from signsplice.signer.tables import FOLDER
+from signsplice.signer.tables import FOLDER, Vector
 
 _SIGNER = replace(STANDARD, manner=PLAIN)
 _CELL, _WIDE = 112, 160

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, pose
-from signsplice.signer.phonology import IN_SPACE, MIRRORED_HANDS, ON_BASE, ROLES, Posture, Segment, Sign, Vector, faults
+from signsplice.signer.phonology import IN_SPACE, MIRRORED_HANDS, ON_BASE, ROLES, Posture, Segment, Sign, faults
 from signsplice.signer.signer import STANDARD
+from signsplice.signer.tables import Vector, to_vector
 
 PERSONS = ("1", "2", "3", "3-weak")
 """The signer, the addressee, a third person on the strong side, and one on the weak side."""
@@ -215,7 +216,7 @@ def _facing(posture: Posture, by_palm: bool) -> Posture:
     off = [np.arccos(np.clip(v @ w, -1.0, 1.0)) for v, w in zip((palms, fingers), wanted, strict=True)]
     cost = off[0] + _LESS * off[1] if by_palm else _LESS * off[0] + off[1]
     for some in np.array_split(np.argsort(cost)[: len(cost) // 2], _N_BATCHES):
-        tried = [replace(posture, palm=_vector(palms[k]), fingers=_vector(fingers[k])) for k in some]
+        tried = [replace(posture, palm=to_vector(palms[k]), fingers=to_vector(fingers[k])) for k in some]
         taken = np.flatnonzero(are_easy(tried))
         if len(taken):
             return tried[int(taken[0])]
@@ -228,11 +229,6 @@ def _directions(n: int) -> FloatArray:
     up, turn = 1.0 - 2.0 * k / n, np.pi * (1.0 + np.sqrt(5.0)) * k
     flat = np.sqrt(1.0 - up * up)
     return np.stack([flat * np.cos(turn), up, flat * np.sin(turn)], axis=-1)
-
-
-def _vector(v: FloatArray) -> Vector:
-    x, y, z = v.tolist()
-    return x, y, z
 
 
 _NOBODY = locations.WeakArm(STANDARD, np.zeros(27))

@@ -21,10 +21,10 @@ from signsplice.signer import hand, pose
 from signsplice.signer.collisions import clear_of_shoulder, hand_clearances, in_contact
 from signsplice.signer.hand import HandPart, hand_part
 from signsplice.signer.handshapes import HANDSHAPES, handshape
-from signsplice.signer.phonology import ON_ARM, PLACES, REST, Posture, Vector, on_arm
+from signsplice.signer.phonology import ON_ARM, PLACES, REST, Posture, on_arm
 from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import HANGING, JOINTS, Signer, skeleton, stream
-from signsplice.signer.tables import vector
+from signsplice.signer.tables import Vector, vector
 
 # words/places.txt tells what each table holds.
 _ON_BODY = {name: (joint, vector(inside), vector(out)) for name, joint, inside, out in PLACES["body"]}

@@ -13,7 +13,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
@@ -38,12 +38,11 @@ from signsplice.signer.phonology import (
     Posture,
     Segment,
     Sign,
-    Vector,
     faults,
     is_location,
     read_gesture,
 )
-from signsplice.signer.tables import FOLDER
+from signsplice.signer.tables import FOLDER, Vector, to_vector
 
 _POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "touch", "palm", "fingers")
 _ONLY_M = ("path", "w.path", "local", "w.local", "times", "return", "step", "tempo", "keep")
@@ -274,8 +273,8 @@ def _circle(line: _Line, words: list[str], key: str, text: str) -> Path:
         raise line.error(f"{key}={text}: the circle's start lies on its axis, expected a start across it")
     size, turns = _number(line, key, words[1], 0.5, 30.0), _number(line, key, words[2], -6.0, 6.0)
     ratio = _number(line, key, words[4], 0.1, 10.0) if len(words) > 4 else 1.0
-    x, y, z = (c / length for c in across)
-    return Path("circle", axis, size=size, revolutions=turns, start=(x, y, z), ratio=ratio)
+    start = to_vector(c / length for c in across)
+    return Path("circle", axis, size=size, revolutions=turns, start=start, ratio=ratio)
 
 
 def _local(line: _Line, text: str) -> Local:
@@ -295,25 +294,20 @@ def _local(line: _Line, text: str) -> Local:
 
 
 def _direction(line: _Line, text: str) -> Vector:
-    total = [0.0, 0.0, 0.0]
-    if "," in text:
-        total = list(_shift(line, "direction", text))
+    total: Sequence[float] = _shift(line, "direction", text) if "," in text else (0.0, 0.0, 0.0)
     for word in text.split("-") if "," not in text else ():
-        _one_of(line, "direction", word, DIRECTIONS)
-        total = [a + b for a, b in zip(total, DIRECTIONS[word], strict=True)]
+        total = [a + b for a, b in zip(total, DIRECTIONS[_one_of(line, "direction", word, DIRECTIONS)], strict=True)]
     length = math.sqrt(sum(c * c for c in total))
     if length == 0.0:
         raise line.error(f"direction {text!r} points nowhere")
-    x, y, z = (c / length for c in total)
-    return x, y, z
+    return to_vector(c / length for c in total)
 
 
 def _shift(line: _Line, key: str, text: str) -> Vector:
     words = text.split(",")
     if len(words) != 3:
         raise line.error(f"{key}={text}, expected three numbers in cm: out,up,fwd")
-    x, y, z = (_number(line, key, word, -60.0, 60.0) for word in words)
-    return x, y, z
+    return to_vector(_number(line, key, word, -60.0, 60.0) for word in words)
 
 
 def _number(line: _Line, key: str, text: str, low: float, high: float, whole: bool = False) -> float:

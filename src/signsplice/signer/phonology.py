@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from signsplice.signer.hand import is_part
 from signsplice.signer.handshapes import is_handshape
-from signsplice.signer.tables import sections
+from signsplice.signer.tables import Vector, sections
 
 HANDS = {
     "one": "the weak hand hangs",
@@ -27,7 +27,7 @@ HANDS = {
 MIRRORED_HANDS = ("symmetric", "alternating")
 """Kinds of hands that mirror one another; either may touch, of other kinds the strong one."""
 
-DIRECTIONS: dict[str, tuple[float, float, float]] = {
+DIRECTIONS: dict[str, Vector] = {
     "up": (0.0, 1.0, 0.0),
     "down": (0.0, -1.0, 0.0),
     "out": (1.0, 0.0, 0.0),
@@ -111,8 +111,6 @@ HEAD = ("nod", "shake", "tilt", "tilt-weak")
 """Movements of the head; it tilts to the strong side or to the weak side."""
 TRUNK = ("fwd", "back", "out", "in")
 """Directions in which the trunk leans: out to the strong side, in to the weak side."""
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)

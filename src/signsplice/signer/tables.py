@@ -1,7 +1,8 @@
-"""Tables of words and numbers that ship beside the modules that read them."""
+"""Tables of words and numbers that ship beside the modules that read them, and vectors of three numbers."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 FOLDER = Path(__file__).parent / "words"
@@ -23,7 +24,15 @@ def sections(module: str, name: str) -> dict[str, list[list[str]]]:
     return tables
 
 
-def vector(text: str) -> tuple[float, float, float]:
-    """Three numbers with commas between them."""
-    x, y, z = map(float, text.split(","))
+Vector = tuple[float, float, float]
+
+
+def to_vector(values: Iterable[float]) -> Vector:
+    """Three numbers as a vector."""
+    x, y, z = map(float, values)
     return x, y, z
+
+
+def vector(text: str) -> Vector:
+    """Three numbers with commas between them."""
+    return to_vector(map(float, text.split(",")))

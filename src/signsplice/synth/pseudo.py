@@ -28,9 +28,9 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.signer import locations, phonology, pose
 from signsplice.signer.collisions import hand_clearances
 from signsplice.signer.locations import WeakArm, resting
-from signsplice.signer.phonology import Local, Path, Posture, Segment, Sign, Vector, faults
+from signsplice.signer.phonology import Local, Path, Posture, Segment, Sign, faults
 from signsplice.signer.signer import STANDARD, stream
-from signsplice.signer.tables import sections
+from signsplice.signer.tables import Vector, sections, to_vector
 
 T = TypeVar("T")
 
@@ -246,8 +246,7 @@ def _bow(rng: np.random.Generator) -> Path:
 
 def _shifted(rng: np.random.Generator, posture: Posture, size: float) -> Posture:
     offset = np.array(_direction(rng)) * size
-    x, y, z = (float(a + b) for a, b in zip(posture.shift, offset, strict=True))
-    return replace(posture, shift=(x, y, z))
+    return replace(posture, shift=to_vector(np.add(posture.shift, offset)))
 
 
 def _direction(rng: np.random.Generator) -> Vector:
@@ -255,8 +254,7 @@ def _direction(rng: np.random.Generator) -> Vector:
     a, b = (np.array(_SIX_DIRECTIONS[rng.integers(6)]) for _ in range(2))
     direction = a + b * (rng.random() < 0.4)
     length = float(np.linalg.norm(direction))
-    x, y, z = (direction / length) if length > 0.1 else a
-    return float(x), float(y), float(z)
+    return to_vector(direction / length if length > 0.1 else a)
 
 
 def _pick(rng: np.random.Generator, table: dict[T, float]) -> T:

@@ -15,9 +15,10 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.signer import locations
 from signsplice.signer.locations import WeakArm
-from signsplice.signer.phonology import REST, Path, Posture, Vector, on_arm
+from signsplice.signer.phonology import REST, Path, Posture, on_arm
 from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import STANDARD
+from signsplice.signer.tables import Vector
 from signsplice.written.tree import Place, WrittenPosture, WrittenShape
 from signsplice.written.vocabulary import Spot, dot, facing, oriented, plus, shape_text, spot, unit, usual_part
 

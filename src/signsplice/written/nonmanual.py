@@ -32,7 +32,7 @@ from signsplice.motion.face_shapes import MOUTH, VISEMES
 from signsplice.signer.body_motion import gesture_level
 from signsplice.signer.phonology import Gesture
 from signsplice.signer.signer import JOINTS
-from signsplice.signer.tables import sections
+from signsplice.signer.tables import sections, to_vector
 from signsplice.written.reading import Element, Reading, factor
 from signsplice.written.tree import Tier, WrittenSign
 
@@ -277,30 +277,29 @@ def face_of(sign: WrittenSign, hands: tuple[int, int], n_frames: int, fps: float
 
 def body_tracks(sign: WrittenSign) -> tuple[Gesture, ...]:
     """The gestures of head and trunk of a sign. What ``left_out`` names is not among them."""
-    found = list[Gesture]()
-    for lane in _lanes(sign, _BODIES):
-        for n, group in enumerate(lane):
-            for tier in {tier.code: tier for tier in group}.values():  # what is written twice is made once
-                row = _CODES[tier.tier].get(tier.code, ())
-                if row:
-                    part, degrees, cycles = row
-                    x, y, z = (tier.amount * float(angle) for angle in degrees.split(","))
-                    begin, end = n / len(lane), (n + 1) / len(lane)
-                    found.append(Gesture(part, (x, y, z), float(cycles), begin, end))
-    return tuple(found)
+    return tuple(
+        Gesture(part, to_vector(amount * float(angle) for angle in degrees.split(",")), float(cycles), begin, end)
+        for (part, degrees, cycles), amount, begin, end in _codes(sign, _BODIES)
+    )
 
 
 def shoulder_tracks(sign: WrittenSign) -> Iterator[tuple[str, FloatArray, float, float, float]]:
     """Of each movement of the shoulders of a sign that is made: the side (Left, Right, both), degrees (2,) up and
     forward, cycles, and the fractions of the time of the hands at which it begins and ends.
     """
-    for lane in _lanes(sign, ("shoulder",)):
+    for (side, degrees, cycles), amount, begin, end in _codes(sign, ("shoulder",)):
+        yield side, amount * np.array(degrees.split(","), np.float64), float(cycles), begin, end
+
+
+def _codes(sign: WrittenSign, tiers: Sequence[str]) -> Iterator[tuple[tuple[str, ...], float, float, float]]:
+    """Of each item of some tiers whose code is known: the words of the code, the item's amount, and the fractions of
+    the time of the hands at which it begins and ends.
+    """
+    for lane in _lanes(sign, tiers):
         for n, group in enumerate(lane):
-            for tier in {tier.code: tier for tier in group}.values():
-                if row := _CODES["shoulder"].get(tier.code):
-                    side, degrees, cycles = row
-                    angles = tier.amount * np.array(degrees.split(","), np.float64)
-                    yield side, angles, float(cycles), n / len(lane), (n + 1) / len(lane)
+            for tier in {tier.code: tier for tier in group}.values():  # what is written twice is made once
+                if words := _CODES[tier.tier].get(tier.code):
+                    yield words, tier.amount, n / len(lane), (n + 1) / len(lane)
 
 
 def left_out(sign: WrittenSign) -> tuple[str, ...]:

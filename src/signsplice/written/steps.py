@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from signsplice.errors import InputError
-from signsplice.signer.phonology import LOCALS, Local, Path, Vector
+from signsplice.signer.phonology import LOCALS, Local, Path
+from signsplice.signer.tables import Vector, to_vector
 from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenPosture
 from signsplice.written.vocabulary import cross, direction, dot, facing, plus, unit
 
@@ -88,14 +89,12 @@ class View:
 
     def polar(self, v: Vector) -> Vector:
         """A direction in this hand's own directions."""
-        a, b, c = (sign * x for sign, x in zip(self.signs, v, strict=True))
-        return (a, b, c)
+        return to_vector(sign * x for sign, x in zip(self.signs, v, strict=True))
 
     def axis(self, v: Vector) -> Vector:
         """An axis of rotation likewise: a mirror reverses it once more."""
         parity = math.prod(self.signs)
-        a, b, c = (parity * x for x in self.polar(v))
-        return (a, b, c)
+        return to_vector(parity * x for x in self.polar(v))
 
 
 LITERAL = View((-1.0, 1.0, 1.0), 1, literal=True)
@@ -155,7 +154,7 @@ def _straight(motion: Motion, view: View) -> Step:
     if motion.size_end:
         size = 0.5 * (size + _TRAVEL[motion.size_end])
     way = -1.0 if view.opposite else 1.0
-    travel = view.polar((way * size * along[0], way * size * along[1], way * size * along[2]))
+    travel = view.polar(to_vector(way * size * c for c in along))
     if motion.curve:
         bulge = min(_BULGE[motion.curve_size], _MOST_BULGE * size)
         return Step(travel, Path("arc", view.polar(facing(along, (motion.curve,))), size=bulge))
@@ -205,8 +204,7 @@ def _mannered(made: list[Step], manner: WrittenManner) -> list[Step]:
     if manner.tense:
         made = [s if s.local or s.back is not None else replace(s, local=Local("tremble", 0.4, 3.0)) for s in made]
     if made and manner.bouncing and unit(made[-1].travel) is not None:
-        a, b, c = (-_REBOUND * x for x in made[-1].travel)
-        made.append(Step((a, b, c), tempo=_FAST))
+        made.append(Step(to_vector(-_REBOUND * x for x in made[-1].travel), tempo=_FAST))
     pause = _REST_S * manner.rest + _HALT_S * manner.halt
     if pause and made:
         made[-1] = replace(made[-1], pause_s=pause)
@@ -294,7 +292,7 @@ def spread(made: list[Step], count: int) -> list[Step]:
     pieces = [count // len(made) + (n < count % len(made)) for n in range(len(made))]
     out = []
     for step, n in zip(made, pieces, strict=True):
-        a, b, c = (x / n for x in step.travel)
+        travel = to_vector(x / n for x in step.travel)
         whole = n == 1
         local = (
             step.local if whole or step.local is None else replace(step.local, cycles=max(1.0, step.local.cycles / n))
@@ -305,7 +303,7 @@ def spread(made: list[Step], count: int) -> list[Step]:
             out.append(
                 replace(
                     step,
-                    travel=(a, b, c),
+                    travel=travel,
                     path=path,
                     local=local,
                     target=step.target if last else None,

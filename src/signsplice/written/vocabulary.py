@@ -17,8 +17,8 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.signer import locations
 from signsplice.signer.locations import Location, WeakArm
-from signsplice.signer.phonology import Vector
 from signsplice.signer.signer import STANDARD
+from signsplice.signer.tables import Vector, to_vector
 from signsplice.written.tree import Place, Site, WrittenShape
 
 _LETTERS: dict[str, Vector] = {
@@ -46,9 +46,7 @@ def plus(a: Vector, b: Vector, factor: float = 1.0) -> Vector:
 
 def cross(a: Vector, b: Vector) -> Vector:
     """The vector product as a right-handed signer's axes have it, in which (left, up, forward) are right-handed."""
-    x, y, z = (-a[0], a[1], a[2]), (-b[0], b[1], b[2]), None
-    z = (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
-    return (-z[0], z[1], z[2])
+    return (-(a[1] * b[2] - a[2] * b[1]), a[0] * b[2] - a[2] * b[0], a[1] * b[0] - a[0] * b[1])
 
 
 def unit(v: Vector) -> Vector | None:
@@ -203,8 +201,7 @@ def spot(place: Place, own_side: bool) -> Spot:
     if one.touches:
         return found
     on_skin = (replace(end, off=0.0, shift=(0.0, 0.0, 0.0)) for end in (one, other))
-    x, y, z = (a - b for a, b in zip(_halfway(one, other), _halfway(*on_skin), strict=True))
-    return _brought(found, plus(point_of(Spot(location)), (x, y, z)))
+    return _brought(found, plus(point_of(Spot(location)), plus(_halfway(one, other), _halfway(*on_skin), -1.0)))
 
 
 def point_of(where: Spot) -> Vector:
@@ -215,8 +212,7 @@ def point_of(where: Spot) -> Vector:
 
 
 def _halfway(one: Spot, other: Spot) -> Vector:
-    a, b, c = (0.5 * (x + y) for x, y in zip(point_of(one), point_of(other), strict=True))
-    return (a, b, c)
+    return to_vector(0.5 * (x + y) for x, y in zip(point_of(one), point_of(other), strict=True))
 
 
 def _located(location: str) -> Location:
@@ -248,8 +244,8 @@ def _one(place: Place, contact: str, own_side: bool) -> Spot:
 def _brought(where: Spot, goal: Vector) -> Spot:
     """A place with the displacement that puts a hand at a goal (out, up, forward)."""
     unmoved = replace(where, shift=(0.0, 0.0, 0.0))
-    a, b, c = (round(x - y, 2) + 0.0 for x, y in zip(goal, point_of(unmoved), strict=True))
-    return replace(where, shift=(a, b, c))
+    shift = to_vector(round(x - y, 2) + 0.0 for x, y in zip(goal, point_of(unmoved), strict=True))
+    return replace(where, shift=shift)
 
 
 def _side(place: Place, own_side: bool) -> float:
