@@ -14,7 +14,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from signsplice.signer import notation
 
 import fuzz_networks
 import signsplice as ss
@@ -26,6 +25,7 @@ from signsplice.bulk.shards import make_shard
 from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion import Clip, EndSite, Skeleton, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
+from signsplice.signer import notation
 from signsplice.splicing import report as reports
 from signsplice.synth.corpus import Recipe, write_pairs
 

@@ -16,9 +16,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from signsplice.signer import notation, planner
-from signsplice.written import files as written
-
 import fuzz_avatars
 import fuzz_clips
 import fuzz_folders
@@ -44,9 +41,11 @@ from signsplice.motion import Clip, kinematics
 from signsplice.motion.cache import CACHE
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
+from signsplice.signer import notation, planner
 from signsplice.splicing import report as reports
 from signsplice.splicing.options import open_learned
 from signsplice.synth.pairs import KINDS, Pairs
+from signsplice.written import files as written
 
 CORPUS = ROOT / "tests" / "fuzz_corpus"
 

@@ -8,12 +8,12 @@ import re
 from pathlib import Path
 
 import numpy as np
-from signsplice.written import signing, symbols
-from signsplice.written.compiler import compile_sign
-from signsplice.written.files import WrittenSigns
 
 from fuzz_mutators import of_text
 from signsplice.errors import InputError
+from signsplice.written import signing, symbols
+from signsplice.written.compiler import compile_sign
+from signsplice.written.files import WrittenSigns
 
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "synth"
 MOST_SECONDS, MOST_STEP_DEG = 60.0, 90.0

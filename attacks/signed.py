@@ -24,15 +24,15 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from signsplice.signer import notation, planner
-from signsplice.signer.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
-from signsplice.signer.signer import JOINTS
-from signsplice.written import signing, symbols
 
 import fuzz_written
 from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import Clip, rotation
+from signsplice.signer import notation, planner
+from signsplice.signer.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
+from signsplice.signer.signer import JOINTS
+from signsplice.written import signing, symbols
 
 DEEP_CM, SLACK_DEG, MOST_S = 0.5, 1.0, 2.0
 VALUE = {"SiGML": r'(\w+)="[^"]*"', "notation": r"(\w+)=\S+"}

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+
+from signsplice.motion import Clip, FloatArray
+from signsplice.motion.curves import minimum_jerk
 from signsplice.signer import planner, pose
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import resting
@@ -16,9 +19,6 @@ from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import RESTS, Signer, stream
 from signsplice.signer.trajectory import travel_seconds
-
-from signsplice.motion import Clip, FloatArray
-from signsplice.motion.curves import minimum_jerk
 
 FPS = 30.0
 KINDS = ("parts", "zigzag", "hands", "shapes", "fast exit")

@@ -7,12 +7,12 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, Manner, Signer, draw_signer
-
-from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.splicing.word import Word
 
 MIRRORED = np.array([1.0, -1.0, -1.0, 1.0])

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice.signer import notation
-from signsplice.signer.signer import draw_signer
 
 from signing import sign
 from signsplice.formats import load
 from signsplice.motion import kinematics
+from signsplice.signer import notation
+from signsplice.signer.signer import draw_signer
 from signsplice.synth import corpus, pseudo
 from signsplice.synth.corpus import Pairs, Recipe
 

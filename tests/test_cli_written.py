@@ -10,14 +10,14 @@ import click
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from signsplice.signer import notation
-from signsplice.written import files
-from signsplice.written.compiler import compile_sign
-from signsplice.written.files import SUFFIXES
 
 import signsplice as ss
 from signsplice import lexicon
 from signsplice.cli.commands import app
+from signsplice.signer import notation
+from signsplice.written import files
+from signsplice.written.compiler import compile_sign
+from signsplice.written.files import SUFFIXES
 from written_words import code, constructed
 
 TEN = Path(__file__).parent / "synth" / "written_signs.sigml"

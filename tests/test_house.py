@@ -26,17 +26,19 @@ FLOORS = {
     "body": 3,
     "formats": 4,
     "render": 5,
-    "synth": 5,
-    "lexicon": 6,
-    "splicing": 7,
-    "evaluation": 8,
-    "service": 8,
-    "bulk": 8,
-    "train": 9,
-    "paper": 11,
-    "paper train": 12,
-    "paper cli": 13,
-    "paper __main__": 14,
+    "signer": 5,
+    "written": 6,
+    "lexicon": 7,
+    "synth": 7,
+    "splicing": 8,
+    "evaluation": 9,
+    "service": 9,
+    "bulk": 9,
+    "train": 10,
+    "paper": 12,
+    "paper train": 13,
+    "paper cli": 14,
+    "paper __main__": 15,
 }
 """Imports run down only. What is not named here (the command line, the demo) lies on top of the product."""
 
@@ -47,7 +49,7 @@ SPLICING = (
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""
 
-TOP = 10
+TOP = 11
 PAPER = "signsplice_paper"
 MODULES = sorted(path for source in SOURCES for path in source.rglob("*.py"))
 
@@ -69,12 +71,13 @@ def module_name(path: Path) -> str:
 NAMES = {module_name(path) for path in MODULES}
 
 
-def imports(path: Path, inside_functions: bool = True) -> set[str]:
-    """Modules that a file imports, TYPE_CHECKING blocks apart."""
+def imports(path: Path, inside_functions: bool = True, type_checking: bool = False) -> set[str]:
+    """Modules that a file imports; those of TYPE_CHECKING blocks only if ``type_checking``."""
     found: set[str] = set()
 
     def walk(node: ast.AST) -> None:
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+        hidden = isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        if hidden and not type_checking:
             return
         if not inside_functions and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             return
@@ -151,8 +154,15 @@ def test_splicing_writes_to_no_other_objects_attributes() -> None:
     assert {row for row in found if row[1] != "self"} == {("bundle", "options")}
 
 
+ROOMS_WITHOUT_HIDDEN_CIRCLES = ("signer", "written")
+"""Rooms in which an import that serves types alone counts like any other."""
+
+
 def test_no_import_runs_in_a_circle() -> None:
-    graph = {module_name(path): {t for t in imports(path, inside_functions=False) if t in NAMES} for path in MODULES}
+    graph = {
+        module_name(path): imports(path, False, room(module_name(path)) in ROOMS_WITHOUT_HIDDEN_CIRCLES) & NAMES
+        for path in MODULES
+    }
     done: set[str] = set()
 
     def visit(module: str, path: tuple[str, ...]) -> None:

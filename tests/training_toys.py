@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from signsplice.signer import notation
 
+from signsplice.signer import notation
 from signsplice.synth import training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice.train.bridge_task import BridgeTask

@@ -13,10 +13,6 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from signsplice.signer import planner, pose
-from signsplice.signer.phonology import IN_SPACE, Segment
-from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import JOINTS, STANDARD
 
 import signsplice as ss
 from signing import SIGNS
@@ -24,6 +20,10 @@ from signsplice.body import collision
 from signsplice.body.capsules import BodyCapsules, body_capsules, capsule_ends
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.roles import SIDES
+from signsplice.signer import planner, pose
+from signsplice.signer.phonology import IN_SPACE, Segment
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, STANDARD
 from signsplice.synth import running
 
 MOVING_CM_S = 10.0

@@ -20,12 +20,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
-from signsplice.signer.signer import JOINTS
-from signsplice.written import signing
 
 from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics
+from signsplice.signer.signer import JOINTS
+from signsplice.written import signing
 from written_places import Place, place_points
 
 LETTERS = {"u": (0, 1, 0), "d": (0, -1, 0), "l": (1, 0, 0), "r": (-1, 0, 0), "o": (0, 0, 1), "i": (0, 0, -1)}

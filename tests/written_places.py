@@ -8,12 +8,12 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 import numpy as np
-from signsplice.signer.locations import body_locations
-from signsplice.signer.signer import JOINTS, STANDARD, skeleton
 
 from signsplice.body.capsules import body_capsules
 from signsplice.motion import FloatArray
 from signsplice.motion.kinematics import rest_positions
+from signsplice.signer.locations import body_locations
+from signsplice.signer.signer import JOINTS, STANDARD, skeleton
 
 HEIGHT = {"head": 33.0, "neck": 21.0, "shouldertop": 19.0, "shoulders": 14.0, "chest": 5.0, "stomach": -10.0,
           "belowstomach": -22.0}  # fmt: skip

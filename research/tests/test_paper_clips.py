@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
-from signsplice.signer.signer import STANDARD, draw_signer, skeleton, stature
 
 import signsplice as ss
 from registration import registered  # noqa: F401
@@ -19,6 +18,7 @@ from signing import word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import Clip, kinematics
+from signsplice.signer.signer import STANDARD, draw_signer, skeleton, stature
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.contracts import Gap
 from signsplice.synth.corpus import scaled_positions

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice.signer import notation
-from signsplice.signer.signer import stream
 
 from signsplice.errors import InputError
+from signsplice.signer import notation
+from signsplice.signer.signer import stream
 from signsplice.synth import truth
 from signsplice_paper import margins, mean_transition, pair_samples, protocol
 from signsplice_paper.extra_metrics import stretched

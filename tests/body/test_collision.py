@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import pose
-from signsplice.signer.handshapes import HANDSHAPES
-from signsplice.signer.locations import resting
-from signsplice.signer.signer import STANDARD, skeleton
 
 from other_rigs import without
 from signing import mirror, word
 from signsplice.body import capsules, collision
 from signsplice.body.capsules import capsule_ends
 from signsplice.motion import Clip, FloatArray, concatenate, kinematics, rotation
+from signsplice.signer import pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import STANDARD, skeleton
 
 
 def sampled_distance(a: FloatArray, b: FloatArray, n: int = 1201) -> tuple[float, FloatArray]:

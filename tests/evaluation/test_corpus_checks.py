@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from signsplice.signer import notation, planner, pose
-from signsplice.signer.locations import resting
-from signsplice.signer.signer import JOINTS, STANDARD
 
 from signing import sign
 from signsplice.evaluation import corpus_checks
 from signsplice.motion import FloatArray, rotation
+from signsplice.signer import notation, planner, pose
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import JOINTS, STANDARD
 from signsplice.synth.corpus import Pairs, scaled_positions
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}

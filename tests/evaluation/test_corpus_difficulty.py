@@ -6,9 +6,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from signsplice.signer import notation
 
 from signsplice.evaluation import corpus_difficulty
+from signsplice.signer import notation
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS
 from signsplice.synth.corpus import Pairs

@@ -6,10 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import pose
-from signsplice.signer.handshapes import HANDSHAPES
-from signsplice.signer.locations import resting
-from signsplice.signer.signer import STANDARD
 
 from signing import SIGNS, mirror
 from signsplice.evaluation import corpus_realism
@@ -18,6 +14,10 @@ from signsplice.evaluation.signer_motion import signer_motion
 from signsplice.evaluation.tables import percentiles
 from signsplice.motion import Clip
 from signsplice.rig.roles import FINGERS
+from signsplice.signer import pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import STANDARD
 from signsplice.synth.corpus import Pairs
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from signsplice.signer.signer import RESTS
 
 from signing import sign, word
 from signsplice.cli.commands import app
@@ -18,6 +17,7 @@ from signsplice.evaluation.seam_rows import SeamRow
 from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
 from signsplice.motion import Clip
 from signsplice.rig.info import arms, rig_info
+from signsplice.signer.signer import RESTS
 from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.engine import SpliceOptions
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice.signer import notation
 
 from signing import sign
 from signsplice.evaluation import sign_kinds
 from signsplice.motion import Clip
+from signsplice.signer import notation
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
 SIGNS = notation.parse(

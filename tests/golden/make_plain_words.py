@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from signsplice.signer import notation, planner
 from signsplice.signer.signer import PLAIN, Signer, draw_signer
 

@@ -11,10 +11,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from signsplice.motion import kinematics
 from signsplice.signer import notation, planner
 from signsplice.signer.signer import JOINTS, draw_signer
-
-from signsplice.motion import kinematics
 from signsplice.synth import running, truth
 
 HERE = Path(__file__).parent

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice.signer import inflection, planner
 
 from signing import SIGNS
 from signsplice import lexicon
 from signsplice.errors import UnknownGlossError
 from signsplice.lexicon.lexicon import SHIPPED, FormsOfSigns, Lexicon, open_lexicon
 from signsplice.lexicon.sentence import parse
+from signsplice.signer import inflection, planner
 
 
 @pytest.fixture(scope="module")

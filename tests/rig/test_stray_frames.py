@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import planner
-from signsplice.signer.signer import RESTS, STANDARD
 
 from other_rigs import on_other_rig, with_rest_pose
 from reference_poses import arms_out, with_pose
@@ -17,6 +15,8 @@ from signsplice.lexicon import shipped
 from signsplice.motion import Clip, Skeleton, concatenate, resample, rotation
 from signsplice.rig.info import arms
 from signsplice.rig.inspection import JUMP_M_S, StrayFrames, inspect, stray_frames, with_ends_held
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 
 MOTHER = word("MOTHER").clip
 T_POSE = arms_out(MOTHER.skeleton)

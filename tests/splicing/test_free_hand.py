@@ -10,8 +10,6 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import random_clip
-from signsplice.signer import planner
-from signsplice.signer.signer import RESTS, STANDARD
 
 import signsplice as ss
 from other_rigs import mirror
@@ -24,6 +22,8 @@ from signsplice.evaluation.hands import wrist_positions
 from signsplice.motion import Clip, concatenate, kinematics
 from signsplice.rig.align import reference
 from signsplice.rig.info import TRUNK, rig_info
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing import stages
 from signsplice.splicing.collisions import TOLERANCE_M
 from signsplice.splicing.contracts import Cut

@@ -16,8 +16,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import GOLDEN
-from signsplice.signer import planner
-from signsplice.signer.signer import RESTS, STANDARD
 
 import signsplice as ss
 from other_rigs import mirror, on_other_rig
@@ -27,6 +25,8 @@ from signsplice.lexicon import shipped
 from signsplice.motion import Clip, Skeleton, concatenate, kinematics, resample, rotation
 from signsplice.rig.info import canonical_motion, rig_info
 from signsplice.rig.roles import ARM
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.bundle import Array, Sessions
 from signsplice.splicing.contracts import Cut, Gap
 from signsplice.splicing.curves import find_transition

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import planner
-from signsplice.signer.signer import RESTS, STANDARD
 
 from made_words import KINDS, made_words
 from signing import SIGNS, sign, word
 from signsplice.evaluation.strokes import keeps_stroke, stroke
 from signsplice.motion import Clip, concatenate, resample
 from signsplice.rig.info import arms
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.options import open_learned
 

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from signing import seen_from_chest, sign, word, wrists
+from signsplice.body import capsules, collision
+from signsplice.evaluation.corpus_checks import over_limit
+from signsplice.motion import kinematics, rotation
 from signsplice.signer import planner, pose
 from signsplice.signer.collisions import TOLERANCE_CM, clear_collisions, penetration
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.phonology import Posture, Segment, Sign
 from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import JOINTS, RESTS, STANDARD, draw_signer
-
-from signing import seen_from_chest, sign, word, wrists
-from signsplice.body import capsules, collision
-from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.motion import kinematics, rotation
 
 STRONG, WEAK = 1, 0
 """Columns of left and right hand for a right-handed signer."""

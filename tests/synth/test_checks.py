@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from signing import made, sign
+from signsplice.errors import FormatError
 from signsplice.signer import checks, notation, planner
 from signsplice.signer.collisions import hand_clearances
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, STANDARD, Signer, draw_signer
-
-from signing import made, sign
-from signsplice.errors import FormatError
 
 CHEST = "X  shape=B-open at=chest palm=back fingers=in"
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from signsplice.signer.collisions import TOUCH_CM, skin_clearances, touching_sides
-from signsplice.signer.phonology import Sign
-from signsplice.signer.planner import IsolatedWord, touches
-from signsplice.signer.signer import STANDARD, draw_signer
 
 from signing import made, word
 from signsplice.evaluation.corpus_checks import skin_distance
 from signsplice.rig.roles import SIDES
+from signsplice.signer.collisions import TOUCH_CM, skin_clearances, touching_sides
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord, touches
+from signsplice.signer.signer import STANDARD, draw_signer
 
 LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
 

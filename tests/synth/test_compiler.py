@@ -7,6 +7,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+
+from signsplice.errors import InputError
+from signsplice.motion import rotation
 from signsplice.signer import hand, locations, notation, planner, pose
 from signsplice.signer.collisions import between_hands, hand_clearances
 from signsplice.signer.hand import hand_part, is_part
@@ -19,9 +22,6 @@ from signsplice.written import signing
 from signsplice.written.compiler import compile_sign
 from signsplice.written.tree import Motion, Pair, Place, Site, WrittenManner, WrittenPosture, WrittenShape, WrittenSign
 from signsplice.written.vocabulary import direction, facing, oriented
-
-from signsplice.errors import InputError
-from signsplice.motion import rotation
 
 INDEX = WrittenPosture(WrittenShape("finger2"), ("u",), ("l",), Place("chest", "right_at", "close"))
 FLAT = WrittenPosture(WrittenShape("flat"), ("o",), ("d",), Place("shoulders", contact="close"))
@@ -126,7 +126,7 @@ def test_composed_places_lie_on_the_skin_beside_and_between_named_ones() -> None
         locations.locate(name, weak) for name in ("chin", "mouth", "chin/mouth", "ear", "ear-weak")
     )
     assert chin.point[1] < both.point[1] < mouth.point[1]
-    assert np.allclose(ear.point * locations.MIRROR, other.point, atol=0.05)
+    assert np.allclose(ear.point * pose.MIRROR, other.point, atol=0.05)
     beside = locations.locate("chest:8,-3", weak).point - locations.locate("chest", weak).point
     assert np.allclose(beside[:2], (-8.0, -3.0), atol=0.8)
     assert np.allclose(locations.locate("space:1,2,30", weak).point, axes((1.0, 2.0, 30.0)))
@@ -291,8 +291,9 @@ def test_a_place_between_the_middle_and_a_side_is_half_way_to_the_side() -> None
 
 def test_frames_of_postures_are_where_the_hands_have_come_to_them() -> None:
     word = planner.isolated(made(INDEX, straight("d", size="big"), straight("r", size="small")))
-    heights = [word.states[frame, 1] for _, frame in word.posture_frames]
-    assert [n for n, _ in word.posture_frames] == [0, 1, 2]
+    frames = [word.events.start, *(one.end for one in word.segments if one.segment.kind == "M")]
+    assert len(frames) == 3
+    heights = word.states[frames, 1]
     assert heights[0] - heights[1] == pytest.approx(20.0, abs=3.0)
 
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import GOLDEN
-from signsplice.signer import planner
-from signsplice.signer.signer import STANDARD, draw_signer, skeleton
 
 from signing import sign
 from signsplice.errors import InputError
 from signsplice.formats import atomic
 from signsplice.motion import kinematics
+from signsplice.signer import planner
+from signsplice.signer.signer import STANDARD, draw_signer, skeleton
 from signsplice.synth import corpus, pseudo, truth
 from signsplice.synth.corpus import Pairs, Recipe, draw_splits, write_pairs
 

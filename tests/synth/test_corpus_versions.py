@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import GOLDEN
-from signsplice.signer.signer import PLAIN
 
 from signing import sign
 from signsplice.errors import InputError
 from signsplice.evaluation import corpus_checks, corpus_difficulty
+from signsplice.signer.signer import PLAIN
 from signsplice.synth import training_data
 from signsplice.synth.corpus import VERSION, Pairs, Recipe, write_pairs
 

@@ -7,16 +7,15 @@ from itertools import product
 
 import numpy as np
 import pytest
-from signsplice.signer import arms as elbows
-from signsplice.signer import planner
-from signsplice.signer.figure import posed_signer
-from signsplice.signer.notation import parse
-from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import USUAL, Manner
 
 from signing import sign, signer_of
 from signsplice.body import capsules, collision, swivel
 from signsplice.motion import kinematics
+from signsplice.signer import arms, planner
+from signsplice.signer.figure import posed_signer
+from signsplice.signer.notation import parse
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import USUAL, Manner
 from signsplice.synth import truth
 from word_measures import arm_in_arm, finger_in_thumb, swivel_steps
 
@@ -68,11 +67,11 @@ def test_no_elbow_jumps_between_two_signs(pair: tuple[str, str]) -> None:
     p, q = (made(gloss) for gloss in pair)
     splice = truth.splice(p, q)
     before, after = p.states[splice.pre - 2 : splice.pre + 1], q.states[splice.post : splice.post + 3]
-    assert elbows.largest_step(splice.states, before, after, p.signer) < 8.0
+    assert arms.largest_step(splice.states, before, after, p.signer) < 8.0
     sudden = splice.states.copy()
     sudden[:, 63:] = 0.0
     if pair == ("FROG", "WALK"):
-        assert elbows.largest_step(sudden, before, after, p.signer) > 12.0, "where the easy place jumps"
+        assert arms.largest_step(sudden, before, after, p.signer) > 12.0, "where the easy place jumps"
 
 
 @pytest.mark.parametrize("gloss", ["NIGHT", "DAY", "TREE", "MORNING", "PAPER", "DOCTOR", "BOOK", "WRITE", "ELEPHANT"])
@@ -121,5 +120,5 @@ def test_finer_steps_turn_an_elbow_no_farther_than_it_must() -> None:
         (frames * beside)[:, None], (frames * beside)[:, None] + [0.0, 0.0, 0.01], np.full((1, 2), 0.03)
     )
     free = np.zeros((30, 1))
-    coarse, fine = (swivel.choose(arm, solid, free, 30.0, *grid) for grid in ((), (elbows.TURNS,)))
+    coarse, fine = (swivel.choose(arm, solid, free, 30.0, *grid) for grid in ((), (arms.TURNS,)))
     assert 0.0 < np.abs(fine).max() < np.abs(coarse).max()

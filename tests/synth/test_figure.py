@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import planner, pose
-from signsplice.signer.figure import ARMS, Figure
-from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import JOINTS, STANDARD, draw_signer
 
 from signing import sign
 from signsplice.body import capsules, collision
 from signsplice.motion import kinematics
+from signsplice.signer import planner, pose
+from signsplice.signer.figure import ARMS, Figure
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import JOINTS, STANDARD, draw_signer
 
 
 def made(gloss: str, seed: int | None) -> IsolatedWord:

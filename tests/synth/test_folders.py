@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from signsplice.signer import planner
-from signsplice.signer.signer import STANDARD, draw_signer, read_signer
 
 from signing import sign, word
 from signsplice.errors import InputError
 from signsplice.formats import load
 from signsplice.motion import Clip, kinematics
+from signsplice.signer import planner
+from signsplice.signer.signer import STANDARD, draw_signer, read_signer
 from signsplice.synth import folders, running
 from signsplice.synth.corpus import Recipe
 

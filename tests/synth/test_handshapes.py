@@ -8,12 +8,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from signsplice.signer import hand, signer
-from signsplice.signer.handshapes import HANDSHAPES
 
 from signsplice.body import capsules as body
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, rotation
 from signsplice.rig.roles import FINGERS
+from signsplice.signer import hand, signer
+from signsplice.signer.handshapes import HANDSHAPES
 
 CONTACT = 0.3
 """Greatest distance of surfaces that should touch, cm."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
+from signing import SIGNS, made, sign, signer_of
+from signsplice.errors import InputError
+from signsplice.motion import FloatArray
 from signsplice.signer import inflection, notation, planner, pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.inflection import agree, form, inflect
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD
-
-from signing import SIGNS, made, sign, signer_of
-from signsplice.errors import InputError
-from signsplice.motion import FloatArray
 
 
 def isolated(gloss: str) -> IsolatedWord:

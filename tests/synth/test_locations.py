@@ -7,6 +7,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+
+from signing import seen_from_chest, signer_of
+from signsplice.body import capsules, collision
+from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.signer import hand, locations, pose
 from signsplice.signer.hand import HandPart, hand_part
 from signsplice.signer.handshapes import HANDSHAPES
@@ -14,10 +18,6 @@ from signsplice.signer.locations import WeakArm, resting
 from signsplice.signer.phonology import DIRECTIONS, IN_SPACE, LOCATIONS, ON_BASE, PARTS, Posture
 from signsplice.signer.signer import JOINTS, STANDARD, Signer, skeleton
 from signsplice.signer.tables import Vector
-
-from signing import seen_from_chest, signer_of
-from signsplice.body import capsules, collision
-from signsplice.motion import Clip, FloatArray, kinematics
 
 SEEDS = (None, 1, 3, 7, 13)
 SOLID = ("face", "hair", "nose", "neck", "shirt")

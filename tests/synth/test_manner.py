@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice.signer import planner
-from signsplice.signer.signer import PLAIN, TRAITS, USUAL, Manner, draw_signer, only, stream
 
 from signing import SIGNS, signer_of
+from signsplice.signer import planner
+from signsplice.signer.signer import PLAIN, TRAITS, USUAL, Manner, draw_signer, only, stream
 
 WORDS = ("MOTHER", "MORE", "LEARN", "UNDERSTAND", "NAME", "HELLO")
 

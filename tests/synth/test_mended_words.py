@@ -11,14 +11,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+
+from signing import seen_from_chest, sign
+from signsplice.motion import FloatArray
 from signsplice.signer import hand, planner, pose
 from signsplice.signer.locations import body_locations
 from signsplice.signer.planner import FPS
 from signsplice.signer.signer import PLAIN, STANDARD
 from signsplice.signer.timing import Events
-
-from signing import seen_from_chest, sign
-from signsplice.motion import FloatArray
 
 SIGNER = replace(STANDARD, manner=PLAIN)
 OUT_UP_FORWARD = np.array([-1.0, 1.0, 1.0])

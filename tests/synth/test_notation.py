@@ -7,11 +7,11 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
+
+from signsplice.errors import FormatError, InputError
 from signsplice.signer import notation, phonology
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.phonology import DIRECTIONS, HANDS, HEAD, LOCALS, LOCATIONS, PARTS, PLANES, TRUNK, Sign, faults
-
-from signsplice.errors import FormatError, InputError
 
 START = "shape=5 at=space palm=in fingers=up"
 BASE = f"{START} w.shape=B-open w.at=space-mid w.palm=up w.fingers=fwd"

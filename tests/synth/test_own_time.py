@@ -7,15 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+
+from signing import sign, signer_of
+from signsplice.motion import FloatArray
 from signsplice.signer import notation, planner, pose, trajectory, two_hands
-from signsplice.signer import planner as segment_plan
 from signsplice.signer.collisions import TOUCH_CM, hand_clearances, penetration
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer, only
-
-from signing import sign, signer_of
-from signsplice.motion import FloatArray
 from signsplice.synth import truth
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
@@ -59,7 +58,7 @@ def test_a_plain_manner_changes_nothing(gloss: str) -> None:
     span = (e.up, e.start, e.end, e.down)
     assert two_hands.with_separate_timing(one.states, one.sign, one.signer, 0, 30.0, span) is one.states
     pairs = [(one.states[0, :27], one.states[0, 27:54])]
-    assert segment_plan.undershot(pairs, one.sign, [False], one.states[0], 1.0, one.signer) is pairs
+    assert planner.undershot(pairs, one.sign, [False], one.states[0], 1.0, one.signer) is pairs
 
 
 @pytest.mark.parametrize(
@@ -229,7 +228,7 @@ def test_transitions_with_all_traits_are_clear_of_the_body() -> None:
 @pytest.mark.parametrize(("tempo", "least", "most"), [(0.8, 0.2, 0.5), (1.0, 0.3, 0.8), (1.6, 1.5, 2.0)])
 def test_haste_leaves_movements_millimetres_to_centimetres_short(tempo: float, least: float, most: float) -> None:
     signer = replace(STANDARD, manner=only(USUAL, ("undershoot",)))
-    assert least <= segment_plan.short_cm(tempo, signer) <= most
+    assert least <= planner.short_cm(tempo, signer) <= most
 
 
 def test_signs_at_the_forehead_are_lower_in_haste_and_movements_shorter() -> None:

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
+from signsplice.motion import FloatArray, kinematics
 from signsplice.signer import planner, pose
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, draw_signer
-
-from signing import made, mirror, seen_from_chest, sign, signer_of, word, wrists
-from signsplice.motion import FloatArray, kinematics
 
 ONE = ("MOTHER", "HELLO", "YES", "NO", "PLEASE", "YOU")
 KINDS = (*ONE, "BOOK", "HOUSE", "SIGN", "CAR", "LEARN", "NAME", "TREE")

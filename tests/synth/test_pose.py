@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import hand, locations, pose
-from signsplice.signer.handshapes import HANDSHAPES
-from signsplice.signer.locations import resting
-from signsplice.signer.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
 
 from signing import mirror, seen_from_chest, signer_of, word
 from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import FloatArray, kinematics, rotation
+from signsplice.signer import hand, locations, pose
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.locations import resting
+from signsplice.signer.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
 
 SEEDS = (None, 0, 3, 7)
 HANDS = ("RightHand", "LeftHand")

@@ -6,13 +6,13 @@ from collections import Counter
 
 import numpy as np
 import pytest
+
+from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.signer import locations, phonology, planner, pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import Posture, Sign
 from signsplice.signer.signer import STANDARD, draw_signer, stream
-
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import pseudo, truth
 
 
@@ -90,18 +90,18 @@ def test_all_postures_are_within_reach_and_joint_limits(signs: list[Sign]) -> No
             assert low_side < wrist.deviation < high_side, sign.gloss
             assert low_bent < wrist.flexion < high_bent, sign.gloss
             assert abs(wrist.twist) < pose.FOREARM_LIMIT, sign.gloss
-            assert pseudo.easy(hand_state), sign.gloss
+            assert pose.is_easy(hand_state), sign.gloss
 
 
 def test_far_or_bent_hands_are_not_easy() -> None:
     posture = Posture("B", "space", "palm", (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8))
     easy = locations.strong_hand(posture, WeakArm(STANDARD, np.zeros(27)))
-    assert pseudo.easy(easy)
+    assert pose.is_easy(easy)
     far, bent = easy.copy(), easy.copy()
     far[2] += 40.0
     bent[4] += 1.5
-    assert not pseudo.easy(far)
-    assert not pseudo.easy(bent)
+    assert not pose.is_easy(far)
+    assert not pose.is_easy(bent)
 
 
 @pytest.mark.parametrize("seed", [0, 5, 11, 23, 42])

@@ -6,13 +6,13 @@ import itertools
 
 import numpy as np
 import pytest
+
+from signing import made
+from signsplice.motion import FloatArray
 from signsplice.signer import pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD
-
-from signing import made
-from signsplice.motion import FloatArray
 
 CHEST = "X shape=B-open at=chest by=palm off=0.5 shift=0,3,0 palm=back fingers=in"
 PALM = (

@@ -6,13 +6,13 @@ import itertools
 
 import numpy as np
 import pytest
-from signsplice.signer import pose
-from signsplice.signer.collisions import penetration
-from signsplice.signer.signer import JOINTS
 
 from signing import made, seen_from_chest, word
 from signsplice.errors import InputError
 from signsplice.motion import rotation
+from signsplice.signer import pose
+from signsplice.signer.collisions import penetration
+from signsplice.signer.signer import JOINTS
 from signsplice.synth import running
 from signsplice.synth.running import Utterance
 

@@ -6,22 +6,22 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import make_plain_words
 import numpy as np
 import pytest
+
+from signing import SIGNS, sign, signer_of, word, wrists
+from signsplice.evaluation.corpus_checks import over_limit
+from signsplice.motion import FloatArray
 from signsplice.signer import notation, planner, pose, timing, trajectory
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord, SegmentPlan
 from signsplice.signer.signer import PLAIN, STANDARD, Manner, draw_signer
 from signsplice.signer.timing import Events
 from signsplice.signer.trajectory import Knot, low_passed
-
-from signing import SIGNS, sign, signer_of, word, wrists
-from signsplice.evaluation.corpus_checks import over_limit
-from signsplice.motion import FloatArray
 from signsplice.synth import pseudo, running, truth
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
-import make_plain_words
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "plain_words.npz"
 ALL = Manner(low_pass_frames=1.0, off_frame=1.0, tempo_spread=1.0, pass_difference=1.0, hesitation=1.0)

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
+from signsplice.motion import rotation
 from signsplice.signer import hand, pose
-from signsplice.signer.arms import YIELDS
-from signsplice.signer.arms import ease_wrists as eased
-from signsplice.signer.figure import posed_signer, surface
-from signsplice.signer.hand import hand_part
+from signsplice.signer.arms import YIELDS, ease_wrists
+from signsplice.signer.figure import posed_signer
 from signsplice.signer.handshapes import handshape, thumb_depth
-from signsplice.signer.location_targets import posture_holds as stays
+from signsplice.signer.location_targets import posture_holds
 from signsplice.signer.locations import facing, resting
 from signsplice.signer.planner import isolated
 from signsplice.signer.signer import STANDARD
 from signsplice.written.compiler import compile_sign
 from signsplice.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
-
-from signsplice.motion import rotation
 
 
 @pytest.mark.parametrize(
@@ -35,12 +33,11 @@ def test_the_written_part_touches_in_the_written_directions(
     motions = (Motion("straight", ("o",), size="small"),)
     word = isolated(compile_sign(WrittenSign("TRIED", "one", posture=start, motions=motions)))
     posed = posed_signer(word.states, STANDARD)
-    wanted, _ = stays(word.segments, word.sign, 30.0, lambda posture: posture.touch)
+    wanted, _ = posture_holds(word.segments, word.sign, 30.0, lambda posture: posture.touch)
     touches = [(stay.first, stay.posture) for stay in wanted if not stay.which]
     assert touches
     for frame, one in touches:
-        gaps, _ = posed.nearest(posed.part(one, frame, 0), frame, surface(one.location, posed.capsules.body, 0))
-        assert abs(gaps[0] - hand_part(one.part).skin) < 0.5
+        assert abs(posed.distance(one, frame)[0]) < 0.5
         turned = pose.hand_rotations(word.states[frame], STANDARD)[0]
         assert rotation.angle_between(turned, facing(one.palm, one.fingers)) < np.deg2rad(12.0)
 
@@ -53,7 +50,8 @@ def test_a_hand_yields_only_where_its_wrist_is_not_easy_and_never_far() -> None:
     fore = pose.solve_arm(states[:, :3], STANDARD).fore
     written = usual.copy()
     written[:, 0] = rotation.multiply(fore, rotation.exp(bends[:, None] * [0.0, 0.0, 1.0]))
-    yielded = rotation.angle_between(pose.hand_rotations(eased(states, written, STANDARD), STANDARD), written)[:, 0]
+    eased = ease_wrists(states, written, STANDARD, *np.zeros((2, *written.shape[:2], 3)))
+    yielded = rotation.angle_between(pose.hand_rotations(eased, STANDARD), written)[:, 0]
     assert yielded.max() <= YIELDS + 1e-6
     assert yielded[[4, 5, 6, 7, 8]].max() < np.deg2rad(1.0)
     assert yielded[[0, 12]].min() > np.deg2rad(2.0)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice.signer import planner
-from signsplice.signer.phonology import Sign
-from signsplice.signer.signer import RESTS, TRAITS, draw_signer, stream
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.rig.info import LEFT, ROLES, TIPS, canonical_motion
+from signsplice.signer import planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.signer import RESTS, TRAITS, draw_signer, stream
 from signsplice.synth import pseudo, training_data, truth
 from signsplice.synth.training_data import TrainingDataPlan
 

@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import hand, planner, pose, trajectory
-from signsplice.signer import signer as manner
-from signsplice.signer.handshapes import HANDSHAPES
-from signsplice.signer.signer import STANDARD, Signer, stream
-from signsplice.signer.trajectory import Knot
 
 from signing import signer_of, word
 from signsplice.motion import FloatArray
+from signsplice.signer import hand, planner, pose, trajectory
+from signsplice.signer.handshapes import HANDSHAPES
+from signsplice.signer.signer import STANDARD, Manner, Signer, stream
+from signsplice.signer.trajectory import Knot
 
-PLAIN = replace(STANDARD, arch=0.0, manner=manner.PLAIN)
+PLAIN = replace(STANDARD, arch=0.0, manner=Manner())
 
 
 def state(seed: int, spread: float = 5.0) -> FloatArray:

@@ -8,15 +8,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+
+from signing import seen_from_chest, word, wrists
+from signsplice.errors import InputError
+from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.signer import pose, trajectory
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD
 from signsplice.signer.timing import Events
-
-from signing import seen_from_chest, word, wrists
-from signsplice.errors import InputError
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.synth import running, truth
 
 GLOSSES = ("I", "MOTHER", "HELLO", "BOOK", "LEARN", "SIGN", "YES", "YOU", "fs-A")

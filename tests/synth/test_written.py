@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+import signsplice as ss
 from signsplice.signer import notation, planner
 from signsplice.written import files, symbols
 from signsplice.written.tree import Motion, Pair, Place, Site, Where, WrittenPosture, WrittenShape, WrittenSign
-
-import signsplice as ss
 from written_words import CODES, ELSEWHERE, code, constructed
 
 HERE = Path(__file__).parent

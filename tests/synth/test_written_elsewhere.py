@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
-from signsplice.written import files
-from signsplice.written.tree import Motion, Pair, Place, Site, Tier, WrittenPosture, WrittenSign
 
 import signsplice as ss
+from signsplice.written import files
+from signsplice.written.tree import Motion, Pair, Place, Site, Tier, WrittenPosture, WrittenSign
 from written_words import code
 
 NAMES = "flathand extfingeru palml chest touch moveo"

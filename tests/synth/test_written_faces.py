@@ -6,26 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from signsplice.motion.face import Face
+from signsplice.motion.kinematics import forward
 from signsplice.signer import notation, planner, pose
 from signsplice.signer.phonology import Gesture
 from signsplice.signer.signer import JOINTS
 from signsplice.signer.tables import sections
-from signsplice.written import nonmanual as faces
+from signsplice.written import nonmanual
 from signsplice.written.nonmanual import with_shoulders
 from signsplice.written.tree import Tier, WrittenSign
 
-from signsplice.motion.face import Face
-from signsplice.motion.kinematics import forward
-
 FPS, HANDS, FRAMES = 30.0, (30, 60), 90
 CODES = {
-    (table, code): words for table, rows in sections("faces").items() if table != "shapes" for code, *words in rows
+    (table, code): words
+    for table, rows in sections(nonmanual.__file__, "faces").items()
+    if table != "shapes"
+    for code, *words in rows
 }
 
 
 def face(*tiers: Tier) -> Face:
     """The face of a sign of one second in three."""
-    made = faces.face_of(WrittenSign("X", tiers=tiers), HANDS, FRAMES, FPS)
+    made = nonmanual.face_of(WrittenSign("X", tiers=tiers), HANDS, FRAMES, FPS)
     assert made is not None
     return made
 
@@ -37,7 +40,7 @@ def level(made: Face) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 @pytest.mark.parametrize(("table", "code"), [key for key in CODES if key[0] not in ("head", "body", "shoulder")])
 def test_every_code_of_the_face_shows_during_the_hands_and_is_at_rest_around_them(table: str, code: str) -> None:
-    made = faces.face_of(WrittenSign("X", tiers=(Tier(table, code, lane="a"),)), HANDS, FRAMES, FPS)
+    made = nonmanual.face_of(WrittenSign("X", tiers=(Tier(table, code, lane="a"),)), HANDS, FRAMES, FPS)
     if CODES[table, code] == ["ahead"]:
         assert made is None
         return
@@ -51,11 +54,11 @@ def test_every_code_of_the_face_shows_during_the_hands_and_is_at_rest_around_the
 
 @pytest.mark.parametrize(("table", "code"), [key for key in CODES if key[0] in ("head", "body")])
 def test_every_gesture_moves_its_part_during_the_hands_and_brings_it_back(table: str, code: str) -> None:
-    tracks = faces.body_tracks(WrittenSign("X", tiers=(Tier(table, code, lane=table),)))
+    tracks = nonmanual.body_tracks(WrittenSign("X", tiers=(Tier(table, code, lane=table),)))
     sign = notation.everyday()["MOTHER"]
     plain = planner.isolated(sign)
     moved = planner.isolated(replace(sign, gestures=tracks))
-    assert faces.left_out(WrittenSign("X", tiers=(Tier(table, code),))) == ()
+    assert nonmanual.left_out(WrittenSign("X", tiers=(Tier(table, code),))) == ()
     angles = np.rad2deg(np.abs((moved.states - plain.states)[:, pose.TRUNK.start : pose.HEAD.stop])).max(axis=1)
     if not CODES[table, code]:
         assert tracks == ()
@@ -89,7 +92,7 @@ def test_left_and_right_are_the_signers_own(
     """The axis of the head (1 up, 2 to the front) goes towards a direction; the left arm is at +X."""
     sign = notation.everyday()["MOTHER"]
     plain = planner.isolated(sign)
-    tracks = faces.body_tracks(WrittenSign("X", tiers=(Tier(table, code, lane=table),)))
+    tracks = nonmanual.body_tracks(WrittenSign("X", tiers=(Tier(table, code, lane=table),)))
     moved = planner.isolated(replace(sign, gestures=tracks))
     head = plain.clip.skeleton.names.index("mixamorig:Head")
     before, after = (forward(word.clip, [head])[0][:, 0, :, axis] for word in (plain, moved))
@@ -129,7 +132,7 @@ def test_a_gesture_written_as_a_mouthing_is_the_gesture() -> None:
 def test_amounts_scale_what_is_shown() -> None:
     half = face(Tier("eye_brows", "RB", amount=0.5, lane="face"))
     np.testing.assert_allclose(half.weights, 0.5 * face(Tier("eye_brows", "RB", lane="face")).weights, atol=1e-6)
-    (track,) = faces.body_tracks(WrittenSign("X", tiers=(Tier("head", "ND", amount=0.5, lane="head"),)))
+    (track,) = nonmanual.body_tracks(WrittenSign("X", tiers=(Tier("head", "ND", amount=0.5, lane="head"),)))
     assert track == Gesture("head", (6.0, 0.0, 0.0), 1.0)
 
 
@@ -138,7 +141,7 @@ def test_what_is_not_made_is_named_and_the_rest_is_made() -> None:
         Tier("mouth_picture", "w0w", lane="mouth"), Tier("eye_brows", "XX", lane="face"),
         Tier("shoulder", "PB", lane="shoulder"), Tier("eye_lids", "WB", lane="face"),
     )  # fmt: skip
-    assert [line.split(" is left out")[0] for line in faces.left_out(WrittenSign("X", tiers=tiers))] == [
+    assert [line.split(" is left out")[0] for line in nonmanual.left_out(WrittenSign("X", tiers=tiers))] == [
         "mouth_picture w0w", "eye_brows XX", "shoulder PB",
     ]  # fmt: skip
     assert face(*tiers).channels == ("eyeWideLeft", "eyeWideRight")

@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice.signer import arms as twists
-from signsplice.signer import locations, planner, pose
+
+from signsplice.motion import FloatArray, kinematics, rotation
+from signsplice.signer import arms, locations, planner, pose
 from signsplice.signer.collisions import between_hands
 from signsplice.signer.notation import parse
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, STANDARD
 from signsplice.written import signing
-
-from signsplice.motion import FloatArray, kinematics, rotation
 
 LOWERED = """LOWERED  hands=one kind=written
   X shape=pinch12open at=space:3.78,24.83,16.46 palm=in fingers=0,0.383,0.924
@@ -153,7 +152,7 @@ def test_a_hand_that_has_come_stays_while_wrists_move() -> None:
 
 def test_arms_that_turn_over_nowhere_are_left_alone() -> None:
     states = made(LOWERED).states
-    assert twists.steadied(states, STANDARD, 30.0) is states
+    assert arms.limit_forearm_speed(states, STANDARD, 30.0) is states
 
 
 CIRCLES = """CIRCLES  hands=one kind=written

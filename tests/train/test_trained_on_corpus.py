@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
-from signsplice.signer import notation
 
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import rotation
 from signsplice.rig.info import canonical_motion
+from signsplice.signer import notation
 from signsplice.splicing.bundle import read_config
 from signsplice.synth import training_data
 from signsplice.synth.corpus import Pairs, Recipe, write_pairs

@@ -8,12 +8,11 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from signsplice.signer import notation, planner
-from signsplice.signer.phonology import Sign
-
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
+from signsplice.signer import notation, planner
+from signsplice.signer.phonology import Sign
 from signsplice.synth import truth
 from signsplice.synth.corpus import VERSION, Pairs
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from shlex import quote
 
 import numpy as np
-from signsplice.signer.signer import stream
 
 from signsplice.errors import InputError
 from signsplice.formats import load
@@ -22,6 +21,7 @@ from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
+from signsplice.signer.signer import stream
 from signsplice.synth.pairs import EXTENT
 
 Progress = Callable[[int, int], None]

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 from signsplice.signer.signer import stream
-
 from signsplice.synth.corpus import Pairs
 
 N_TAUGHT = 500

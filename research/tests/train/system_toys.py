@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import cache
 
 import torch
-from signsplice.signer.signer import STANDARD, skeleton
 
+from signsplice.signer.signer import STANDARD, skeleton
 from signsplice.train.prefetch import Dataset
 from signsplice.train.task import Task
 from signsplice_paper.train.networks.cam_stitch import CamStitchConfig

@@ -9,10 +9,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("torch")
-
 from signsplice.signer import notation
-
 from signsplice.splicing import word_features as features
 from signsplice.splicing.options import WEIGHTS
 from signsplice.synth import training_data
@@ -23,6 +20,8 @@ from signsplice_paper.evaluation import corpus_trained_methods
 from signsplice_paper.judging import Judge
 from signsplice_paper.results import CORPUS_TRAINED, Results
 from training_toys import ALONE, GLOSSES
+
+pytest.importorskip("torch")
 
 
 @pytest.fixture(scope="module")

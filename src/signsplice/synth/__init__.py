@@ -1,1 +1,1 @@
-"""The synthetic signer: signs in notation -> plan -> motion, with the ground truth of every splice."""
+"""Corpora of the synthetic signer: random signs, sentences and pairs, with the ground truth of every splice."""

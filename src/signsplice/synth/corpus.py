@@ -20,14 +20,14 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
 from signsplice.motion import Clip, FloatArray
 from signsplice.progress import Progress
+from signsplice.signer import planner, pose
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import STANDARD, Signer, draw_signer, stream
 from signsplice.synth import pairs as storing
-from signsplice.synth import planner, pose, truth
+from signsplice.synth import truth
 from signsplice.synth.pairs import EXTENT, FILES, HEAD, Pairs, StoredRow, signer_space
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.pool import Pool, is_whole
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD, Signer, draw_signer
 
 VERSION = 3
 """Raised with every change of the motion: the same recipe with another version is another corpus."""

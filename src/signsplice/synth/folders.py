@@ -21,13 +21,12 @@ from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import format_errors, opened, read_bytes
 from signsplice.motion import Clip
 from signsplice.progress import Progress, counted
-from signsplice.synth import planner, running
+from signsplice.signer import planner
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import FPS, IsolatedWord
+from signsplice.signer.signer import STANDARD, Signer, draw_signer, skeleton, stream
+from signsplice.synth import running
 from signsplice.synth.corpus import VERSION, Recipe
-from signsplice.synth.phonology import Sign
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.rng import stream
-from signsplice.synth.segment_plan import FPS
-from signsplice.synth.signer import STANDARD, Signer, draw_signer, skeleton
 
 TRUTH, GLOSSES = "truth.json", "glosses.csv"
 _COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind")

@@ -35,9 +35,9 @@ from signsplice.formats.npz import mapped_array
 from signsplice.formats.reading import read_bytes
 from signsplice.motion import Clip, Skeleton
 from signsplice.motion.number_space import NumberSpace, read_space, space_of
+from signsplice.signer.signer import Signer, read_signer, skeleton
+from signsplice.signer.timing import Events
 from signsplice.synth import truth
-from signsplice.synth.signer import Signer, read_signer, skeleton
-from signsplice.synth.timing import Events
 
 Array = NDArray[Any]
 

@@ -25,19 +25,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import FloatArray
-from signsplice.synth import locations, phonology, pose
-from signsplice.synth.avoidance import hand_clearances
-from signsplice.synth.locations import MIRROR, WeakArm, resting
-from signsplice.synth.phonology import Local, Path, Posture, Segment, Sign, Vector, faults
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import STANDARD
-from signsplice.synth.tables import sections
+from signsplice.signer import locations, phonology, pose
+from signsplice.signer.collisions import hand_clearances
+from signsplice.signer.locations import WeakArm, resting
+from signsplice.signer.phonology import Local, Path, Posture, Segment, Sign, faults
+from signsplice.signer.signer import STANDARD, stream
+from signsplice.signer.tables import Vector, sections, to_vector
 
 T = TypeVar("T")
 
 FREQUENCIES = {
     title: {name: float(weight) for weight, *names in rows for name in names}
-    for title, rows in sections("frequencies").items()
+    for title, rows in sections(__file__, "frequencies").items()
 }
 """The tables of words/frequencies.txt: weights of names."""
 _BASES = (
@@ -247,8 +246,7 @@ def _bow(rng: np.random.Generator) -> Path:
 
 def _shifted(rng: np.random.Generator, posture: Posture, size: float) -> Posture:
     offset = np.array(_direction(rng)) * size
-    x, y, z = (float(a + b) for a, b in zip(posture.shift, offset, strict=True))
-    return replace(posture, shift=(x, y, z))
+    return replace(posture, shift=to_vector(np.add(posture.shift, offset)))
 
 
 def _direction(rng: np.random.Generator) -> Vector:
@@ -256,8 +254,7 @@ def _direction(rng: np.random.Generator) -> Vector:
     a, b = (np.array(_SIX_DIRECTIONS[rng.integers(6)]) for _ in range(2))
     direction = a + b * (rng.random() < 0.4)
     length = float(np.linalg.norm(direction))
-    x, y, z = (direction / length) if length > 0.1 else a
-    return float(x), float(y), float(z)
+    return to_vector(direction / length if length > 0.1 else a)
 
 
 def _pick(rng: np.random.Generator, table: dict[T, float]) -> T:
@@ -278,7 +275,7 @@ def _first_easy(segments: Sequence[Segment], hands: str) -> Segment | None:
     solved = [locations.strong_wrist(s.strong, arms[s.weak], meets) for s in formed]
     wrists, quats, angles = (np.stack(parts) for parts in zip(*solved, strict=True))
     hand_states = np.concatenate([wrists, pose.hand_rotvecs(wrists, quats, STANDARD), angles], axis=-1)
-    chosen = np.flatnonzero(easy(hand_states) & _in_front(hand_states, meets))
+    chosen = np.flatnonzero(pose.is_easy(hand_states) & _in_front(hand_states, meets))
     if not len(chosen):
         return None
     rest = resting(STANDARD)[27:54]
@@ -299,19 +296,7 @@ def _out_of_reach(segment: Segment) -> bool:
     return segment.weak is None and segment.strong.location == "forearm-weak"
 
 
-def easy(hand_states: FloatArray) -> NDArray[np.bool_]:
-    """Whether hand states (..., 27) need no more than 85 % of any wrist or forearm limit of the standard signer, and
-    the elbow stays bent by 20 degrees or more.
-    """
-    arm = pose.solve_arm(hand_states[..., pose.WRIST], STANDARD)
-    wrist = pose.wrist_angles(arm, hand_states[..., pose.ROTVEC], STANDARD)
-    low, high = 0.85 * pose.WRIST_LIMITS.T
-    angles = np.stack([wrist.deviation, wrist.flexion], axis=-1)
-    bent = np.all((angles > low) & (angles < high), axis=-1)
-    return np.asarray(bent & (np.abs(wrist.twist) < 0.85 * pose.FOREARM_LIMIT) & (arm.bend > 0.35))
-
-
 def _in_front(hand_states: FloatArray, meets: bool) -> NDArray[np.bool_]:
     """Whether wrists are in front of the chest, and on the strong side where hands mirror one another."""
-    wrists = hand_states[..., pose.WRIST] * MIRROR
+    wrists = hand_states[..., pose.WRIST] * pose.MIRROR
     return np.asarray((wrists[..., 2] > 2.0) & ((wrists[..., 0] > 1.0) | (not meets)))

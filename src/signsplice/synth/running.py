@@ -17,11 +17,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray
-from signsplice.synth import pose, truth
-from signsplice.synth.avoidance import penetration
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.signer import skeleton
-from signsplice.synth.timing import transition_pause
+from signsplice.signer import pose
+from signsplice.signer.collisions import penetration
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import skeleton
+from signsplice.signer.timing import transition_pause
+from signsplice.synth import truth
 
 PRONOUNS = frozenset({"I", "YOU", "HE-SHE", "THEY", "THIS", "THAT", "THERE"})
 """Pointing signs, which assimilate where they have the pointing hand's own shape."""

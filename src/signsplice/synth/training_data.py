@@ -22,14 +22,13 @@ from signsplice.motion import Clip, concatenate, same_fps
 from signsplice.motion.cache import CACHE
 from signsplice.progress import Progress
 from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
-from signsplice.synth import planner, pseudo, running, truth
-from signsplice.synth.manner import PLAIN, TRAITS, only
+from signsplice.signer import planner
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import HANGING, PLAIN, RESTS, TRAITS, Signer, draw_signer, only, stream
+from signsplice.signer.timing import Events
+from signsplice.synth import pseudo, running, truth
 from signsplice.synth.pairs import Pairs
-from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.pool import Pool, is_whole
-from signsplice.synth.rng import stream
-from signsplice.synth.signer import HANGING, RESTS, Signer, draw_signer
-from signsplice.synth.timing import Events
 
 Array = NDArray[Any]
 

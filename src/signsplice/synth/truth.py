@@ -20,11 +20,11 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion import FloatArray
 from signsplice.motion.curves import minimum_jerk_by_powers
-from signsplice.synth import elbows, pose, thumbs, trajectory
-from signsplice.synth.avoidance import clear_collisions, penetration
-from signsplice.synth.manner import PLAIN
-from signsplice.synth.planner import IsolatedWord
-from signsplice.synth.timing import slowed
+from signsplice.signer import arms, handshapes, pose, trajectory
+from signsplice.signer.collisions import clear_collisions, penetration
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import PLAIN
+from signsplice.signer.timing import slowed
 
 KINDS = {
     "partner": "where a word is left and entered depends on the other word too",
@@ -302,11 +302,11 @@ def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: 
         at = slowed(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
         states = trajectory.reach(before, after, n_frames + more, p.signer, at)
         if p.signer.manner != PLAIN:
-            states = thumbs.opened(states, ends=True)
+            states = handshapes.opened(states, ends=True)
         for _ in range(2):  # elbows follow the hands
-            states = clear_collisions(elbows.joined(states, before, after, p.signer), p.signer, ends=True)
-        states = elbows.joined(states, before, after, p.signer)
-        fast = elbows.largest_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
+            states = clear_collisions(arms.joined(states, before, after, p.signer), p.signer, ends=True)
+        states = arms.joined(states, before, after, p.signer)
+        fast = arms.largest_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
         if penetration(states, p.signer)[0].max() < TOO_DEEP_CM and not fast:
             break
     return states

@@ -12,13 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from signsplice.signer.signer import STATURE_CM, skeleton, stature
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, bone_translations, kinematics, rotation
 from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.align import ORIGIN, Placement
 from signsplice.rig.info import rig_info
+from signsplice.signer.signer import STATURE_CM, skeleton, stature
 from signsplice.splicing.bundle import bundle_sha256
 from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
 from signsplice.splicing.seam import Seam

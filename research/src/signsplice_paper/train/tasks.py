@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from signsplice.signer.signer import stream
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
+from signsplice.signer.signer import stream
 from signsplice.train.task import Task
 from signsplice_paper import bias
 from signsplice_paper.metrics import accuracy

@@ -1,0 +1,1 @@
+"""The synthetic signer: signs in notation -> plan -> motion of a skeleton."""

@@ -1,0 +1,347 @@
+"""Where elbows, forearms and wrists go over time: elbows at their easy places, smoothed and turned out of the trunk and
+of the other arm; wrists that yield; forearms that turn no faster than people turn them.
+
+The easy place of an elbow depends on one pose (``pose.wrist_angles``) and can change suddenly with it. What is smoothed
+is the direction from the line between shoulder and wrist to the elbow, in the chest's axes: an angle about that line
+has no reference that is steady everywhere.
+
+Hands of written signs yield a little in direction if a wrist or forearm would else bend far. Up to the easy ranges
+directions are as they are written; they are a little wider than the 40 degrees of flexion and of extension, and 40 from
+side to side, with which people do daily tasks (Ryu et al. 1991, Journal of Hand Surgery 16A: 409-419). Beyond, a hand
+yields by a part of the rest, never by more than ``YIELDS``; at a joint's limit it misses the rest.
+
+The forearm's twist that a written hand needs, and the wrist's swing, can pass half a turn: then they would go from one
+of their limits to the other in a frame. The twist of such an arm is chosen anew, on one path over the whole word
+(Viterbi 1967): near to what is written, and turned over in its own time if it must be; the swing is smoothed there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from signsplice.body import swivel
+from signsplice.motion import FloatArray, rotation
+from signsplice.motion.curves import between, sparse
+from signsplice.rig.roles import SIDES
+from signsplice.signer import pose, trajectory
+from signsplice.signer.figure import Figure, PosedArms
+from signsplice.signer.pose import MARGIN, led_costs
+from signsplice.signer.signer import COLLAR, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer
+
+_WIDTH_S = 0.10
+"""Standard deviation of the Gaussian that smooths these directions in time, seconds."""
+_LED_S = 0.08
+"""The same for those on the path of least cost."""
+_CLEARING_S = 0.06
+"""The same for what keeps forearms free, which is smoothed as much once already."""
+TURNS = np.deg2rad(np.arange(-60.0, 61.0, 5.0))
+"""Turns of a led elbow that are tried to free its forearm: in coarser steps it would turn farther than it must."""
+_PRESSED_M = 0.003
+"""Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
+
+
+def smooth_elbows(
+    states: FloatArray, signer: Signer, fps: float, led: bool = False, figure: Figure | None = None
+) -> FloatArray:
+    """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
+    arm; in plain motion the states themselves. ``led``: elbows go where wrists can turn hands as they are written;
+    ``figure``: of these states but for their arms.
+    """
+    if not signer.manner.low_elbows:
+        return states
+    directions, width_s = (
+        (_easiest_directions(states, signer, fps), _LED_S) if led else (directions_of(states, signer), _WIDTH_S)
+    )
+    states = turn_elbows(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
+    figure = figure or Figure(states, signer)
+    posed = figure.posed(states)
+    for which in (0, 1):
+        turns = _clearing(posed, which, fps, TURNS) if led else _clearing(posed, which, fps)
+        if turns.any():
+            states = states.copy()
+            states[:, pose.TURNS.start + which] += gaussian_filter1d(turns, _CLEARING_S * fps, mode="nearest")
+            posed = figure.posed(states) if not which else posed
+    return states
+
+
+GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
+"""Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
+_MISSED = np.deg2rad(6.0)
+"""Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
+_EFFORT = 0.35
+"""What an elbow costs that is not where it is easy, over what its angles cost."""
+_BEFORE, _ACROSS = 0.35, 0.08
+"""How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
+over the upper arm's length."""
+_RAISED = 0.1
+"""How high over both shoulder and wrist an elbow costs 1, over the upper arm's length."""
+_STEP = 0.075
+"""Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
+_LEAST_OFF = 0.15
+"""How far from the line between shoulder and wrist an elbow counts as at least, over the same: a straight arm turns."""
+
+
+def _easiest_directions(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967): hands miss their
+    directions little, arms are easy, and elbows go no farther than they must. Found 15 times a second.
+    """
+    some = sparse(len(states), fps / 15.0)
+    both = pose.hands(states[some])
+    arm = pose.solve_arm(both[..., pose.WRIST], signer)
+    hard, effort = hardship(arm, both[..., pose.ROTVEC], signer, GRID)
+    out, across = (x[..., None, :] for x in pose.elbow_axes(arm))
+    directions = np.cos(GRID)[:, None] * out + np.sin(GRID)[:, None] * across  # (T, 2, K, 3)
+    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
+    along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
+    elbow = along + np.maximum(np.linalg.norm(bone - along, axis=-1, keepdims=True), _LEAST_OFF) * directions
+    across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
+    wrist = (both[..., 1] / signer.scale - (COLLAR + SHOULDER)[1]) / (UPPER_ARM * signer.arms)
+    raised = np.maximum(0.0, elbow[..., 1] - np.maximum(0.0, wrist)[..., None])
+    costs = hard + effort + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
+    rows, apart_s = np.arange(len(some)), (some[-1] / max(1, len(some) - 1)) / fps
+    led = np.empty((len(some), 2, 3))
+    for which in (0, 1):
+        at, scale = elbow[:, which], 1.0 / (30.0 * apart_s * _STEP) ** 2
+        squares = scale * np.square(at).sum(axis=-1)
+        changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * at[:-1] @ at[1:].transpose(0, 2, 1)
+        led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]
+    return between(led, some)
+
+
+def hardship(arm: pose.Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What it costs (..., S) that hands with rotation vectors ``rotvecs`` (..., 3) miss their directions, or reach them
+    with wrists bent farther than is comfortable, with elbows at ``swivels`` (S,); and what these elbows cost besides.
+    """
+    missed, effort, strain = led_costs(arm, rotvecs, signer, swivels)
+    missed = np.square(missed / _MISSED)
+    costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses cost little
+    return costs + _EFFORT * strain, _EFFORT * effort
+
+
+def from_hanging(states: FloatArray, signer: Signer) -> tuple[FloatArray, HangingElbowSigner]:
+    """The same motion (T, 65) of a signer whose elbows are turned from where they hang: what is moved again and again
+    need not be compared with what is easy.
+    """
+    made = states.copy()
+    made[:, pose.TURNS] = solve_arms(states, signer)[1]
+    return made, HangingElbowSigner(**vars(signer))
+
+
+def from_easy(states: FloatArray, signer: Signer) -> FloatArray:
+    """The same motion (T, 65) with elbows turned from where they are easy."""
+    both, made = pose.hands(states), states.copy()
+    easy = pose.easy_swivels(pose.solve_arm(both[..., pose.WRIST], signer), both[..., pose.ROTVEC], signer)
+    made[:, pose.TURNS] = _short(states[:, pose.TURNS] - easy)
+    return made
+
+
+def keep_elbows(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with elbows in the directions of those ``before`` (T, 65) hands were moved a little: an easy place
+    can be far from the one beside it.
+    """
+    return turn_elbows(states, directions_of(before, signer), signer)
+
+
+def turn_arms(states: FloatArray, arm: pose.Arm, quats: FloatArray, swivels: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) whose hands are turned to ``quats`` (T, 2, 4) from their forearms in an ``arm`` with hanging
+    elbows, with elbows at ``swivels`` (T, 2).
+    """
+    made = states.copy()
+    both = pose.hands(made)
+    both[..., pose.ROTVEC] = rotation.log(quats)
+    made[:, pose.TURNS] += _short(
+        swivels - pose.easy_swivels(arm, both[..., pose.ROTVEC], signer) - made[:, pose.TURNS]
+    )
+    return made
+
+
+def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:
+    """States (n, 65) of a transition whose elbows go from those of ``before`` (.., 65) to those of ``after`` (.., 65),
+    at the speed of both ends; in plain motion the states themselves.
+    """
+    if not signer.manner.low_elbows:
+        return states
+    steps = len(states) + 1
+    start, end = (directions_of(part, signer).reshape(len(part), 6) for part in (before, after))
+    between = trajectory.joining(start, end, steps, np.arange(1, steps)[:, None] / steps)
+    return turn_elbows(states, between.reshape(-1, 2, 3), signer)
+
+
+def largest_step(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> float:
+    """The largest step of an elbow from frame to frame in a transition's states (n, 65) and from and to the states
+    beside it, cm on the standard body, from the chest.
+    """
+    states = np.concatenate([before[-1:], states, after[:1]])
+    return float(np.linalg.norm(np.diff(_positions(states, signer), axis=0), axis=-1).max())
+
+
+_FASTEST_CM_S = 280.0
+"""Speed of an elbow about its shoulder from which on its direction is smoothed once more."""
+_SLOWED_S, _SLOWED_ROUNDS = 0.2, 6
+"""How far around that it is, seconds, and how often at most."""
+
+
+def limit_elbow_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) in which elbows that swing faster than people's go in more time; the states themselves without."""
+    for _ in range(_SLOWED_ROUNDS):
+        speed = np.linalg.norm(np.diff(_positions(states, signer), axis=0), axis=-1) * fps
+        fast = np.concatenate([np.zeros((1, 2)), speed > _FASTEST_CM_S])
+        if not fast.any():
+            break
+        near = maximum_filter1d(fast, 2 * round(_SLOWED_S * fps) + 1, axis=0)
+        near = gaussian_filter1d(near, 0.4 * _SLOWED_S * fps, axis=0)[..., None]
+        directions = directions_of(states, signer)
+        smooth = gaussian_filter1d(directions, _WIDTH_S * fps, axis=0, mode="nearest")
+        states = turn_elbows(states, directions + near * (smooth - directions), signer)
+    return states
+
+
+def _positions(states: FloatArray, signer: Signer) -> FloatArray:
+    """Elbows (T, 2, 3) of states (T, 65) from their shoulders, cm on the standard body, in the chest's axes."""
+    arm, swivels = solve_arms(states, signer)
+    upper = rotation.multiply(rotation.exp(swivels[..., None] * arm.direction), arm.upper)
+    return np.asarray(rotation.rotate(upper, [-UPPER_ARM * signer.arms, 0.0, 0.0]))
+
+
+def solve_arms(states: FloatArray, signer: Signer) -> tuple[pose.Arm, FloatArray]:
+    """Both arms of states (T, 65) with hanging elbows, and their swivels (T, 2)."""
+    both = pose.hands(states)
+    arm = pose.solve_arm(both[..., pose.WRIST], signer)
+    return arm, pose.easy_swivels(arm, both[..., pose.ROTVEC], signer) + states[..., pose.TURNS]
+
+
+def directions_of(states: FloatArray, signer: Signer) -> FloatArray:
+    """Unit vectors (T, 2, 3) from the lines between shoulders and wrists to the elbows of states (T, 65)."""
+    return directions_at(*solve_arms(states, signer))
+
+
+def directions_at(arm: pose.Arm, swivels: FloatArray) -> FloatArray:
+    """The same of arms with elbows at ``swivels`` (T, 2)."""
+    out, across = pose.elbow_axes(arm)
+    return np.asarray(np.cos(swivels)[..., None] * out + np.sin(swivels)[..., None] * across)
+
+
+def swivels_to(arm: pose.Arm, directions: FloatArray) -> FloatArray:
+    """The swivels (...) with which elbows are in these directions (..., 3) from the lines of shoulder and wrist."""
+    out, across = pose.elbow_axes(arm)
+    sin, cos = (np.einsum("...c,...c->...", directions, axis) for axis in (across, out))
+    return np.asarray(np.arctan2(sin, cos))
+
+
+def turn_elbows(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with elbows turned to these directions (T, 2, 3), as nearly as the wrists allow."""
+    arm, swivels = solve_arms(states, signer)
+    made = states.copy()
+    made[:, pose.TURNS] += _short(swivels_to(arm, directions) - swivels)
+    return made
+
+
+def _short(angles: FloatArray) -> FloatArray:
+    """The same angles from -pi to pi."""
+    return np.asarray(np.angle(np.exp(1j * angles)))
+
+
+def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> FloatArray:
+    """By how much (T,) the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
+    body, groups = posed.capsules.body, posed.capsules.body.groups
+    solid = [*groups.below_arms, *(groups.right_arm if which else groups.left_arm)]
+    radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
+    starts, ends = (0.01 * x[:, solid] for x in (posed.capsules.starts, posed.capsules.ends))
+    shoulder, elbow, wrist = (0.01 * posed.positions[:, which, n] for n in (1, 2, 3))
+    turns = swivel.choose(
+        swivel.BentArm(shoulder, elbow, wrist, radii[forearm]),
+        swivel.Solid(starts, ends, radii[solid]),
+        np.full((len(elbow), len(solid)), _PRESSED_M),
+        fps,
+        *grid,
+    )
+    return turns if which == 0 else -turns
+
+
+YIELDS = np.deg2rad(8.0)
+"""The most by which a hand yields."""
+_EASY_RANGES = np.deg2rad([[-78.0, 78.0], [-28.0, 18.0], [-48.0, 52.0]])
+"""Twist of the forearm, deviation and flexion of the wrist from which on it does."""
+_WRIST_LIMITS = np.array([[-pose.FOREARM_LIMIT, pose.FOREARM_LIMIT], *pose.WRIST_LIMITS])
+_YIELD_SCALE = np.deg2rad(18.0)
+"""How far beyond them it yields by 63 % of that."""
+
+
+def turn_hands(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, with the elbows where
+    they are.
+    """
+    arm, swivels = solve_arms(states, signer)
+    return turn_arms(states, arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels, signer)
+
+
+def beyond_easy(angles: FloatArray) -> FloatArray:
+    """How far twist, deviation and flexion (..., 3) are beyond the easy ranges."""
+    return np.asarray(angles - np.clip(angles, *_EASY_RANGES.T))
+
+
+def ease_wrists(
+    states: FloatArray, written: FloatArray, signer: Signer, added: FloatArray, room: FloatArray
+) -> FloatArray:
+    """The same, as nearly as is easy, with what movements of forearm and wrist have ``added`` to their angles
+    (T, 2, 3); these have ``room`` (T, 2, 3) to either side before a joint's limit.
+    """
+    arm, swivels = solve_arms(states, signer)
+    angles = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels).angles  # (T, 2, 3)
+    off = beyond_easy(angles)
+    size = np.linalg.norm(off, axis=-1, keepdims=True)
+    missed = np.linalg.norm(angles - np.clip(angles, *_WRIST_LIMITS.T), axis=-1, keepdims=True)
+    share = (1.0 - np.exp(-size / _YIELD_SCALE)) * np.maximum(0.0, 1.0 - missed / YIELDS)
+    angles = angles - YIELDS * share * off / np.maximum(size, 1e-9)
+    # Limits are approached softly from MARGIN before them on, which a movement needs free; without one nothing changes.
+    inner = room + MARGIN * (2.0 * np.minimum(room / MARGIN, 1.0) - 1.0)
+    low, high = _WRIST_LIMITS.T
+    angles = np.where(room > 0.0, np.clip(angles, low + inner, high - inner), angles) + added
+    return turn_arms(states, arm, pose.hands_at(arm, angles, swivels), swivels, signer)
+
+
+_FASTEST_TURN = 18.0
+"""Speed of a forearm's turn, radians a second, from which on its twist is chosen anew."""
+_SWING_WEIGHT = 0.6
+"""Share of a wrist's swing that counts as such a turn: people nod with up to 12 radians a second."""
+_TWISTS = np.deg2rad(np.linspace(-92.0, 92.0, 25))
+_TWIST_MISSED = 0.5
+"""Angle by which a twist misses what is written that costs 1, radians."""
+_TWIST_CHANGE = 4.2
+"""Change of the twist that costs 1 a frame, radians a second."""
+_TWIST_WIDTH_S, _TWIST_AROUND_S = 0.045, 0.25
+"""Standard deviation of the Gaussian that smooths what was chosen, and how far around it that is taken, seconds."""
+
+
+def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """States (T, 65) in which no forearm or wrist turns over in a frame; the states themselves where none did."""
+    arm, wrist = pose.posed_arms(states, signer)
+    within = np.clip(wrist.angles, *_WRIST_LIMITS.T)  # (T, 2, 3)
+    steps = np.diff(within, axis=0)
+    turns = np.maximum(np.abs(steps[..., 0]), _SWING_WEIGHT * np.linalg.norm(steps[..., 1:], axis=-1))
+    fast = turns * fps > _FASTEST_TURN  # (T - 1, 2)
+    if not fast.any():
+        return states
+    angles = within.copy()
+    for which in np.flatnonzero(fast.any(axis=0)):
+        path = _twist_path(wrist.twist[:, which], fps)
+        odd = np.abs(path - within[:, which, 0]) > _TWIST_MISSED
+        odd[1:] |= fast[:, which]
+        near = maximum_filter1d(odd.astype(np.float64), 2 * round(_TWIST_AROUND_S * fps) + 1)
+        near = gaussian_filter1d(near, 0.4 * _TWIST_AROUND_S * fps)
+        path = gaussian_filter1d(path, _TWIST_WIDTH_S * fps, mode="nearest")
+        swing = gaussian_filter1d(within[:, which, 1:], _TWIST_WIDTH_S * fps, axis=0, mode="nearest")
+        angles[:, which] += near[:, None] * (np.column_stack([path, swing]) - within[:, which])
+    quats = pose.hands_at(arm, angles, wrist.swivel)
+    made = states.copy()
+    fast = fast.any(axis=0)
+    pose.hands(made)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]
+    return keep_elbows(made, states, signer)
+
+
+def _twist_path(twist: FloatArray, fps: float) -> FloatArray:
+    """The twist (T,) of least cost for a wanted one (T,), in which half a turn may be added or taken away."""
+    missed = np.angle(np.exp(1j * (twist[:, None] - _TWISTS)))
+    change = np.square((_TWISTS[:, None] - _TWISTS) * fps / _TWIST_CHANGE)
+    return np.asarray(_TWISTS[swivel.smoothest(np.square(missed / _TWIST_MISSED), [change] * (len(twist) - 1))])

@@ -1,0 +1,386 @@
+"""Motion of head and trunk during a word, hands that keep their places on the body meanwhile, and what segments lay
+over a trajectory: local movements of the hand, gestures of head and trunk.
+
+The trunk turns and leans a little with the reach of the hands, and the head takes that back: it faces the addressee.
+It goes to meet a hand at face or chin, the trunk does not (Tyrone and Mauk 2016). Nothing else moves it, since a look
+away and a nod are grammar. All of it begins when the hands leave rest and is over when they are back.
+
+Hands are given from the chest, and places on the body for a head and trunk that are upright. A hand that is at a part
+of the body is carried with it, rigidly if it touches, less with distance, not at all in free space. Hanging hands stay
+beside the hips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from signsplice.body.collision import PosedCapsules
+from signsplice.motion import Clip, FloatArray, rotation
+from signsplice.motion.curves import between, sparse
+from signsplice.motion.kinematics import forward, rest_positions
+from signsplice.signer import hand, pose, trajectory
+from signsplice.signer.figure import Figure
+from signsplice.signer.phonology import MIRRORED_HANDS, Gesture, Local, Segment
+from signsplice.signer.signer import JOINTS, Signer, skeleton
+from signsplice.signer.timing import Events, TimedSegment
+
+_CARRIERS = ("Head", "Neck", "Spine2", "Hips")
+"""Joints that carry parts of the body, and so hands. What hangs on others is carried with the chest."""
+_HEAD, _CHEST, _HIPS = 0, 2, 3
+FREE_CM, _HELD_CM = 14.0, 0.5
+"""Distances from the skin at which a hand is free, and from which on it is carried wholly."""
+_WEIGHT_CM = 1.0
+"""How much farther a part of the body is that carries less by the factor e."""
+TOGETHER_CM = 8.0
+"""Distance of two hands up to which they are carried alike."""
+_HANGING_CM = (24.0, 38.0)
+"""How far below the chest a hand begins to hang, and hangs."""
+_TOUCH_CM = 2.0
+"""Distance from the skin up to which it is kept, where the wrist's limits would change it."""
+_ROUNDS, _SMOOTHED_FRAMES = 3, 1.0
+"""How often that distance is corrected, and how far a correction is spread in time."""
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """Where the hands (strong, weak) of an upright right-handed signer are.
+
+    weights: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
+    clearances: (T, 2, 4) distance of each hand's skin from that of each of these, cm, negative inside
+    apart: (T,) distance of the hands from one another or a forearm, cm, up to ``TOGETHER_CM`` by the signer's scale
+    head_side: (T, 2) where at the head each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
+    """
+
+    weights: FloatArray
+    clearances: FloatArray
+    apart: FloatArray
+    head_side: FloatArray
+
+    @property
+    def head(self) -> FloatArray:
+        """Distance (T, 2) of each hand's skin from the head's, cm."""
+        return self.clearances[..., _HEAD]
+
+
+def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearness:
+    """Where the hands of states (T, 65) are, were head and trunk upright. With ``most``, cm, at least ``FREE_CM`` by
+    the signer's scale, a hand that hangs, or that is farther than that from the skin, counts as so far.
+    """
+    upright = states.copy()
+    upright[:, 54:] = 0.0
+    capsules = Figure(upright, signer).posed(upright).capsules
+    begins, hangs = _HANGING_CM
+    height = pose.hands(states)[..., 1] / signer.scale
+    hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
+    clearances, out = _clearances(capsules, most, hanging[..., 0] < 1.0 if np.isfinite(most) else None)
+    apart = _apart(capsules, TOGETHER_CM * signer.scale)
+    weights = _weights(clearances / signer.scale, apart / signer.scale)
+    weights = hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights
+    return Nearness(weights, clearances, apart, out[..., _HEAD, 0])
+
+
+def approximate_nearness(states: FloatArray, signer: Signer, fps: float) -> Nearness:
+    """``nearness`` about 8 times a second, linear between them, and no farther than hands are carried."""
+    some = sparse(len(states), fps / 7.5)
+    near = nearness(states[some], signer, FREE_CM * signer.scale)
+    return Nearness(*(between(x, some) for x in vars(near).values()))
+
+
+def _clearances(
+    capsules: PosedCapsules, most: float = np.inf, where: NDArray[np.bool_] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Distances (T, 2, 4) of both hands' skin from that of the carriers, cm, and the directions (T, 2, 4, 3) away from
+    it in the chest's axes; ``most`` and 0 where all are farther, and but ``where`` (T, 2).
+    """
+    body, names = capsules.body, list(JOINTS)
+    solid = (*body.groups.head, *body.groups.trunk)
+    carriers = [n if (n := names[body.joints[k]]) in _CARRIERS else "Spine2" for k in solid]
+    parts = [[k for k, n in zip(solid, carriers, strict=True) if n == name] for name in _CARRIERS]
+    size = (len(capsules.starts), 2, len(_CARRIERS))
+    clearances, out = np.full(size, most), np.zeros((*size, 3))
+    for n, group in enumerate((body.groups.right, body.groups.left)):
+        at = slice(None) if where is None else where[:, n]
+        clearances[at, n], out[at, n] = capsules[at].nearest(group, parts, most)
+    return clearances, out
+
+
+def _apart(capsules: PosedCapsules, most: float) -> FloatArray:
+    """Distances (T,) of the hands from one another or a forearm, cm, or ``most`` where they are greater."""
+    body = capsules.body
+    hands = body.groups.right, body.groups.left
+    arms = [
+        [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == side]
+        for side in ("right", "left")
+    ]
+    depths = [capsules.nearest(hands[n], ((*hands[1 - n], *arms[1 - n]),), most)[0][:, 0] for n in (0, 1)]
+    return np.minimum(*depths)
+
+
+def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
+    """Shares (T, 2, 4) from the distances of hands to the parts of the body (T, 2, 4) and to one another (T,), cm."""
+    nearest = clearances.min(axis=-1, keepdims=True)
+    weights = np.exp((nearest - clearances) / _WEIGHT_CM)
+    weights /= weights.sum(axis=-1, keepdims=True)
+    weights = weights * pose.smooth_step((FREE_CM - nearest) / (FREE_CM - _HELD_CM))
+    alike = 0.5 * pose.smooth_step((TOGETHER_CM - apart) / (TOGETHER_CM - _HELD_CM))[:, None, None]
+    return np.asarray((1.0 - alike) * weights + alike * weights[:, ::-1])
+
+
+def attach_hands_to_body(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
+    """States (T, 65) of a right-handed signer with hands carried by head and trunk, as these are in ``states``."""
+    turns, places = _carriers(states, signer)
+    rest = rest_positions(skeleton(signer))[[JOINTS[name] for name in _CARRIERS]]
+    rest = rest - rest[_CHEST]
+    moved = states.copy()
+    quats = pose.hand_rotations(states, signer)
+    for n, (mirror, mirror_quat) in enumerate(zip(pose.MIRRORS, (np.ones(4), pose.MIRROR_QUAT), strict=True)):
+        wrist = pose.hands(states)[:, n, pose.WRIST] * mirror
+        moves = rotation.rotate(turns, wrist[:, None] - rest) + places - wrist[:, None]  # (T, 4, 3)
+        wrist = (wrist + np.einsum("tk,tkc->tc", near.weights[:, n], moves)) * mirror
+        turn = rotation.exp(np.einsum("tk,tkc->tc", near.weights[:, n], rotation.log(turns)))
+        quat = rotation.multiply(turn, quats[:, n] * mirror_quat) * mirror_quat
+        hand = pose.hands(moved)[:, n]
+        hand[:, pose.WRIST], hand[:, pose.ROTVEC] = wrist, pose.hand_rotvecs(wrist, quat, signer)
+    return moved
+
+
+def _carriers(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
+    """Rotations (T, 4, 4) and positions (T, 4, 3), cm, of the carriers in the chest's axes and from the chest."""
+    joints = [JOINTS[name] for name in _CARRIERS]
+    upright = Clip(skeleton(signer), *pose.without_arms(states, signer), 30.0)
+    rotations, positions = forward(upright, joints)
+    chest = rotations[:, _CHEST]
+    turns = rotation.from_matrix(np.einsum("tba,tkbc->tkac", chest, rotations))
+    return turns, np.einsum("tba,tkb->tka", chest, positions - positions[:, _CHEST, None])
+
+
+def keep_distances(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands as far from the skin as they were, where that was near to nothing: a wrist at its
+    limits does not follow wholly.
+    """
+    states = states.copy()
+    nearest = near.clearances.argmin(axis=-1)[..., None]  # (T, 2, 1)
+    wanted = np.take_along_axis(near.clearances, nearest, axis=-1)
+    weight = pose.smooth_step((_TOUCH_CM - wanted / signer.scale) / (_TOUCH_CM - _HELD_CM))
+    frames = weight.any(axis=(1, 2))
+    pushes = np.zeros((len(states), 2, 3))
+    nearest, wanted, weight = nearest[frames], wanted[frames], weight[frames]
+    if not frames.any():
+        return states
+    figure = Figure(states[frames], signer)
+    for _ in range(_ROUNDS):
+        clearances, out = _clearances(figure.posed(states[frames]).capsules)
+        missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
+        pushes[frames] = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
+        push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")
+        pose.hands(states)[..., pose.WRIST] += push * pose.MIRRORS
+    return states
+
+
+_GAZE = 0.9
+"""How much of the trunk's motion the head takes back, so that it keeps facing the addressee."""
+_MEET_NOD_DEG, _MEET_TILT_DEG = 4.0, 4.0
+"""How far the head goes to meet a hand in front of it, and one at its side."""
+_MEET_CM, _MEET_FULL_CM = 10.0, 3.0
+"""Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
+
+
+def add_body_motion(
+    states: FloatArray, events: Events, signer: Signer, fps: float, near: Nearness | None = None
+) -> FloatArray:
+    """States (T, 65) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
+    hands that keep their places on the body, and their distance from its skin where they touch; with ``near``, which
+    tells about where they are, their places alone.
+    """
+    manner = signer.manner
+    if not manner.body_motion and not manner.head_to_hand:
+        return states
+    right_handed = replace(signer, left_handed=False)
+    exact, near = near is None, near or nearness(states, right_handed)
+    states = states.copy()
+    level = _level(len(states), events, fps)[:, None]
+    if manner.body_motion:
+        trunk = manner.body_motion * level * _reaching(states, signer, fps)
+        states[:, pose.TRUNK] += trunk
+        states[:, pose.HEAD] -= _GAZE * trunk
+    if manner.head_to_hand:
+        states[:, pose.HEAD] += manner.head_to_hand * level * _meeting(near, signer, fps)
+    states = attach_hands_to_body(states, near, right_handed)
+    return keep_distances(states, near, right_handed) if exact else states
+
+
+def _level(n_frames: int, events: Events, fps: float) -> FloatArray:
+    """Weights (T,) that rise from 0 at ``up`` and are back at 0 at ``down``, with no jump of their acceleration."""
+    t = np.arange(n_frames)
+    ramp = max(1.0, 0.22 * fps)
+    return pose.smooth_step((t - events.up) / ramp) * pose.smooth_step((events.down - t) / ramp)
+
+
+def _reaching(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
+    """Rotation vectors (T, 3) of a trunk that goes with the hands: it turns the shoulder of a hand that reaches
+    forward to the front, turns to where both hands are, leans after far hands and away from the side of a high one.
+    """
+    wrists = pose.hands(states)[..., pose.WRIST] / signer.scale  # (T, 2, 3)
+    raised = pose.smooth_step((wrists[..., 1] + 36.0) / 30.0)  # 0 where a hand hangs, 1 in signing space
+    out, up, forward = (raised * wrists[..., k] for k in range(3))
+    lean = 0.06 * (np.maximum(forward.max(axis=1), 10.0) - 10.0)
+    turn = 0.10 * (forward[:, 0] - forward[:, 1]) + 0.12 * (out[:, 0] - out[:, 1])
+    aside = 0.06 * ((raised * (up + 20.0))[:, 1] - (raised * (up + 20.0))[:, 0])
+    return np.deg2rad(_smoothed(np.stack([lean, turn, aside], axis=-1), fps, 0.12))
+
+
+def _meeting(near: Nearness, signer: Signer, fps: float) -> FloatArray:
+    """Rotation vectors (T, 3) of a head that goes to meet the hands near it: forward to a hand at its front, to the
+    side to a hand there.
+    """
+    weight = pose.smooth_step((_MEET_CM - near.head / signer.scale) / (_MEET_CM - _MEET_FULL_CM))  # (T, 2)
+    wide = 2 * round(0.13 * fps) + 1  # early, and for as long as a repeated movement lasts
+    weight = _smoothed(maximum_filter1d(weight, wide, axis=0, mode="nearest"), fps, 0.10)
+    front = weight.max(axis=1)
+    aside = -_smoothed(near.head_side, fps, 0.06) * weight
+    return np.asarray(
+        np.deg2rad(np.stack([_MEET_NOD_DEG * front, 0.0 * front, _MEET_TILT_DEG * aside.sum(axis=1)], axis=-1))
+    )
+
+
+def _smoothed(values: FloatArray, fps: float, seconds: float) -> FloatArray:
+    return np.asarray(gaussian_filter1d(values, seconds * fps, axis=0, mode="nearest"))
+
+
+def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer, wrist: bool = True) -> None:
+    """Add a segment's local movements to its states (n, 65), in place; ``wrist``: those of the wrist, too."""
+    for which, local, phase in _locals(segment, hands):
+        if wrist or local.kind not in _WRIST:
+            _add_local(states[:, 27 * which : 27 * which + 27], local, phase, signer)
+
+
+def _locals(segment: Segment, hands: str) -> Iterator[tuple[int, Local, float]]:
+    """The local movements of a segment: which hand's (0 strong, 1 weak), and its phase."""
+    mirrored = hands in MIRRORED_HANDS
+    for which, local in enumerate((segment.local, segment.local if mirrored else segment.weak_local)):
+        while local is not None:
+            yield which, local, np.pi if which == 1 and hands == "alternating" else 0.0
+            local = local.also
+
+
+_WRIST = {"twist": (0,), "swing": (1,), "nod": (2,), "stir": (1, 2)}
+"""The angles that movements of the wrist change: twist of the forearm, deviation and flexion of the wrist."""
+
+
+def wrist_movements(segments: Sequence[TimedSegment], hands: str, n_frames: int) -> tuple[FloatArray, FloatArray]:
+    """What movements of the wrist add to these angles of both hands (T, 2, 3), radians, and how far they go to either
+    side (T, 2, 3).
+    """
+    added, room = np.zeros((2, n_frames, 2, 3))
+    for one in segments:
+        for which, local, phase in _locals(one.segment, hands):
+            angle, level = _cycles(local, one.end - one.begin + 1, phase)
+            size = np.deg2rad(local.amplitude)
+            for k, axis in enumerate(_WRIST.get(local.kind, ())):
+                part = slice(one.begin, one.end + 1), which, axis
+                added[part] += (-abs(size) * np.cos(angle) if k else size * np.sin(angle)) * level
+                room[part] += abs(size) * level
+    return added, room
+
+
+def _cycles(local: Local, n: int, phase: float) -> tuple[FloatArray, FloatArray]:
+    """The angle (n,) of a local movement in its cycle, and how far (n,) it is made: less at both ends."""
+    angle = 2.0 * np.pi * local.cycles * np.linspace(0.0, 1.0, n) + phase
+    return angle, trajectory.window(n, max(1, round(0.18 * n)))
+
+
+def _add_local(hand_states: FloatArray, local: Local, phase: float, signer: Signer) -> None:
+    """Add one hand's local movement to its states (n, 27), in place."""
+    n = len(hand_states)
+    angle, level = _cycles(local, n, phase)
+    swing = np.sin(angle) * level
+    amplitude = np.deg2rad(local.amplitude)
+    if local.kind == "twist":
+        hand_states[:, 3] += amplitude * swing
+    elif local.kind == "nod":
+        hand_states[:, 5] += amplitude * swing
+    elif local.kind == "swing":
+        hand_states[:, 4] += amplitude * swing
+    elif local.kind == "stir":
+        hand_states[:, 4] += amplitude * swing
+        hand_states[:, 5] += abs(amplitude) * (1.0 - np.cos(angle)) * level
+    elif local.kind == "tremble":
+        hand_states[:, 0] += local.amplitude * signer.scale * swing
+    fingers = hand_states[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
+    if local.kind == "wiggle":
+        for f in range(4):
+            one = np.sin(angle - 1.2 * f) * level
+            fingers[:, f, 1] += amplitude * one
+            fingers[:, f, 2] += 0.4 * amplitude * (one + level)
+    elif local.kind == "bend":
+        close = 0.5 * (1.0 - np.cos(angle)) * level
+        fingers[:, :, 1] += (amplitude * close)[:, None]
+    angles = hand_states[:, pose.FINGERS]
+    np.clip(angles, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=angles)
+
+
+def add_gesture(states: FloatArray, segment: Segment, begin: int, end: int, fps: float) -> None:
+    """Add a segment's head and trunk movement to states (T, 65) of the whole word, in place.
+
+    The gesture begins a little before frame ``begin`` and ends a little after ``end``.
+    """
+    margin = round(0.2 * fps)
+    frames = slice(max(begin - margin, 0), min(end + margin + 1, len(states)))
+    n = frames.stop - frames.start
+    u, level = np.linspace(0.0, 1.0, n), trajectory.window(n, margin + 1)
+    head, trunk = states[frames, pose.HEAD], states[frames, pose.TRUNK]
+    cycles = max(1.0, round(2.2 * n / fps))
+    swing = np.sin(2.0 * np.pi * cycles * u) * level
+    if segment.head == "nod":
+        head[:, 0] += np.deg2rad(9.0) * 0.5 * (1.0 - np.cos(2.0 * np.pi * cycles * u)) * level
+    elif segment.head == "shake":
+        head[:, 1] += np.deg2rad(11.0) * swing
+    elif segment.head:
+        head[:, 2] += np.deg2rad(8.0 if segment.head == "tilt" else -8.0) * level
+    lean = {"fwd": (0, 6.0), "back": (0, -5.0), "out": (2, 5.0), "in": (2, -5.0)}
+    if segment.trunk:
+        axis, angle = lean[segment.trunk]
+        trunk[:, axis] += np.deg2rad(angle) * level
+
+
+_RAMP_S = 0.22
+"""How long a gesture takes to be reached and to be over."""
+_MOST_HZ = 2.5
+"""Nods or shakes a second at most."""
+
+
+def add_gestures(states: FloatArray, gestures: tuple[Gesture, ...], events: Events, fps: float) -> None:
+    """Add gestures to the states (T, 65) of a word of a right-handed signer, in place."""
+    for gesture in gestures:
+        hands, swings = (events.start, events.end), bool(gesture.degrees[1])
+        height = gesture_level(len(states), fps, hands, gesture.begin, gesture.end, gesture.cycles, swings)
+        part = pose.HEAD if gesture.part == "head" else pose.TRUNK
+        states[:, part] += height[:, None] * np.deg2rad(gesture.degrees)
+
+
+def gesture_level(
+    n_frames: int,
+    fps: float,
+    hands: tuple[int, int],
+    begin: float,
+    end: float,
+    cycles: float = 0.0,
+    swings: bool = False,
+) -> FloatArray:
+    """How far (T,) a gesture has gone that lasts from ``begin`` to ``end`` of the time of the hands; these sign between
+    the two frames ``hands``. ``cycles``: how often it goes there and back, ``swings``: to both sides.
+    """
+    t = np.arange(n_frames) / fps
+    start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, 0.3)
+    first, last = start + begin * seconds, start + end * seconds
+    height = pose.smooth_step((t - first + _RAMP_S) / _RAMP_S) * pose.smooth_step((last + _RAMP_S - t) / _RAMP_S)
+    if cycles:
+        cycles = max(1.0, min(cycles, float(np.floor(_MOST_HZ * (last - first)))))
+        phase = 2.0 * np.pi * cycles * np.clip((t - first) / (last - first), 0.0, 1.0)
+        height = height * (np.sin(phase) if swings else 0.5 - 0.5 * np.cos(phase))
+    return height

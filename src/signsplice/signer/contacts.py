@@ -1,0 +1,236 @@
+"""Hands of written signs in touch with what they are written to touch, by the part that is written, in the written
+directions: where not all of that can be had, each gives way a little (damped least squares; Marquardt 1963).
+
+What moves is the wrist, the hand about it, and the elbow, at the frames of touches; between them this fades.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body import collision
+from signsplice.motion import FloatArray, rotation
+from signsplice.signer import arms, hand, locations, pose
+from signsplice.signer.figure import ARMS, Figure, PosedSigner, posed_figure, surface
+from signsplice.signer.hand import hand_part
+from signsplice.signer.location_targets import (
+    RADIUS_S,
+    PostureHold,
+    location_target,
+    move_into_reach,
+    posture_holds,
+    resolve_collisions,
+    spread,
+)
+from signsplice.signer.phonology import MIRRORED_HANDS, Sign, in_space
+from signsplice.signer.signer import JOINTS, Signer
+from signsplice.signer.timing import TimedSegment
+
+_ROUNDS, _STEPS = 5, 8
+"""How often all touches are brought about, and in how many steps each time."""
+_GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.2, np.deg2rad(3.8)
+"""What costs 1: distance of the part from the skin, depth of the rest of the hand beyond what is free, distance from
+the written place along the skin, and angle from the written directions."""
+_FREE_CM = 0.12
+"""Depth that is free."""
+_SETTLED, _REACHED = 1.0, 0.3
+"""Cost of a touch that is left as it is, and with which one that is worked on is left."""
+_SIZE = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
+"""Movements of wrist, hand and elbow that cost 1."""
+_MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
+"""Movements in one step, at most."""
+_DIFFERENCE = np.array([0.02] * 3 + [0.004] * 3 + [0.01])
+"""Movements by which derivatives are found."""
+
+
+@dataclass(frozen=True, eq=False)
+class _ContactTarget(PostureHold):
+    """A touch that is written.
+
+    meets: whether it is of both hands, which mirror one another
+    centre: (3,) of the part that touches, in its hand's axes, cm
+    """
+
+    meets: bool
+    centre: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    """A signer at the frames of N touches.
+
+    states: (N, 65)
+    quats: (N, 2, 4) rotations of hands in the chest's axes
+    elbows: (N, 2, 3) directions of elbows
+    """
+
+    states: FloatArray
+    quats: FloatArray
+    elbows: FloatArray
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> _Poses:
+        """The signer at some touches."""
+        return _Poses(self.states[rows], self.quats[rows], self.elbows[rows])
+
+
+def _poses(states: FloatArray, signer: Signer) -> _Poses:
+    arm, swivels = arms.solve_arms(states, signer)
+    quats = rotation.multiply(arm.fore, rotation.exp(pose.hands(states)[..., pose.ROTVEC]))
+    return _Poses(states, quats, arms.directions_at(arm, swivels))
+
+
+def solve_contacts(
+    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
+) -> FloatArray:
+    """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to; ``figure``: of
+    these states.
+    """
+    signer, mirrored = figure.signer, sign.hands in MIRRORED_HANDS
+    wanted, still = posture_holds(segments, sign, fps, lambda posture: posture.touch)
+    touches = [
+        _ContactTarget(
+            **vars(one), meets=mirrored and in_space(one.posture.location), centre=_centre(states, one, signer)
+        )
+        for one in wanted
+        if not (one.which and mirrored and in_space(one.posture.location))
+    ]
+    if not touches:
+        return states
+    best, moved = np.inf, states
+    frames = np.array([one.first for one in touches])
+    for n in range(_ROUNDS + 1):
+        at = _poses(moved[frames], signer)
+        posed = posed_figure(figure, at.states, frames)
+        goals = np.array([location_target(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
+        cost = np.square(_residuals(at, touches, goals, np.zeros((len(frames), 1, 7)), figure)).sum(axis=(1, 2))
+        if cost.sum() < best:
+            best, states = float(cost.sum()), moved
+        if n == _ROUNDS:
+            break
+        some = np.flatnonzero(cost > _SETTLED).tolist()
+        if not some:
+            break
+        like: dict[int, Hashable] = {row: row for row in some}
+        if n == 0:  # repeated touches begin alike, and those of hands that mirror one another
+            like = {row: (mirrored or touches[row].which, touches[row].posture) for row in some}
+        elif sign.hands == "symmetric":
+            like = {row: (touches[row].first, touches[row].posture) for row in some}
+        firsts = {key: row for row, key in reversed(like.items())}
+        solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], figure), strict=True))
+        found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
+        held = [(replace(one, which=which), x) for one, x in zip(touches, found, strict=True)
+                for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
+        steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), RADIUS_S * fps / (1 + n))
+        moved = resolve_collisions(_moved(moved, steps, signer), figure, sign)
+    return states
+
+
+def _centre(states: FloatArray, stay: PostureHold, signer: Signer) -> FloatArray:
+    """Where the part that touches is in its hand's axes (3,), cm."""
+    fingers = pose.hands(states)[stay.first, stay.which, pose.FINGERS]
+    centre = hand_part(stay.posture.part).centre(hand.points(fingers))
+    return np.asarray(centre * signer.hands * signer.scale * pose.MIRRORS[stay.which])
+
+
+def _moved(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
+    """States (N, 65) with both hands' wrists, hands and elbows moved by ``steps`` (N, 2, 7)."""
+    wrists, (arm, quats, swivels) = _arms(_poses(states, signer), steps, signer)
+    changed = states.copy()
+    pose.hands(changed)[..., pose.WRIST] = wrists
+    return arms.turn_arms(changed, arm, quats, swivels, signer)
+
+
+def _arms(at: _Poses, steps: FloatArray, signer: Signer) -> tuple[FloatArray, tuple[pose.Arm, FloatArray, FloatArray]]:
+    """Wrists (N, 2, 3) moved by ``steps`` (N, 2, 7); and their arms with hanging elbows, the rotations (N, 2, 4) of
+    hands from these forearms, and the swivels (N, 2) of elbows.
+    """
+    wrists = move_into_reach(pose.hands(at.states)[..., pose.WRIST] + steps[..., :3], signer)
+    arm = pose.solve_arm(wrists, signer)
+    quats = rotation.multiply(rotation.exp(steps[..., 3:6]), at.quats)
+    swivels = arms.swivels_to(arm, at.elbows) + steps[..., 6]
+    return wrists, (arm, rotation.multiply(rotation.inverse(arm.fore), quats), swivels)
+
+
+def _solved(
+    at: _Poses, touches: Sequence[_ContactTarget], goals: FloatArray, rows: Sequence[int], figure: Figure
+) -> FloatArray:
+    """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches."""
+    n, going = len(rows), np.arange(len(rows))
+    x, best_x, best, damping = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf), np.full(n, 0.1)
+    slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
+    probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
+    for _ in range(_STEPS):
+        some = np.array(rows)[going]
+        tried = x[going, None] + probes
+        found = _residuals(at[some], [touches[row] for row in some], goals[some], tried, figure)  # (G, 8, R)
+        for n, values in zip(going.tolist(), found, strict=True):
+            cost = float(values[0] @ values[0])
+            damping[n] *= 0.3 if cost < best[n] else 8.0
+            if cost < best[n]:
+                best[n], best_x[n], slopes[n] = cost, x[n], ((values[1:] - values[0]) / _DIFFERENCE[:, None], values[0])
+            slope, value = slopes[n]
+            normal = slope @ slope.T
+            normal += damping[n] * np.diag(np.diag(normal))
+            step = -np.linalg.solve(normal, slope @ value)
+            x[n] = best_x[n] + step * min(1.0, float((_MOST / np.maximum(np.abs(step), 1e-9)).min()))
+        going = going[best[going] > _REACHED]
+        if not len(going):
+            break
+    return best_x
+
+
+def _residuals(
+    at: _Poses, touches: Sequence[_ContactTarget], goals: FloatArray, x: FloatArray, figure: Figure
+) -> FloatArray:
+    """What is missing (N, K, R) of touches with movements (N, K, 7); 1 is as bad in each number."""
+    rows = np.repeat(np.arange(len(touches)), x.shape[1])
+    hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in touches])
+    at = at[rows]
+    _, (arm, quats, swivels) = _arms(at, hands[rows, :, None] * x.reshape(-1, 1, 7), figure.signer)
+    frames = np.array([one.first for one in touches])[rows]
+    posed = posed_figure(figure, at.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
+    return np.array(
+        [
+            _missing(posed, slice(row * x.shape[1], (row + 1) * x.shape[1]), one, goals[row], x[row])
+            for row, one in enumerate(touches)
+        ]
+    )
+
+
+def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArray, x: FloatArray) -> FloatArray:
+    body, starts, ends = posed.capsules.body, posed.capsules.starts[rows], posed.capsules.ends[rows]
+    groups, radii, mirror = body.groups, body.radii, pose.MIRRORS[one.which]
+    chest = posed.rotations[rows, JOINTS["Spine2"]]
+    own, other, arm = (
+        (groups.left, groups.right, groups.right_arm) if one.which else (groups.right, groups.left, groups.left_arm)
+    )
+    unit, wrist = posed.signer.hands * posed.signer.scale, ARMS[one.which, 3]
+    part = hand_part(one.posture.part)
+    at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
+    here = np.einsum("kb,kba->ka", at, chest) * mirror
+    touched = np.array(other if one.meets else surface(one.posture.location, body, one.which))
+    start = starts[:, touched]
+    span = ends[:, touched] - start
+    apart = at[:, None] - start
+    along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
+    thick = radii[touched, 0] + along * (radii[touched, 1] - radii[touched, 0])
+    gap = (np.linalg.norm(apart - along[..., None] * span, axis=-1) - thick).min(axis=1) - part.skin * unit
+    solid = [*groups.head, *groups.trunk, *arm, *other]
+    depth = collision.overlap(starts, ends, radii, own, solid)[0].max(axis=2)
+    turned = mirror[:, None] * np.einsum("kba,kbc->kac", chest, posed.rotations[rows, wrist]) * mirror
+    written = locations.facing(one.posture.palm, one.posture.fingers)
+    away = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
+    return np.concatenate(
+        [
+            gap[:, None] / _GAP_CM,
+            np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM,
+            (here - aim) / _PLACE_CM,
+            away / _TURNED,
+            x / _SIZE,
+        ],
+        axis=1,
+    )

@@ -1,0 +1,177 @@
+"""A signer's body whose arms are posed again and again: what does not move with the arms is posed once.
+
+Everything is in the chest's axes of a right-handed signer and from the chest's joint, cm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.capsules import BodyCapsules, body_capsules
+from signsplice.body.collision import PosedCapsules
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
+from signsplice.motion.cache import kept
+from signsplice.signer import hand, pose
+from signsplice.signer.hand import hand_part
+from signsplice.signer.phonology import ON_ARM, Posture, on_base
+from signsplice.signer.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
+
+ARMS = np.array([[JOINTS[side + n] for n in ("Shoulder", "Arm", "ForeArm", "Hand")] for side in ("Right", "Left")])
+"""The joints (2, 4) of both arms, strong first, from the chest on."""
+_SPINE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2")]
+Frames = NDArray[np.intp] | slice
+
+
+@dataclass(frozen=True, eq=False)
+class PosedArms:
+    """Both arms of a right-handed signer over F frames.
+
+    figure, at: the figure that has them, and which of its frames these are.
+    rotations, positions: (F, 2, 4, 3, 3) and (F, 2, 4, 3) of ``ARMS``.
+    """
+
+    figure: Figure
+    at: Frames
+    rotations: FloatArray
+    positions: FloatArray
+
+    @cached_property
+    def capsules(self) -> PosedCapsules:
+        """The capsules of the whole body."""
+        return self.figure.capsules(self)
+
+
+class Figure:
+    """The body of a signer in states (T, 65), whose fingers, head and trunk stay as they are there.
+
+    signer: as if right-handed.
+    body: its capsules.
+    rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints, with straight arms.
+    """
+
+    def __init__(self, states: FloatArray, signer: Signer) -> None:
+        self.signer = replace(signer, left_handed=False)
+        bones = skeleton(self.signer)
+        self.body = body_capsules(bones)
+        quats, roots = pose.without_arms(states, self.signer)
+        lower, middle, chest = quats[:, _SPINE].transpose(1, 0, 2)
+        quats[:, 0] = rotation.inverse(rotation.multiply(rotation.multiply(lower, middle), chest))
+        self.rotations, positions = kinematics.forward(Clip(bones, quats, roots, 30.0))
+        self.positions = positions - positions[:, _SPINE[2], None]
+        joints, ends = self.body.joints, np.stack([self.body.starts, self.body.ends])  # (2, C, 3)
+        self._ends = np.einsum("tcab,ncb->tnca", self.rotations[:, joints], ends) + self.positions[:, None, joints]
+        self._carried = _carried(bones)
+        # Where arms are straight, what they carry is turned as the chest is.
+        self._at_rest = [
+            (self._ends[:, :, own] - self.positions[:, joint, None, None]).reshape(len(states), -1, 3)
+            for own, joint in zip(self._carried, ARMS.ravel(), strict=True)
+        ]
+
+    def posed(
+        self, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
+    ) -> PosedArms:
+        """The arms of states (F, 65), which stand for the frames ``at`` of the figure's own; or other ``arms``, as of
+        ``pose.posed_arms``.
+        """
+        turned = pose.arm_rotations(*arms or pose.posed_arms(states, self.signer))
+        rotations = rotation.to_matrix(np.stack(turned, axis=2))  # (F, 2, 4, 3, 3)
+        scale, broad = self.signer.scale, np.array([-self.signer.shoulders, 1.0, 1.0])
+        lengths = (UPPER_ARM * self.signer.arms * scale, FOREARM * self.signer.arms * scale)
+        positions = np.empty((len(states), 2, 4, 3))
+        positions[:, :, 0] = COLLAR * broad * scale
+        positions[:, :, 1] = rotations[:, :, 0] @ (SHOULDER * broad * scale)
+        for n, length in enumerate(lengths):  # bones along -X
+            positions[:, :, n + 2] = -length * rotations[:, :, n + 1, :, 0]
+        positions = np.cumsum(positions, axis=2) * pose.MIRRORS[:, None]
+        rotations[:, 1] *= np.outer(pose.MIRROR, pose.MIRROR)
+        return PosedArms(self, at, rotations, positions)
+
+    def capsules(self, arms: PosedArms) -> PosedCapsules:
+        """The capsules of the body with these arms."""
+        ends = self._ends[arms.at].copy()
+        for n, (own, rest) in enumerate(zip(self._carried, self._at_rest, strict=True)):
+            if len(own):
+                turn, place = (x[:, n // 4, n % 4] for x in (arms.rotations, arms.positions))
+                moved = rest[arms.at] @ turn.transpose(0, 2, 1) + place[:, None]
+                ends[:, :, own] = moved.reshape(len(ends), 2, -1, 3)
+        return PosedCapsules(self.body, ends[:, 0], ends[:, 1])
+
+
+@kept
+def _carried(bones: Skeleton) -> list[NDArray[np.intp]]:
+    """The capsules that each of the arms' joints carries, with the fingers' ones on the hand's."""
+    carriers: dict[int, int] = {}
+    for joint in ARMS.ravel().tolist():
+        below = kinematics.subtree(bones, joint) if joint in ARMS[:, 3] else [joint]
+        carriers |= dict.fromkeys(below, joint)
+    joints = np.array([carriers.get(int(joint), -1) for joint in body_capsules(bones).joints])
+    return [np.flatnonzero(joints == joint) for joint in ARMS.ravel()]
+
+
+@dataclass(frozen=True, eq=False)
+class PosedSigner:
+    """A right-handed signer in T states.
+
+    states: (T, 65).
+    rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints but fingers, in the chest's axes.
+    arms: both arms.
+    """
+
+    signer: Signer
+    states: FloatArray
+    rotations: FloatArray
+    positions: FloatArray
+    arms: PosedArms
+
+    @property
+    def capsules(self) -> PosedCapsules:
+        """The capsules of the body."""
+        return self.arms.capsules
+
+    def distance(self, posture: Posture, frame: int) -> tuple[float, FloatArray]:
+        """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
+        cm, and the unit vector (3,) from there to the part, in the chest's axes.
+        """
+        part, unit, wrist = hand_part(posture.part), self.signer.hands * self.signer.scale, ARMS[0, 3]
+        centre = part.centre(hand.points(pose.hands(self.states[frame])[0, pose.FINGERS])) * unit
+        rows = list(surface(posture.location, self.capsules.body, 0))
+        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[rows]
+        span = self.capsules.ends[frame, rows] - starts
+        apart = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre - starts
+        along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
+        out = apart - along[..., None] * span
+        lengths = np.linalg.norm(out, axis=-1)
+        gaps = lengths - radii[:, 0] - along * (radii[:, 1] - radii[:, 0])
+        n = int(gaps.argmin())
+        direction = out[n] / max(lengths[n], 1e-9)
+        return float(gaps[n]) - part.skin * unit, direction @ self.rotations[frame, JOINTS["Spine2"]]
+
+
+def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
+    """A signer, as if right-handed, in states (T, 65)."""
+    return posed_figure(Figure(states, signer), states)
+
+
+def posed_figure(
+    figure: Figure, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
+) -> PosedSigner:
+    """A figure's signer in states (F, 65), those of the figure ``at`` some frames but for their ``arms``, which are
+    those of the states or others (``Figure.posed``).
+    """
+    posed = figure.posed(states, at, arms)
+    rotations, positions = figure.rotations[at].copy(), figure.positions[at].copy()
+    rotations[:, ARMS], positions[:, ARMS] = posed.rotations, posed.positions
+    return PosedSigner(figure.signer, states, rotations, positions, posed)
+
+
+def surface(location: str, body: BodyCapsules, which: int) -> Sequence[int]:
+    """The capsules of the part of the body at which the strong (0) or the weak hand (1) is, by its location."""
+    groups = body.groups
+    if location in ON_ARM:
+        return groups.right_arm if which else groups.left_arm
+    return (groups.right if which else groups.left) if on_base(location) else (*groups.head, *groups.trunk)

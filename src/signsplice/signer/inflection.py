@@ -1,0 +1,241 @@
+"""Forms of a sign: a verb that agrees with subject and object, plural and aspect by repetition.
+
+**Agreement** (Padden 1988; Meir 1998): a verb whose notation names its ends ``at=subject`` and ``at=object`` moves from
+the locus of the one to that of the other, and the hand faces along with it. Written as it is cited, from the signer to
+the addressee; ``1-GIVE-2`` is that form, ``2-GIVE-1`` "you give me". Persons are 1, 2, 3 (strong side) and 3-WEAK.
+
+**Plural and aspect** (Fischer 1973; Klima and Bellugi 1979, chapters 11 and 12): a sign's last movement is repeated.
+``HABITUAL``: fast, to and fro. ``CONTINUATIVE``: slow, the way back a wide arch, so that the hand goes round.
+``PLURAL``: at three places beside one another (sideward reduplication, Pfau and Steinbach 2006). They are the published
+descriptions in the roughest form; which verbs and nouns take which of them is for the user to know.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import InputError
+from signsplice.motion import FloatArray
+from signsplice.signer import locations, pose
+from signsplice.signer.phonology import IN_SPACE, MIRRORED_HANDS, ON_BASE, ROLES, Posture, Segment, Sign, faults
+from signsplice.signer.signer import STANDARD
+from signsplice.signer.tables import Vector, to_vector
+
+PERSONS = ("1", "2", "3", "3-weak")
+"""The signer, the addressee, a third person on the strong side, and one on the weak side."""
+_PRONOUNS = {"I": "1", "ME": "1", "YOU": "2", "HE": "3", "HIM": "3", "SHE": "3", "HER": "3", "IT": "3"}
+"""Words that name a person in the gloss of a form: I-GIVE-YOU is 1-GIVE-2."""
+INFLECTIONS = {
+    "plural": "three times, each beside the one before",
+    "habitual": "three times, fast",
+    "continuative": "three times, slow, the way back a wide arch",
+}
+_STEP_CM = 8.0
+_ARCH_CM = 7.0
+_HABITUAL_TEMPO, _CONTINUATIVE_TEMPO = 1.4, 0.55
+_N_DIRECTIONS, _N_ROLLS, _N_BATCHES = 150, 24, 30
+_LESS = 0.6
+"""How much the turn of what does not face the object counts, beside the turn of what does."""
+_PERSON = "|".join(sorted((*PERSONS, *_PRONOUNS), key=len, reverse=True))
+_FORM = re.compile(
+    rf"(?:(?P<subject>{_PERSON})-)?(?P<gloss>.+?)(?:-(?P<object>{_PERSON}))?"
+    rf"(?:-(?P<kind>{'|'.join(INFLECTIONS)}))?",
+    re.IGNORECASE,
+)
+
+
+def form(signs: Mapping[str, Sign], gloss: str) -> Sign:
+    """The form of one of the signs that a gloss names: ``2-GIVE-1`` or ``YOU-GIVE-ME``, ``TELL-3``,
+    ``LOOK-HABITUAL``, ``1-GIVE-3-CONTINUATIVE``; the sign itself for its own gloss.
+
+    Raises ``InputError`` where the sign is not among them, or has no such form.
+    """
+    if gloss in signs:
+        return signs[gloss]
+    match = _FORM.fullmatch(gloss)
+    if match is None or match["gloss"] not in signs:
+        raise InputError(
+            f"form {gloss[:80]!r}: no sign {match['gloss'][:60] if match else ''!r}, "
+            f"expected a sign's gloss as in 2-GIVE-1, TELL-3 or LOOK-HABITUAL"
+        )
+    sign = signs[match["gloss"]]
+    if match["subject"] or match["object"]:
+        sign = agree(sign, *(match[role] and _PRONOUNS.get(match[role].upper(), match[role].lower()) for role in ROLES))
+    return inflect(sign, match["kind"].lower()) if match["kind"] else sign
+
+
+def agree(sign: Sign, subject: str | None = None, object: str | None = None) -> Sign:
+    """A verb's form for two of ``PERSONS``, or for the one that it agrees with; its gloss is ``1-GIVE-2``, ``TELL-2``.
+
+    What is at a locus turns with the line from subject to object about the vertical, a hand only as far as its arm goes
+    easily. Raises ``InputError`` where the sign is no verb that agrees so, or both are one person.
+    """
+    persons = {"subject": subject, "object": object}
+    used = [role for role in ROLES if any(role == p.location for s in sign.segments for p in _hands(s))]
+    given = [role for role in ROLES if persons[role] is not None]
+    if used != given:
+        what = " and ".join(used) if used else "nobody, as it names no place at=subject or at=object"
+        raise InputError(f"{sign.gloss} agrees with {what}; {' and '.join(given) or 'nobody'} was given")
+    for person in filter(None, persons.values()):
+        if person not in PERSONS:
+            raise InputError(f"person {person!r}, expected one of {', '.join(PERSONS)}")
+    if subject == object:
+        raise InputError(f"{sign.gloss} from {subject} to {object}, expected two persons")
+    yaw = _yaw(subject, object)
+    segments = tuple(
+        replace(
+            s,
+            strong=_agreeing(s.strong, persons, yaw),
+            weak=s.weak and _agreeing(s.weak, persons, -yaw, is_weak=True),
+            path=replace(s.path, direction=_turned(s.path.direction, yaw)),
+            weak_path=replace(s.weak_path, direction=_turned(s.weak_path.direction, -yaw)),
+        )
+        for s in sign.segments
+    )
+    gloss = "-".join(filter(None, (subject, sign.gloss, object))).upper()
+    return _checked(replace(sign, gloss=gloss, segments=segments, synonyms=()))
+
+
+def inflect(sign: Sign, kind: str) -> Sign:
+    """A sign's form of one of ``INFLECTIONS``; its gloss is ``LOOK-HABITUAL``.
+
+    Raises ``InputError`` where the sign has no movement, or a plural is not made in space or at the base hand.
+    """
+    if kind not in INFLECTIONS:
+        raise InputError(f"form {kind!r}, expected one of {', '.join(INFLECTIONS)}")
+    moves = [n for n, segment in enumerate(sign.segments) if segment.kind == "M"]
+    if not moves:
+        raise InputError(f"{sign.gloss}-{kind.upper()}: {sign.gloss} has no movement to repeat")
+    at = moves[-1]
+    before, segment = sign.segments[at - 1], sign.segments[at]
+    goes = (segment.strong, segment.weak) != (before.strong, before.weak)
+    segments = list(sign.segments)
+    if kind == "plural" and goes:
+        segments[at] = replace(segment, times=3, step=(_STEP_CM, 0.0, 0.0), lift=segment.lift or 3.0)
+    elif kind == "plural":
+        segments[at:] = [_sidewards(s, sign) for s in segments[at:]]
+    elif kind == "habitual":
+        segments[at] = replace(_repeated(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
+    else:
+        lift = _ARCH_CM if goes else 0.0
+        segments[at] = replace(_repeated(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
+    gloss = f"{sign.gloss}-{kind.upper()}"
+    return _checked(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
+
+
+def _repeated(segment: Segment, goes: bool, more: int) -> Segment:
+    """A movement made ``more`` times more often; one that stays in its place goes on for as much longer."""
+    times = min(segment.times + more, 8)
+    if goes:
+        return replace(segment, times=times)
+    factor = times / segment.times
+    local = segment.local and replace(segment.local, cycles=min(segment.local.cycles * factor, 10.0))
+    most = {"circle": 6.0, "zigzag": 8.0}.get(segment.path.kind, 0.0)
+    revolutions = float(np.clip(segment.path.revolutions * factor, -most, most))
+    return replace(segment, local=local, path=replace(segment.path, revolutions=revolutions))
+
+
+def _sidewards(segment: Segment, sign: Sign) -> Segment:
+    """A movement in one place, going on to the strong side, or what follows it there."""
+    strong, weak = segment.strong, segment.weak
+    if sign.hands in MIRRORED_HANDS or strong.location not in IN_SPACE | ON_BASE:
+        raise InputError(
+            f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place, and only hands=one or base in space go on from it"
+        )
+    if strong.location not in ON_BASE:
+        strong = replace(strong, shift=_plus(strong.shift, 2.0 * _STEP_CM))
+    weak = weak and replace(weak, shift=_plus(weak.shift, -2.0 * _STEP_CM))
+    moved = replace(segment, strong=strong, weak=weak)
+    return replace(_repeated(moved, False, 1), seconds=None) if segment.kind == "M" else moved
+
+
+def _plus(shift: Vector, out: float) -> Vector:
+    return shift[0] + out, shift[1], shift[2]
+
+
+def _checked(sign: Sign) -> Sign:
+    found = faults(sign)
+    if found:
+        raise InputError(f"{sign.gloss} cannot be made: {found[0]}")
+    return sign
+
+
+def _hands(segment: Segment) -> list[Posture]:
+    return [posture for posture in (segment.strong, segment.weak) if posture is not None]
+
+
+def _yaw(subject: str | None, object: str | None) -> float:
+    """The angle about the vertical, radians, positive to the strong side, from straight ahead to the direction from
+    subject to object. Without a subject the signer is meant, who turns the hand round for himself as object.
+    """
+    start, end = (locations.locate(f"locus:{person}", _NOBODY).point for person in (subject or "1", object or "2"))
+    out, forward = -(end - start)[0], (end - start)[2]
+    if abs(out) < 1e-9 and forward <= 0.0:
+        return -np.pi  # by the weak side: a hand turns to its own body palm first
+    return float(np.arctan2(out, forward))
+
+
+def _turned(v: Vector, yaw: float) -> Vector:
+    """A vector (out, up, forward) turned about the vertical, forward going to out."""
+    c, s = float(np.cos(yaw)), float(np.sin(yaw))
+    return v[0] * c + v[2] * s, v[1], v[2] * c - v[0] * s
+
+
+def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_weak: bool = False) -> Posture:
+    """A posture at the locus of a person; itself where it is at none of the verb's ends."""
+    person = persons.get(posture.location)
+    if person is None:
+        return posture
+    if is_weak:  # which is written as if it were the strong one
+        person = {"3": "3-weak", "3-weak": "3"}.get(person, person)
+    moved = replace(
+        posture,
+        location=f"locus:{person}",
+        shift=_turned(posture.shift, yaw),
+        palm=_turned(posture.palm, yaw),
+        fingers=_turned(posture.fingers, yaw),
+    )
+    return moved if yaw == 0.0 or are_easy([moved])[0] else _facing(moved, posture.palm[2] > posture.fingers[2])
+
+
+def _facing(posture: Posture, by_palm: bool) -> Posture:
+    """The posture with its hand as nearly turned so as its arm goes easily; what leads, palm or fingers, first."""
+    wanted = np.array([posture.palm, posture.fingers])
+    directions = _directions(_N_DIRECTIONS)
+    rolls = 2.0 * np.pi * np.arange(_N_ROLLS) / _N_ROLLS
+    fingers = np.repeat(directions, _N_ROLLS, axis=0)  # (N, 3)
+    side = np.cross(fingers, np.array([0.3, 0.8, 0.5]))
+    side /= np.linalg.norm(side, axis=-1, keepdims=True)
+    angle = np.tile(rolls, _N_DIRECTIONS)[:, None]
+    palms = np.cos(angle) * side + np.sin(angle) * np.cross(fingers, side)
+    off = [np.arccos(np.clip(v @ w, -1.0, 1.0)) for v, w in zip((palms, fingers), wanted, strict=True)]
+    cost = off[0] + _LESS * off[1] if by_palm else _LESS * off[0] + off[1]
+    for some in np.array_split(np.argsort(cost)[: len(cost) // 2], _N_BATCHES):
+        tried = [replace(posture, palm=to_vector(palms[k]), fingers=to_vector(fingers[k])) for k in some]
+        taken = np.flatnonzero(are_easy(tried))
+        if len(taken):
+            return tried[int(taken[0])]
+    return posture
+
+
+def _directions(n: int) -> FloatArray:
+    """Unit vectors (n, 3) spread evenly (Fibonacci's lattice on the sphere)."""
+    k = np.arange(n) + 0.5
+    up, turn = 1.0 - 2.0 * k / n, np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - up * up)
+    return np.stack([flat * np.cos(turn), up, flat * np.sin(turn)], axis=-1)
+
+
+_NOBODY = locations.WeakArm(STANDARD, np.zeros(27))
+
+
+def are_easy(postures: Sequence[Posture]) -> NDArray[np.bool_]:
+    """Whether the standard signer's strong arm takes postures in space easily (``pose.is_easy``)."""
+    solved = [locations.strong_wrist(posture, _NOBODY) for posture in postures]
+    wrists, quats, angles = (np.stack(parts) for parts in zip(*solved, strict=True))
+    return pose.is_easy(np.concatenate([wrists, pose.hand_rotvecs(wrists, quats, STANDARD), angles], axis=-1))

@@ -1,0 +1,454 @@
+"""Turns signs in notation into motion: segments in time, knots from postures and paths, trajectories through them,
+small motions, collision avoidance.
+
+An isolated word consists of rest, preparation, the sign's segments, retraction and rest. Holds, and starts and ends of
+movements, are stops; with the trait ``off_frame`` they lie up to 0.45 frames from the nearest frame, the event's.
+
+Faster signing lowers signs at the forehead (Tyrone and Mauk 2010, Journal of Phonetics 38: 317-328) and leaves
+movements short of their targets (Mauk 2003, Undershoot in two modalities, University of Texas). A touch stays a touch.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from signsplice.motion import Clip, FloatArray
+from signsplice.signer import arms, handshapes, location_targets, locations, path_shape, pose, trajectory, two_hands
+from signsplice.signer.arms import ease_wrists, turn_hands
+from signsplice.signer.body_motion import (
+    add_body_motion,
+    add_gesture,
+    add_gestures,
+    add_local_movement,
+    approximate_nearness,
+    wrist_movements,
+)
+from signsplice.signer.collisions import (
+    TOUCH_CM,
+    clear_collisions,
+    hand_clearances,
+    penetration,
+    skin_clearances,
+    touching,
+    touching_sides,
+)
+from signsplice.signer.contacts import solve_contacts
+from signsplice.signer.figure import Figure
+from signsplice.signer.location_targets import (
+    apply_location_targets,
+    facing_as_written,
+    resolve_collisions,
+    within_reach,
+)
+from signsplice.signer.locations import ON_HEAD, WeakArm, resting
+from signsplice.signer.paths import PathMotion, drifted, rounds, strokes, translated, varied_rounds, without_spins
+from signsplice.signer.phonology import MIRRORED_HANDS, REST, Posture, Segment, Sign, in_space, on_base
+from signsplice.signer.signer import PLAIN, STANDARD, Signer, stream
+from signsplice.signer.timing import LANDING_S, Events, TimedSegment, between_frames, hold_pause, tempo_of
+from signsplice.signer.trajectory import Knot, low_passed
+
+FPS = 30.0
+
+FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
+"""Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
+LAST_TOUCH_S = 0.1
+"""A last hold that touches the body: hands rest there for a moment only."""
+
+
+class SegmentPlan:
+    """A sign's segments in time, frame 0 at the first posture, and the knots of their trajectory."""
+
+    def __init__(self, sign: Sign, signer: Signer, fps: float, rng: np.random.Generator, take: int) -> None:
+        self.sign, self.signer, self.fps, self.take = sign, signer, fps, take
+        self.size = signer.amplitude * float(np.exp(0.05 * rng.standard_normal()))
+        self.tempo = float(np.exp(0.05 * np.clip(rng.standard_normal(), -2, 2)))
+        self.jitter = 0.7 * signer.scale * rng.standard_normal(3)
+        self.pace = tempo_of(sign, signer, take)
+        self.postures = self._postures()
+        self._set_out()
+        least = fps * self.pace.least_s / signer.tempo / (self.stop + 1)
+        if least > 1.0:
+            self.pace = replace(self.pace, movement=least * self.pace.movement)
+            self._set_out()
+
+    def _set_out(self) -> None:
+        """Set the knots and the segments in time."""
+        circles = self.sign.segments[0].kind == "X" and self.sign.segments[1].path.kind == "circle"
+        self.knots = [Knot(0, self._first_state(), not (circles and self.pace.landing))]
+        self.landed: FloatArray | None = None
+        self.timed = [self._add(n, segment) for n, segment in enumerate(self.sign.segments)]
+
+    @property
+    def stop(self) -> int:
+        """The frame of the last knot set so far."""
+        return round(self.knots[-1].frame)
+
+    def stops(self) -> list[int]:
+        """Frames, 0 at the first posture, where a segment or a pass begins or ends, in order."""
+        spans = [span for timed in self.timed for span in ((timed.begin, timed.end), *timed.passes)]
+        return sorted({frame for span in spans for frame in span})
+
+    def low_passed(self, states: FloatArray, offset: int) -> FloatArray:
+        """States of the whole word as the signer's low pass leaves them."""
+        deviation = self.signer.manner.low_pass_frames * self.fps / FPS
+        if not deviation:
+            return states
+        frames = [frame + offset for frame in self.stops()]
+        told = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
+        passes = [(begin + offset, stop + offset) for t in self.timed for begin, stop in t.passes]
+        if self.sign.kind != "written":
+            touched = touching(states[frames], self.signer)
+            told |= {frame for frame, one in zip(frames, touched, strict=True) if one}
+        return low_passed(states, deviation, passes, sorted(told))
+
+    def events(self, up: int, offset: int, down: int) -> Events:
+        """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
+        moves = [
+            [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
+        ]
+        return Events(
+            up=up,
+            start=offset,
+            end=offset + self.stop,
+            down=offset + self.stop + down + 1,
+            first=moves[0][0] if moves else None,
+            passes=tuple(moves[-1]) if moves else (),
+        )
+
+    def add_overlays(self, states: FloatArray, offset: int) -> None:
+        """Add local movements and gestures of head and trunk to states of the whole word, in place; those of written
+        wrists are added when their elbows are known.
+        """
+        for timed in self.timed:
+            add_gesture(states, timed.segment, timed.begin + offset, timed.end + offset, self.fps)
+        for timed in self.timed:
+            part = states[timed.begin + offset : timed.end + offset + 1]
+            add_local_movement(part, timed.segment, self.sign.hands, self.signer, self.sign.kind != "written")
+
+    def _postures(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
+        meets = self.sign.hands in MIRRORED_HANDS
+        arms: dict[Posture | None, WeakArm] = {}
+        made: dict[tuple[Posture, Posture | None], FloatArray] = {}
+        pairs = []
+        for segment in self.sign.segments:
+            if segment.weak not in arms:
+                arms[segment.weak] = WeakArm(self.signer, self._weak_hand(segment.weak))
+            weak = arms[segment.weak]
+            key = segment.strong, segment.weak
+            strong = made.get(key)
+            if strong is None:
+                strong = made[key] = locations.strong_hand(segment.strong, weak, meets, self.size)
+            location = segment.strong.location
+            if location == REST:
+                strong = resting(self.signer, self.sign.gloss)[:27]
+            elif in_space(location) and not (meets and location.endswith("-mid")) and not segment.strong.touch:
+                strong = translated(strong, self.jitter, self.signer)
+            pairs.append((strong, strong if meets else weak.hand))
+        tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
+        touching = [touches(segment, self.sign) for segment in self.sign.segments]
+        return undershot(without_spins(pairs), self.sign, touching, rest, tempo, self.signer)
+
+    def _weak_hand(self, posture: Posture | None) -> FloatArray:
+        if posture is None or posture.location == REST:
+            return resting(self.signer, self.sign.gloss)[27:54]
+        return locations.weak_hand(posture, self.signer, self.size)
+
+    def _first_state(self) -> FloatArray:
+        """The first posture; hands that alternate are where the first movement begins for each."""
+        moves = [n for n, s in enumerate(self.sign.segments) if s.kind == "M"]
+        if self.sign.hands == "alternating" and moves:
+            return self._path(moves[0], begin=0).at(0.0)
+        return pose.of_hands(*self.postures[0])
+
+    def _add(self, n: int, segment: Segment) -> TimedSegment:
+        """Add a segment's knots."""
+        segments = self.sign.segments
+        last = n == len(segments) - 1
+        begin = self.stop
+        passes: tuple[tuple[int, int], ...] = ()
+        if segment.kind == "M":
+            passes = self._add_passes(n, segment)
+        elif segment.kind == "H":
+            usual = LAST_HOLD_S if last else FIRST_HOLD_S if n == 0 else INNER_HOLD_S
+            factor = self.pace.last_hold if last else self.pace.first_hold if n == 0 else 1.0
+            if last and n > 0 and touches(segment, self.sign):
+                usual, factor = LAST_TOUCH_S, self.pace.last_touch
+            pause_s, drift = hold_pause(self.signer, self.sign, self.take, n)
+            n_frames = max(2, self._frames(segment.seconds or usual, factor) + round(self.fps * pause_s))
+            if self.landed is not None:
+                landing = LANDING_S * self.fps
+                if self.sign.kind == "written":  # a slow movement comes to rest as slowly
+                    between = self.knots[-1].frame - self.knots[-2].frame
+                    landing = 1.3 * between if segments[n - 1].circles else max(landing, between / 3.0)
+                self.knots.append(Knot(begin + min(n_frames - 1, round(landing)), self.landed, True))
+            state, self.landed = self.knots[-1].state, None
+            if pause_s and not touches(segment, self.sign):
+                state = drifted(state, drift, self.signer, self.sign.hands)
+            self.knots.append(Knot(begin + n_frames, state, True))
+        return TimedSegment(segment, begin, self.stop, passes)
+
+    def _frames(self, seconds: float, factor: float) -> int:
+        return round(self.fps * seconds * factor / self.tempo / self.signer.tempo)
+
+    def _path(self, n: int, begin: int) -> PathMotion:
+        """The motion of segment ``n`` from the posture of segment ``begin``."""
+        segment, postures = self.sign.segments[n], self.postures
+        ends = (segment.strong, self.sign.segments[begin].strong)
+        lift = None
+        if segment.lift:
+            surface = next((end for end in ends if not in_space(end.location)), ends[0])
+            weak = WeakArm(self.signer, postures[n][1])
+            lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
+        carried = all(on_base(end.location) for end in ends)
+        return PathMotion(
+            segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift=lift, carried=carried
+        )
+
+    def _add_passes(self, n: int, segment: Segment) -> tuple[tuple[int, int], ...]:
+        """Add a movement's knots; the frames of its passes."""
+        path = self._path(n, begin=n - 1)
+        start = begin = self.stop
+        revolutions = path.revolutions
+        count = 2 * segment.times - 1 if not path.still else segment.times
+        each = self._frames(path.seconds() / segment.tempo, self.pace.movement)
+        least = self.pace.revolution_s * revolutions if path.circles else self.pace.stroke_s if count == 1 else 0.0
+        each = max(each, self._frames(least / segment.tempo, 1.0))
+        if segment.seconds is not None:
+            each = round(segment.seconds * self.fps / count)
+        each = max(6 * revolutions if path.circles else 4, each)
+        path, turned = varied_rounds(path, self.sign.gloss, self.take, n)
+        passes = []
+        for k, stroke in enumerate(strokes(path, count, each, self.sign.gloss, self.take, n)):
+            for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
+                time = turned(fraction) * stroke.n_frames
+                if s == 1.0 or not (path.rounds or (path.circles and self.sign.kind == "written")):
+                    time = round(time)  # those of even and uneven rounds lie between frames
+                self.knots.append(Knot(start + time, path.of_pass(k, stroke.along(s)), False))
+            if stroke.forward:
+                cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
+                passes += list(itertools.pairwise(cuts))
+            start += stroke.n_frames
+        landing = self.pace.landing
+        if self.sign.kind == "written":  # of the last round; circles come to rest in less of it
+            landing /= max(rounds(path), revolutions) * (2.0 if path.circles else 1.0)
+        self._arrive(n, path.of_pass(k, stroke.along(1.0 - landing)))
+        if path.still:
+            return ((begin, self.stop),)
+        return tuple(passes)
+
+    def _arrive(self, n: int, short: FloatArray) -> None:
+        """Let movement ``n`` end as what follows has it: pass into another movement, flow on into the retraction, stop,
+        or come to its last posture, from the state ``short`` of it, within the hold that follows in the open.
+        """
+        end, rest = self.knots[-1], self.sign.segments[n + 1 :]
+        held = bool(rest) and rest[0].kind == "H"
+        stops = held if rest else not self.pace.landing
+        if rest and self.sign.kind == "written":
+            one = self.sign.segments[n]  # hands stay for what wrists or fingers do
+            stops = held or (rest[0].strong, rest[0].weak) == (one.strong, one.weak)
+        if held and self.pace.landing and not self._touched(self.sign.segments[n], end.state):
+            self.landed, stops = end.state, False
+            end = replace(end, state=short)
+        self.knots[-1] = replace(end, stop=stops)
+
+    def _touched(self, segment: Segment, state: FloatArray) -> bool:
+        """Whether hands touch at a segment's end: by the notation where a linguist wrote it, else as is seen."""
+        if self.sign.kind == "written":
+            return touches(segment, self.sign)
+        return bool(touching(state[None], self.signer)[0])
+
+
+def touches(segment: Segment, sign: Sign) -> bool:
+    """Whether the notation puts a segment's strong hand on the body, the base hand, or (mirrored, on the midline) the
+    other hand. What is seen to touch, which events tell, can differ.
+    """
+    posture = segment.strong
+    meets = sign.hands in MIRRORED_HANDS and posture.location in ("space-mid", "space-low-mid")
+    free = in_space(posture.location) and not meets and not posture.touch
+    return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
+
+
+_USUAL_CM, _MOST_CM = 0.5, 2.0
+"""How far short a movement stays at the usual tempo, and at most."""
+_OF_DISTANCE = 0.1
+"""The most that a movement stays short, as a fraction of its distance."""
+_LOWER = 0.5
+"""How much lower still signs at the head are made, over how far short movements stay; both together are limited."""
+
+
+def short_cm(tempo: float, signer: Signer) -> float:
+    """How far short of its place a movement of a tempo (1 is usual) stays, cm: a few mm to 2 cm."""
+    return signer.manner.undershoot * min(_USUAL_CM * tempo**3, _MOST_CM) * signer.scale
+
+
+def undershot(
+    pairs: list[tuple[FloatArray, FloatArray]],
+    sign: Sign,
+    touching: list[bool],
+    rest: FloatArray,
+    tempo: float,
+    signer: Signer,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Strong and weak hand's states (27,) in a sign's segments, the strong one moved towards the segment before, in the
+    first towards ``rest`` (65,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
+    stays the same.
+    """
+    amount = short_cm(tempo, signer)
+    if amount == 0.0 or sign.kind == "written":  # hands of written signs are brought to their places afterwards
+        return pairs
+    states = np.array([pose.of_hands(*pair) for pair in pairs])
+    near = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
+    moved: list[tuple[FloatArray, FloatArray]] = []
+    for n, (strong, weak) in enumerate(pairs):
+        if n and np.array_equal(strong, pairs[n - 1][0]):
+            moved.append((moved[-1][0], moved[-1][0] if weak is strong else weak))
+            continue
+        before = states[n - 1] if n else rest
+        if touching[n] or near[n]:
+            moved.append((strong, weak))
+            continue
+        back = before[pose.WRIST] - strong[pose.WRIST]
+        shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
+        if sign.segments[n].strong.location in ON_HEAD:
+            shift = shift - np.array([0.0, _LOWER * amount, 0.0])
+            shift *= min(1.0, _MOST_CM * signer.manner.undershoot * signer.scale / float(np.linalg.norm(shift)))
+        short = translated(strong, shift, signer)
+        moved.append((short, short if weak is strong else weak))
+    return moved
+
+
+PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
+"""Duration of the reaches from and to rest, over what the travel law gives."""
+REST_S = 0.17
+"""Usual rest before and after the word."""
+_DEEPEST_CM, _CLEARED_AGAIN = 0.4, 3
+"""How deep a hand of a written sign may lie in the body, and how often one that is deeper is moved out again."""
+
+
+@dataclass(frozen=True, eq=False)
+class IsolatedWord:
+    """An isolated word as a signer made it.
+
+    sign: the sign in notation
+    signer: who made it
+    states: the motion as states, (T, 65)
+    clip: the same motion on the signer's skeleton
+    events: its events
+    segments: its segments in time, frames of the word
+    """
+
+    sign: Sign
+    signer: Signer
+    states: FloatArray
+    clip: Clip
+    events: Events
+    segments: tuple[TimedSegment, ...]
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+
+def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
+    """A sign in citation form, as in a dictionary: both arms rest before and after it. The same arguments give the same
+    motion; another ``take`` varies it a little.
+    """
+    rng = stream("take", signer.name, sign.gloss, take)
+    if sign.kind == "written":
+        sign = location_targets.ease_places(sign, signer)
+    plan = SegmentPlan(sign, signer, fps, rng, take)
+    knots = between_frames(plan.knots, plan.stops(), signer, sign.gloss, take)
+    rest = resting(signer, sign.gloss, take)
+    before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
+    up = _reach_frames(rest, knots[0].state, signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
+    down = _reach_frames(knots[-1].state, rest, signer, fps, RETRACTION_PACE * rng.uniform(0.94, 1.06))
+    states = np.concatenate(
+        [
+            np.broadcast_to(rest, (before, pose.SIZE)),
+            trajectory.from_rest_to_rest(knots, rest, up, down, signer),
+            np.broadcast_to(rest, (after, pose.SIZE)),
+        ]
+    )
+    offset = before + up
+    events = plan.events(before - 1, offset, down)
+    span = events.up, events.start, events.end, events.down
+    near = None
+    if sign.kind == "written":  # hands are brought to their places afterwards
+        near = approximate_nearness(states, replace(signer, left_handed=False), fps)
+    states = two_hands.with_separate_timing(states, sign, signer, take, fps, span, near)
+    states = plan.low_passed(states, offset)
+    if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
+        trajectory.clip_fingers(states)
+        states = handshapes.opened(states)
+    states = states + trajectory.small_motions(len(states), fps, signer, rng)
+    plan.add_overlays(states, offset)
+    add_gestures(states, sign.gestures, events, fps)
+    states = add_body_motion(states, events, signer, fps, near)
+    segments = tuple(one.later(offset) for one in plan.timed)
+    states = _settled(states, segments, sign, signer, fps)
+    clip = pose.clip(states, signer, fps, sign.gloss)
+    return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
+
+
+def _settled(
+    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
+    if sign.kind == "written":
+        return _written(states, segments, sign, signer, fps)
+    for _ in range(2):  # a forearm that is turned can meet the other hand
+        states = clear_collisions(arms.smooth_elbows(states, signer, fps), signer)
+    return states
+
+
+def _written(
+    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
+) -> FloatArray:
+    """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
+    directions = facing_as_written(states, segments, sign, signer, fps)
+    states, hanging = arms.from_hanging(within_reach(states, signer), signer)
+    figure = Figure(states, hanging)
+    planned = states
+    states = apply_location_targets(turn_hands(states, directions, hanging), segments, sign, figure, fps)
+    if sign.hands == "symmetric" or not all(in_space(one.segment.strong.location) for one in segments):
+        states = resolve_collisions(states, figure, sign)
+    states = arms.smooth_elbows(turn_hands(states, directions, hanging), hanging, fps, led=True, figure=figure)
+    wrists = wrist_movements(segments, sign.hands, len(states))
+    states = resolve_collisions(
+        apply_location_targets(ease_wrists(states, directions, hanging, *wrists), segments, sign, figure, fps),
+        figure,
+        sign,
+    )
+    touching = solve_contacts(states, segments, sign, figure, fps)
+    touching = path_shape.keep_path_shape(touching, segments, sign, figure, fps)
+    touching = path_shape.keep_circles(touching, planned, segments, sign, figure)
+    touching = path_shape.keep_base_hand(touching, segments, sign, figure, fps)
+    touching = path_shape.hold_elbows(touching, segments, sign, hanging, fps)
+    states = arms.limit_forearm_speed(arms.limit_elbow_speed(touching, hanging, fps), hanging, fps)
+    if states is not touching:
+        states = arms.keep_elbows(resolve_collisions(states, figure, sign), states, hanging)
+    for _ in range(_CLEARED_AGAIN):
+        if penetration(states, hanging, figure=figure)[0].max() <= _DEEPEST_CM:
+            break
+        states = path_shape.keep_base_hand(resolve_collisions(states, figure, sign), segments, sign, figure, fps)
+    return arms.from_easy(states, signer)
+
+
+def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:
+    travel = np.linalg.norm(pose.hands(end)[:, pose.WRIST] - pose.hands(start)[:, pose.WRIST], axis=-1).max()
+    return max(4, round(fps * pace * trajectory.travel_seconds(float(travel), signer)) - 1)
+
+
+def _with_touches(events: Events, clip: Clip, sign: Sign, signer: Signer) -> Events:
+    """A word's events with how near its hands come to the skin in its first and last postures."""
+    first, last = skin_clearances(clip, (events.start, events.end), touching_sides(sign, signer))
+    return replace(
+        events,
+        touches_first=bool(first <= TOUCH_CM),
+        touches_last=bool(last <= TOUCH_CM),
+        gap_first_cm=float(first),
+        gap_last_cm=float(last),
+    )

@@ -1,0 +1,461 @@
+"""A signer's pose as a state of 65 numbers, and the joint rotations that follow from it.
+
+States can be added and interpolated number by number: they hold positions in cm and rotation vectors that stay far from
+180 degrees. For each hand, strong first, both written as right hands (the weak one is mirrored at the end):
+
+    wrist    3   position from the chest joint, in the chest's axes, cm
+    rotvec   3   rotation of the hand relative to the forearm of an arm with a hanging elbow, rotation vector
+    fingers 21   hand.ANGLES
+
+then rotation vectors of trunk (3) and head (3), the root's displacement (3) from its rest position, cm, and by how much
+each elbow (2) is turned from its easy place, radians (``elbows``). The 27 numbers of one hand are called a hand state.
+
+Arms are solved in closed form: two bones, with the elbow easy on its circle where forearm and wrist are nearest to
+their neutral angles. Forearm and wrist angles approach their limits softly, so that no state can break a joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from signsplice.motion import Clip, FloatArray, rotation
+from signsplice.motion.cache import CACHE
+from signsplice.motion.curves import minimum_jerk
+from signsplice.signer import hand
+from signsplice.signer.signer import (
+    COLLAR,
+    FOREARM,
+    JOINTS,
+    SHOULDER,
+    STANDARD,
+    UPPER_ARM,
+    HangingElbowSigner,
+    Signer,
+    skeleton,
+)
+
+WRIST_LIMITS = np.deg2rad([[-38.0, 28.0], [-72.0, 82.0]])
+"""Least and greatest deviation (positive towards the thumb) and flexion (positive towards the palm) of the wrist,
+radians; American Academy of Orthopaedic Surgeons 1965, widened by 5 degrees for passive range."""
+FOREARM_LIMIT = np.deg2rad(95.0)
+"""Greatest twist of the forearm in either direction from thumb-up, radians (80 to 90 in the same source)."""
+_ANGLE_LIMITS = ((-FOREARM_LIMIT, FOREARM_LIMIT), *WRIST_LIMITS)
+
+MARGIN = 0.15  # from here on angles approach their limits softly, radians
+
+MIRROR = np.array([-1.0, 1.0, 1.0])
+"""Takes a vector of one hand to the other's side."""
+MIRRORS = np.array([np.ones(3), MIRROR])
+"""The same for the strong hand, which stays, and the weak one."""
+MIRROR_QUAT = np.array([1.0, -1.0, -1.0, 1.0])
+_X = np.array([1.0, 0.0, 0.0])
+COMFORT = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
+"""Twist of the forearm, deviation and flexion of the wrist up to which they are comfortable."""
+_STRAINED = np.deg2rad(20.0)  # how far beyond them costs 1 where hands go as they are written
+_EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
+_HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
+_BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
+_PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.5, for low elbows
+_TINY = 1e-300
+_ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
+
+
+def led_costs(
+    arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """By how much (..., S), radians, forearm and wrist miss the rotations ``rotvecs`` (..., 3) with elbows at
+    ``swivels`` (S,), since they keep to their limits; what these elbows cost; and what it costs that forearm and wrist
+    are not comfortable.
+    """
+    turned = _turned(arm, rotvecs, swivels)
+    angles = angles_of(turned)
+    kept = [soft_clip(x, low, high, MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
+    made = _from_forearm(np.stack(kept, axis=-1))
+    # Of the rotation from one to the other: its angle from the cosine of its half.
+    half = np.minimum(np.abs(np.einsum("...c,...c->...", made, turned)), 1.0)
+    strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(kept, COMFORT, strict=True)) / _STRAINED**2
+    return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels), np.asarray(strain)
+
+
+def _turned(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
+    """Rotations (..., S, 4) from forearm to hand with elbows at ``swivels`` (S,)."""
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    half = -0.5 * swivels[:, None]
+    turns = np.empty((*axis.shape[:-1], len(swivels), 4))
+    turns[..., :3], turns[..., 3] = np.sin(half) * axis[..., None, :], np.cos(half[:, 0])
+    return rotation.multiply(turns, rotation.exp(rotvecs)[..., None, :])
+
+
+def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: FloatArray) -> FloatArray:
+    """What elbows at ``swivels`` (S,) cost, (..., S), with angles of twist, deviation and flexion, each (..., S)."""
+    usual = -np.deg2rad(signer.elbow_deg)
+    cost = sum(np.square(angle / ease) for angle, ease in zip((*angles, swivels - usual), _EASE, strict=True))
+    if signer.manner.low_elbows:
+        cost = cost + signer.manner.low_elbows * _raised_cost(arm, np.stack(angles, axis=-1), signer, swivels)
+    return np.asarray(cost)
+
+
+def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
+    """What each candidate swivel (..., S) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
+    that bends forearm and wrist beyond their limits: angles (..., S, 3) of twist, deviation and flexion.
+
+    Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as body
+    and wrists allow.
+    """
+    bone = -rotation.to_matrix(arm.upper)[..., 0]  # unit vector from shoulder to elbow, (..., 3)
+    along = np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
+    side = rotation.cross(arm.direction, bone)
+    cos, sin = np.cos(swivels)[:, None], np.sin(swivels)[:, None]
+    off = (bone - along)[..., None, :] * cos + side[..., None, :] * sin  # (..., S, 3)
+    low, high = np.array(_ANGLE_LIMITS).T
+    breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + MARGIN + _ONSET)
+    broad = np.array([-signer.shoulders, 1.0, 1.0])
+    upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
+    reach = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(arm.bend))[..., None]
+    shoulder = COLLAR * broad + rotation.rotate(arm.collar, SHOULDER * broad)
+    elbow = (shoulder + upper_arm * along)[..., None, :] + upper_arm * off
+    wrist = (shoulder + reach * arm.direction)[..., None, :]
+    depth = np.maximum(0.0, np.stack([_trunk_depth(elbow), _trunk_depth(0.55 * elbow + 0.45 * wrist)]))
+    cost = _HEIGHT_COST * off[..., 1] + np.square(breach / _BREACH).sum(axis=-1)
+    return np.asarray(cost + (np.square(depth) / (_PRESSED_CM * (_PRESSED_CM + depth))).sum(axis=0))
+
+
+def _trunk_depth(points: FloatArray) -> FloatArray:
+    """Depth (...) of an arm's axis at points (..., 3) in the trunk of the standard body, cm: an oval around a line from
+    side to side, ending at the shoulders.
+    """
+    half_width, thick = 9.3, 13.5  # thick: half of the trunk's and half of the arm's
+    beside = np.maximum(np.abs(points[..., 0]) - half_width, 0.0)
+    depth = thick - np.sqrt(np.square(beside) + np.square(points[..., 2] - 0.7))
+    return np.asarray(depth * smooth_step((10.0 - points[..., 1]) / 10.0))
+
+
+def angles_of(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Twist about X, then deviation and flexion, of rotations from forearm to hand (..., 4)."""
+    quats = quats * np.where(quats[..., 3:] < 0.0, -1.0, 1.0)
+    x, y, z, w = quats.transpose(quats.ndim - 1, *range(quats.ndim - 1))
+    half = np.arctan2(x, w)
+    sin, cos = np.sin(half), np.cos(half)
+    y, z, w = cos * y + sin * z, cos * z - sin * y, cos * w + sin * x  # of the swing, which has no x
+    off = np.sqrt(y * y + z * z)
+    scale = 2.0 * np.arctan2(off, w) / np.maximum(off, _TINY)
+    return 2.0 * half, scale * y, scale * z
+
+
+def smooth_step(x: FloatArray) -> FloatArray:
+    """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
+    return np.asarray(minimum_jerk(np.minimum(np.maximum(x, 0.0), 1.0)))
+
+
+def soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> FloatArray:
+    """``x`` kept between limits: unchanged until ``margin`` from one, then approaching it (C1, by tanh)."""
+    x = np.asarray(x, np.float64)
+    over, under = x - (np.asarray(high) - margin), (np.asarray(low) + margin) - x
+    if not np.any(np.maximum(over, under) > 0.0):
+        return x
+    x = np.where(over > 0.0, np.asarray(high) - margin + margin * np.tanh(np.maximum(over, 0.0) / margin), x)
+    return np.where(under > 0.0, np.asarray(low) + margin - margin * np.tanh(np.maximum(under, 0.0) / margin), x)
+
+
+SIZE = 65
+WRIST, ROTVEC, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
+"""Where these numbers are in a hand state."""
+TRUNK, HEAD, ROOT, TURNS = slice(54, 57), slice(57, 60), slice(60, 63), slice(63, 65)
+"""Where these numbers are in a state."""
+
+ELBOW_LIMIT = np.deg2rad(148.0)
+"""Greatest flexion of the elbow, radians."""
+
+_HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
+_SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
+_KEPT = 6
+"""How many solved arms are kept."""
+_SHARPNESS = 2.5
+_BLUNTER = 4.0  # with low elbows, whose cost can have two minima: an elbow would jump from one to the other
+_LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
+_HALF_COLLAR = 0.5 * np.deg2rad([15.0, 14.0])  # how far a collar bone rises, and comes forward
+_HEAD_PARTS = (0.4, 0.6)  # of the head's rotation, neck and head
+_LEG_CM = 81.0  # hip to ankle of the standard body
+_MIDDLE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
+_LEGS = [JOINTS[name] for name in ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot")]
+
+
+def hands(states: FloatArray) -> FloatArray:
+    """The hand states (..., 2, 27) in states (..., 65), strong then weak, a view."""
+    return states[..., :54].reshape(*states.shape[:-1], 2, 27)
+
+
+def of_hands(strong: FloatArray, weak: FloatArray) -> FloatArray:
+    """The upright state (..., 65) with these hand states (..., 27), elbows where they are easy."""
+    return np.concatenate([strong, weak, np.zeros((*strong.shape[:-1], SIZE - 54))], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """Right arms with a hanging elbow, in the chest's axes; arrays that are not to be changed.
+
+    collar: rotation of the collar bone, (..., 4)
+    upper: rotation of the upper arm, (..., 4)
+    fore: rotation of the forearm, (..., 4)
+    direction: unit vector from shoulder to wrist, (..., 3)
+    bend: flexion of the elbow, radians, (...)
+    """
+
+    collar: FloatArray
+    upper: FloatArray
+    fore: FloatArray
+    direction: FloatArray
+    bend: FloatArray
+
+
+def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
+    """The right arm, with a hanging elbow, whose wrist is at ``wrists`` (..., 3), cm from the chest joint.
+
+    The collar bone rises and comes forward with the hand, as in the scapulohumeral rhythm (Inman, Saunders and Abbott
+    1944; here by at most about 15 degrees about each axis). A wrist position out of reach is moved softly along the
+    line to the shoulder.
+    """
+    wrists = np.asarray(wrists, np.float64)
+    # The same states are posed several times in a row.
+    return CACHE.recent(
+        _solve_arm, wrists.tobytes(), wrists.shape, signer.scale, signer.shoulders, signer.arms, most=_KEPT
+    )
+
+
+def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: float, arms: float) -> Arm:
+    """``solve_arm`` of the bytes of wrists."""
+    wrists = np.frombuffer(data).reshape(shape) / scale
+    broad = np.array([-shoulders, 1.0, 1.0])
+    collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
+    upper_arm, forearm = UPPER_ARM * arms, FOREARM * arms
+    out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
+    x, y, z = out[..., 0], out[..., 1], out[..., 2]
+    half = np.empty((2, *x.shape))
+    half[0], half[1] = (y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9
+    half = smooth_step(half)
+    half *= _HALF_COLLAR.reshape(2, *(1,) * x.ndim)
+    (rise, forward), (level, ahead) = np.sin(half), np.cos(half)
+    collar = np.empty((*x.shape, 4))  # Y after -Z
+    collar[..., 0], collar[..., 1], collar[..., 2], collar[..., 3] = (
+        -forward * rise, forward * level, -ahead * rise, ahead * level)  # fmt: skip
+    direction = wrists - collar_position - rotation.rotate(collar, shoulder_offset)
+    distance = _length(direction)
+    direction = direction / distance
+    least = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(ELBOW_LIMIT))
+    distance = soft_clip(distance, least, 0.992 * (upper_arm + forearm), 0.04 * (upper_arm + forearm))
+    # The elbow: ``along`` the line from shoulder to wrist, ``off`` from it towards the hint.
+    along = (upper_arm**2 - forearm**2 + distance**2) / (2.0 * distance)
+    off = np.sqrt(np.maximum(upper_arm**2 - along**2, 0.0))
+    hint = _HINT - (direction @ _HINT)[..., None] * direction
+    elbow = along * direction + off * hint / _length(hint)
+    bones = np.empty((2, *elbow.shape))  # unit vectors along upper arm and forearm
+    bones[0], bones[1] = elbow / upper_arm, (distance * direction - elbow) / forearm
+    hinge = rotation.cross(bones[0], bones[1])
+    length = _length(hinge)
+    bend = np.arctan2(length[..., 0], np.einsum("...c,...c->...", bones[0], bones[1]))
+    upper, fore = _bone_rotations(bones, hinge / length)
+    return Arm(collar, upper, fore, direction, bend)
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    """Lengths (..., 1) of vectors (..., 3)."""
+    return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors))[..., None])
+
+
+def _bone_rotations(bones: FloatArray, hinge: FloatArray) -> FloatArray:
+    """Rotations (..., 4) that take the right arm's rest bone -X to ``bones`` and the elbow's axis +Y to ``hinge``."""
+    axes = np.empty((*bones.shape, 3))
+    axes[..., 0], axes[..., 1], axes[..., 2] = -bones, hinge, rotation.cross(hinge, bones)
+    return rotation.from_matrix(axes)
+
+
+def hand_rotvecs(wrists: ArrayLike, hand_quats: ArrayLike, signer: Signer) -> FloatArray:
+    """The rotation vectors (..., 3) for hand states of right hands at ``wrists`` (..., 3) with rotations (..., 4), both
+    in the chest's axes.
+    """
+    return rotation.log(rotation.multiply(rotation.inverse(solve_arm(wrists, signer).fore), hand_quats))
+
+
+def nearest_turn(rotvec: FloatArray, near: FloatArray) -> FloatArray:
+    """A rotation vector (3,) with as many whole turns more that it is nearest to another (3,): a hand that is turned by
+    half a turn does not spin round on its way to a little more.
+    """
+    angle = float(np.linalg.norm(rotvec))
+    turns = np.round((float(near @ rotvec) / angle - angle) / (2.0 * np.pi)) if angle > 1e-6 else 0.0
+    return np.asarray(rotvec * (1.0 + 2.0 * np.pi * turns / angle)) if turns else rotvec
+
+
+def hand_rotations(states: FloatArray, signer: Signer) -> FloatArray:
+    """Rotations (..., 2, 4) of both hands in the chest's axes, as right hands, before joint limits."""
+    both = hands(states)
+    return rotation.multiply(solve_arm(both[..., WRIST], signer).fore, rotation.exp(both[..., ROTVEC]))
+
+
+@dataclass(frozen=True)
+class Wrist:
+    """Angles (...) between upper arm and hand, radians, before limits.
+
+    swivel: rotation of the elbow about the line from shoulder to wrist; negative lifts it outwards
+    twist: rotation of the forearm about itself, 0 with the thumb up
+    deviation: of the wrist, positive towards the thumb
+    flexion: of the wrist, positive towards the palm
+    """
+
+    swivel: FloatArray
+    twist: FloatArray
+    deviation: FloatArray
+    flexion: FloatArray
+
+    @property
+    def angles(self) -> FloatArray:
+        """Twist, deviation and flexion (..., 3)."""
+        return np.stack([self.twist, self.deviation, self.flexion], axis=-1)
+
+
+def elbow_axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (..., 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
+    turned by a quarter.
+    """
+    bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])
+    out = bone - np.einsum("...c,...c->...", bone, arm.direction)[..., None] * arm.direction
+    out = out / np.maximum(_length(out), 1e-9)
+    return out, rotation.cross(arm.direction, out)
+
+
+def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
+    """Where elbows are easy (...), radians, in arms that carry hands with rotation vectors ``rotvecs`` (..., 3): where
+    the angles of forearm and wrist are smallest, and where the signer's manner says so, low.
+
+    The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
+    each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump. Of a
+    ``HangingElbowSigner`` it is 0.
+    """
+    if isinstance(signer, HangingElbowSigner):
+        return np.zeros(arm.bend.shape)
+    return CACHE.recent(_easy_swivels, arm, rotvecs.tobytes(), rotvecs.shape, signer, most=_KEPT)
+
+
+def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer) -> FloatArray:
+    """``easy_swivels`` of the bytes of rotation vectors."""
+    cost = _costs(arm, angles_of(_turned(arm, np.frombuffer(data).reshape(shape), _SWIVELS)), signer, _SWIVELS)
+    sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
+    weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
+    return np.asarray((weight @ _SWIVELS) / weight.sum(axis=-1))
+
+
+def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray | float = 0.0) -> Wrist:
+    """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), elbows where they are easy,
+    turned from there by ``swivels`` (...).
+    """
+    return wrist_at(arm, rotation.exp(rotvecs), easy_swivels(arm, rotvecs, signer) + swivels)
+
+
+def wrist_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> Wrist:
+    """The same for rotations (..., 4) of hands from forearms with hanging elbows, elbows at ``swivels`` (...)."""
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    return Wrist(swivels, *angles_of(rotation.multiply(rotation.exp(-swivels[..., None] * axis), quats)))
+
+
+def hands_at(arm: Arm, angles: FloatArray, swivels: FloatArray) -> FloatArray:
+    """The rotations that ``wrist_at`` gives twist, deviation and flexion ``angles`` (..., 3) of."""
+    axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
+    return rotation.multiply(rotation.exp(swivels[..., None] * axis), _from_forearm(angles))
+
+
+def _from_forearm(angles: FloatArray) -> FloatArray:
+    """Rotations (..., 4) from forearm to hand by twist, deviation and flexion (..., 3), deviation and flexion first."""
+    twist, swing = np.zeros_like(angles), angles.copy()
+    twist[..., 0], swing[..., 0] = angles[..., 0], 0.0
+    return rotation.multiply(rotation.exp(twist), rotation.exp(swing))
+
+
+def is_easy(hand_states: FloatArray) -> NDArray[np.bool_]:
+    """Whether hand states (..., 27) need no more than 85 % of any wrist or forearm limit of the standard signer, and
+    the elbow stays bent by 20 degrees or more.
+    """
+    arm = solve_arm(hand_states[..., WRIST], STANDARD)
+    wrist = wrist_angles(arm, hand_states[..., ROTVEC], STANDARD)
+    low, high = 0.85 * WRIST_LIMITS.T
+    angles = np.stack([wrist.deviation, wrist.flexion], axis=-1)
+    bent = np.all((angles > low) & (angles < high), axis=-1)
+    return np.asarray(bent & (np.abs(wrist.twist) < 0.85 * FOREARM_LIMIT) & (arm.bend > 0.35))
+
+
+def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip:
+    """The motion of states (T, 65) as a clip on the signer's skeleton."""
+    return Clip(skeleton(signer), *rotations(states, signer), fps, name)
+
+
+def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
+    """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 65)."""
+    local_quats, roots = without_arms(states, signer)
+    collar, upper, fore, hand_quats = arm_rotations(*posed_arms(states, signer))
+    chain = {
+        "Shoulder": collar,
+        "Arm": rotation.multiply(rotation.inverse(collar), upper),
+        "ForeArm": rotation.multiply(rotation.inverse(upper), fore),
+        "Hand": rotation.multiply(rotation.inverse(fore), hand_quats),
+    }
+    for n, side in enumerate(_sides(signer)):
+        mirror = MIRROR_QUAT if side == "Left" else 1.0
+        for name, q in chain.items():
+            local_quats[:, JOINTS[side + name]] = q[:, n] * mirror
+    return local_quats, roots
+
+
+def _sides(signer: Signer) -> tuple[str, str]:
+    return ("Left", "Right") if signer.left_handed else ("Right", "Left")
+
+
+def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
+    """``rotations`` of states (T, 65) with straight arms, as at rest."""
+    n_frames = len(states)
+    local_quats = np.zeros((n_frames, len(JOINTS), 4))
+    local_quats[..., 3] = 1.0
+    # Legs lean against the root's displacement, so that the feet stay where they are.
+    displacement = states[:, ROOT] * (MIRROR if signer.left_handed else 1.0)
+    lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _LEG_CM
+    parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)] + [f * states[:, HEAD] for f in _HEAD_PARTS]
+    local_quats[:, _MIDDLE + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
+    fingers = hand.rotations(hands(states)[..., FINGERS])
+    for n, side in enumerate(_sides(signer)):
+        first = JOINTS[f"{side}HandThumb1"]
+        mirror = MIRROR_QUAT if side == "Left" else 1.0
+        local_quats[:, first : first + 15] = fingers[:, n] * mirror
+    roots = displacement * signer.scale + skeleton(signer).offsets[0]
+    if signer.left_handed:  # trunk and head are written for a right-handed signer, too
+        local_quats[:, _MIDDLE] *= MIRROR_QUAT
+    return local_quats, roots
+
+
+def posed_arms(states: FloatArray, signer: Signer) -> tuple[Arm, Wrist]:
+    """Both arms, as right arms, of states (..., 65), strong first, and their angles."""
+    both = hands(states)
+    arm = solve_arm(both[..., WRIST], signer)
+    return arm, wrist_angles(arm, both[..., ROTVEC], signer, states[..., TURNS])
+
+
+def arm_rotations(arm: Arm, wrist: Wrist) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Rotations (..., 4), in the chest's axes, of collar bone, upper arm, forearm and hand of right arms, whose angles
+    keep to their limits.
+    """
+    swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
+    upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
+    # Half of the twist at the elbow, half at the wrist.
+    half_twist = rotation.exp(0.5 * soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, MARGIN)[..., None] * _X)
+    low, high = WRIST_LIMITS.T
+    bent = soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, MARGIN)
+    swing = rotation.exp(np.concatenate([np.zeros((*bent.shape[:-1], 1)), bent], axis=-1))
+    fore = rotation.multiply(fore, half_twist)
+    return arm.collar, upper, fore, rotation.multiply(fore, rotation.multiply(half_twist, swing))
+
+
+def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
+    """Which part of the trunk's rotation each joint of the spine has, 1 over it: a third each in plain motion, while in
+    captured signing the lowest joint turns several times as fast as the others.
+    """
+    lowest = 1.0 / 3.0 + (_LOWEST_SPINE - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
+    return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)

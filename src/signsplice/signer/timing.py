@@ -1,0 +1,190 @@
+"""When the parts of a word happen: its events, and how long they last beyond the plain durations: tempo by word,
+hesitations, stops between frames.
+
+Citation forms of American Sign Language last 0.40, 0.63, 0.83, 1.03 and 1.37 s (5, 25, 50, 75, 95 %; ASL-LEX 2.0,
+Sehyr et al. 2021), and far longer than the same signs in a sentence, which leaves holds out. What is left of a sign
+there lasts 0.16, 0.26, 0.40, 0.54 and 0.91 s (918 signs of Czech Sign Language): so long, at least, its movement takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from signsplice.motion import FloatArray
+from signsplice.motion.curves import minimum_jerk
+from signsplice.signer.phonology import Segment, Sign
+from signsplice.signer.signer import Signer, stream
+from signsplice.signer.trajectory import Knot
+
+_MOVEMENT, _MOVEMENT_SPREAD = 0.03, 0.16
+"""Mean and standard deviation, over words, of the logarithm of the factor on a movement's duration."""
+_HOLD_SPREAD = 0.30
+"""The same deviation for a word's holds."""
+_TAKE_SPREAD = 0.03
+"""The same for takes of one word."""
+_FIRST, _LAST, _LAST_TOUCH = 1.1, 1.15, 1.8
+"""Usual holds of a citation form over the plain ones: the first, the last, and the last one where the hand touches."""
+_STROKE_S, _REVOLUTION_S = 0.28, 0.50
+"""Least durations of a movement that is made once, and of a revolution of a circle."""
+_LANDING = 0.10
+"""How much of its path a movement that ends in the open leaves to the hold after it."""
+_LEAST_S = 0.35
+"""Least duration of a word with a movement."""
+
+_HESITATES = 0.07
+"""Fraction of the holds and of the transitions in which the signer hesitates."""
+_HOLD_PAUSE_S = (0.15, 0.45)
+_TRANSITION_PAUSE_S = (0.12, 0.35)
+_DRIFT_CM = 1.2
+"""How far hands drift in a second of hesitation."""
+_MOST_PAUSE = 0.9
+"""Longest pause over the transition without it: hands still go on at a tenth of their speed half way."""
+_MOST_OFF = 0.45
+"""How far from its frame a stop may lie, frames: less than half, so that the frame stays the nearest one."""
+
+
+LANDING_S = 0.2
+"""How long, at most, a movement that ends in the open comes to rest within the hold after it."""
+
+
+@dataclass(frozen=True)
+class Tempo:
+    """Factors on the durations of one take of a word.
+
+    movement: of movements
+    first_hold, last_hold: of holds at its start and its end
+    last_touch: of a last hold that touches
+    least_s: least duration from the first posture to the last one, seconds
+    stroke_s: least duration of a movement that is made once
+    revolution_s: least duration of a revolution of a circle
+    landing: how much of its path a movement leaves to the hold after it; also whether hands flow: they come into a
+        circle, and out of a movement without a hold, at speed
+    """
+
+    movement: float = 1.0
+    first_hold: float = 1.0
+    last_hold: float = 1.0
+    last_touch: float = 1.0
+    least_s: float = 0.0
+    stroke_s: float = 0.0
+    revolution_s: float = 0.0
+    landing: float = 0.0
+
+
+def tempo_of(sign: Sign, signer: Signer, take: int) -> Tempo:
+    """The tempo of a take: words differ from one another in the same way for every signer, takes a little. Letters, and
+    words whose only posture is held, differ too, but are not longer on average.
+    """
+    spread = signer.manner.tempo_spread
+    if not spread:
+        return Tempo()
+    word = np.clip(stream("tempo-spread", sign.gloss).standard_normal(2), -2.0, 2.0)
+    once = np.clip(stream("tempo-spread", signer.name, sign.gloss, take).standard_normal(2), -2.0, 2.0)
+    still = len(sign.segments) == 1 or sign.kind == "letter"
+    varied = spread * (np.array([_MOVEMENT_SPREAD, 0.5 * _HOLD_SPREAD if still else _HOLD_SPREAD]) * word)
+    movement, hold = np.exp(varied + spread * _TAKE_SPREAD * once)
+    return Tempo(
+        movement=float(movement * (1.0 if still else np.exp(spread * _MOVEMENT))),
+        first_hold=float(hold * (1.0 if still else _FIRST**spread)),
+        last_hold=float(hold * (1.0 if still else _LAST**spread)),
+        last_touch=float(hold * _LAST_TOUCH**spread),
+        least_s=0.0 if still else _LEAST_S * min(spread, 1.0),
+        stroke_s=_STROKE_S * min(spread, 1.0) * float(movement**0.5),
+        revolution_s=_REVOLUTION_S * min(spread, 1.0) * float(movement**0.5),
+        landing=_LANDING * min(spread, 1.0),
+    )
+
+
+def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[float, FloatArray]:
+    """How much longer (seconds) a word's hold ``number`` lasts by hesitation, mostly 0, and how far (3,), cm, the hands
+    drift meanwhile: mostly down. Words that are nothing but a hold have no pause, since a sentence keeps most of it.
+    """
+    if len(sign.segments) == 1:
+        return 0.0, np.zeros(3)
+    pause, rng = _pause(signer, _HOLD_PAUSE_S, sign.gloss, take, number)
+    direction = rng.standard_normal(3) + np.array([0.0, -1.5, 0.0])
+    return pause, _DRIFT_CM * signer.scale * pause * direction / float(np.linalg.norm(direction))
+
+
+def transition_pause(signer: Signer, glosses: Sequence[str], number: int) -> float:
+    """How much longer (seconds) the transition after word ``number`` of a sentence takes by hesitation, mostly 0."""
+    return _pause(signer, _TRANSITION_PAUSE_S, *glosses, number)[0]
+
+
+def _pause(signer: Signer, seconds: tuple[float, float], *names: str | int) -> tuple[float, np.random.Generator]:
+    """A pause, seconds, mostly 0, and the stream to draw more from."""
+    rng = stream("hesitation", signer.name, *names)
+    hesitates = rng.random() < _HESITATES * signer.manner.hesitation
+    return (rng.uniform(*seconds) if hesitates else 0.0), rng
+
+
+def slowed(n_frames: int, pause_frames: int) -> FloatArray:
+    """Where frames of a reach of ``n_frames`` lie on it, 0 to 1, if it pauses for ``pause_frames`` more: at its own
+    speed at both ends, slowest half way (n_frames + pause, at most nearly twice as many).
+    """
+    steps = n_frames + 1
+    pause = min(pause_frames, int(_MOST_PAUSE * steps))
+    t = np.arange(1, n_frames + pause + 1, dtype=np.float64)
+    u = t / (steps + pause)
+    return np.asarray((t - minimum_jerk(u, pause)) / steps)
+
+
+def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, gloss: str, take: int) -> list[Knot]:
+    """The knots with each of the frames ``stops`` moved by up to half a frame, and those between them in proportion."""
+    off = signer.manner.off_frame
+    if not off:
+        return list(knots)
+    frames = np.array(sorted(set(stops)), np.float64)
+    rng = stream("off-frame", signer.name, gloss, take)
+    moved = frames + np.clip(off * rng.uniform(-0.5, 0.5, len(frames)), -_MOST_OFF, _MOST_OFF)
+    times = np.interp([knot.frame for knot in knots], frames, moved).tolist()
+    return [replace(knot, frame=time) for knot, time in zip(knots, times, strict=True)]
+
+
+@dataclass(frozen=True)
+class TimedSegment:
+    """A segment, its [begin, end] frames, and for a movement those of each pass."""
+
+    segment: Segment
+    begin: int
+    end: int
+    passes: tuple[tuple[int, int], ...] = ()
+
+    def later(self, frames: int) -> TimedSegment:
+        """The same so many frames later."""
+        passes = tuple((begin + frames, end + frames) for begin, end in self.passes)
+        return replace(self, begin=self.begin + frames, end=self.end + frames, passes=passes)
+
+
+@dataclass(frozen=True)
+class Events:
+    """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
+
+    Skin distances are those of ``avoidance.skin_clearances``: of the strong hand, or of either where the hands mirror
+    one another, to head, trunk, the other hand and the other arm.
+
+    up: the last frame of rest
+    start: the first posture
+    end: the last posture
+    down: the first frame of rest again
+    first: the first movement, [begin, end]; None for a word without movement
+    passes: [begin, end] of every pass of the last movement, in order: its repetitions, or a circle's revolutions
+    touches_first: whether the first posture touches: a skin distance of at most 5 mm
+    touches_last: whether the last posture touches
+    gap_first_cm: skin distance at ``start``; None in corpora of version 1, whose touches are those of the notation
+    gap_last_cm: skin distance at ``end``
+    """
+
+    up: int
+    start: int
+    end: int
+    down: int
+    first: tuple[int, int] | None
+    passes: tuple[tuple[int, int], ...]
+    touches_first: bool = False
+    touches_last: bool = False
+    gap_first_cm: float | None = None
+    gap_last_cm: float | None = None

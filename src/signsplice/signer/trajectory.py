@@ -1,0 +1,368 @@
+"""States over time: minimum-jerk trajectories through knots, reaches between two motions, small oscillations, and a low
+pass that leaves touches and repeated movements as they are.
+
+Fingers move each in a time of its own: in a sign's changes of handshape, and in reaches.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, make_interp_spline
+
+from signsplice.motion import FloatArray
+from signsplice.signer import hand, pose
+from signsplice.signer.signer import PLAIN, Signer, shoulder, stream
+
+_LEAST_PASS = 0.18
+"""Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %
+of its size when it is repeated."""
+_AT_TOUCH = 0.4
+"""Standard deviation of the smoothing at a touch, frames, at most: hands come and go as straight as they would."""
+_REACH = 4.0
+"""How far from a touch the correction of its posture reaches, in standard deviations of the smoothing."""
+
+
+def low_passed(
+    states: FloatArray, deviation: float, passes: Sequence[tuple[int, int]] = (), touches: Sequence[int] = ()
+) -> FloatArray:
+    """States (T, 65) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
+
+    The first and the last frame stay as they are; within repeated ``passes``, [begin, end] each, and near both ends of
+    the word, and near the frames ``touches``, it is smoothed less. In those frames the states stay as they are, and
+    those around them are moved along, less with their distance.
+    """
+    n = len(states)
+    width = _deviations(n, deviation, passes, touches)
+    frames = np.arange(n)
+    weights = (frames - frames[:, None]) / np.maximum(width, 1e-3)[:, None]
+    weights *= weights
+    weights *= -0.5
+    np.exp(weights, out=weights)
+    weights /= weights.sum(axis=1, keepdims=True)
+    smooth = weights @ states
+    centres = np.array(sorted(set(touches)), np.intp)
+    if not len(centres):
+        return np.asarray(smooth)
+    radius = max(_REACH * deviation, 2.0)
+    factors = np.linalg.solve(wendland(centres, centres, radius), states[centres] - smooth[centres])
+    return np.asarray(smooth + wendland(frames, centres, radius) @ factors)
+
+
+def _deviations(
+    n_frames: int, deviation: float, passes: Sequence[tuple[int, int]], touches: Sequence[int]
+) -> FloatArray:
+    """The smoothing's standard deviation (T,) in each frame. It changes by no more than 1 in 3 frames."""
+    frames = np.arange(n_frames)
+    out = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
+    if len(passes) > 1:
+        least = _LEAST_PASS * min(stop - begin for begin, stop in passes)
+        away = np.maximum(np.maximum(passes[0][0] - frames, frames - passes[-1][1]), 0)
+        out = np.minimum(out, least + away / 3.0)
+    for touch in touches:
+        out = np.minimum(out, _AT_TOUCH + np.abs(frames - touch) / 3.0)
+    return np.asarray(out, np.float64)
+
+
+def wendland(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> FloatArray:
+    """Wendland's function (F, C) of the distance in frames: 1 at 0, 0 from ``radius`` on, twice differentiable, and
+    positive definite, so that any values at the centres can be met.
+    """
+    near = np.clip(np.abs(frames[:, None] - centres) / radius, 0.0, 1.0)
+    return np.asarray((1.0 - near) ** 4 * (4.0 * near + 1.0))
+
+
+_PER_FINGER = (4, 4, 4, 4, 5)
+"""How many of ``hand.ANGLES`` belong to each finger, the thumb last."""
+_MOST_FRAMES = 1.2
+"""How much earlier or later than the hand a finger moves within a sign at most, frames of 30 a second."""
+_HAND_ADVANCE, _FINGER_ADVANCE = 0.12, 0.15
+"""How much the timing of all fingers of a hand, and of one more, differs between reaches: height of a bump on time."""
+_MOST_ADVANCE = 0.27
+"""The most that time may be advanced; from 0.29 on, fingers would go back."""
+_SCALE = np.concatenate([np.full(3, 15.0), np.full(24, 0.5)])  # of a hand state: cm, radians
+
+
+def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
+    """How much later than usual each finger angle of both hands moves within a word, (2, 21), frames of 30 a second.
+
+    Half of it is the signer's habit, half the word's.
+    """
+    fingers = sum(
+        0.5 * stream("finger_stagger", *names).uniform(-1.0, 1.0, (2, 5))
+        for names in ((signer.name,), (signer.name, gloss, take))
+    )
+    return np.repeat(signer.manner.finger_stagger * _MOST_FRAMES * fingers, _PER_FINGER, axis=1)
+
+
+def advances(start: FloatArray, end: FloatArray, leads: FloatArray, signer: Signer) -> FloatArray:
+    """How far the time of each number (65,) of a reach between two states is advanced at half time, as a fraction.
+
+    A smooth function of both states, so that equal seams are equal and near ones alike; waves of random phase and
+    direction make it differ between reaches and fingers.
+
+    leads: by how much each finger angle's progress leads at half time, (21,)
+    """
+    advance = np.zeros(pose.SIZE)
+    for which, first in enumerate((0, 27)):
+        seen = np.concatenate([s[first : first + 27] / _SCALE for s in (start, end)])
+        rng = stream("finger_stagger", signer.name, "reach", which)
+        waves = np.sin(0.5 * rng.standard_normal((6, len(seen))) @ seen + 2.0 * np.pi * rng.random(6))
+        spread = np.repeat(_HAND_ADVANCE * waves[0] + _FINGER_ADVANCE * waves[1:], _PER_FINGER)
+        usual = leads / 1.875  # the slope of a minimum-jerk movement at half time
+        fingers = advance[first : first + 27][pose.FINGERS]
+        fingers += np.clip(usual + signer.manner.finger_stagger * spread, -_MOST_ADVANCE, _MOST_ADVANCE)
+    return advance
+
+
+SHOULDERS_CM = 36.0
+"""Shoulder width of the standard body, the unit of the travel law."""
+
+
+def travel_seconds(travel_cm: float, signer: Signer) -> float:
+    """Duration of a reach of ``travel_cm`` by the travel law: T = 51 + 149 log2(1 + D / 0.15) ms, D in shoulder widths,
+    over the signer's tempo (fitted to 124 gaps of the DGS Corpus).
+    """
+    widths = travel_cm / (SHOULDERS_CM * signer.scale)
+    return (0.051 + 0.149 * float(np.log2(1.0 + widths / 0.15))) / signer.tempo
+
+
+@dataclass(frozen=True)
+class Knot:
+    """A state that a trajectory passes.
+
+    frame: at which frame; between two where it is no whole number
+    state: the state, (65,)
+    stop: whether everything comes to rest there; the first and the last one are passed at speed where not
+    """
+
+    frame: float
+    state: FloatArray
+    stop: bool
+
+
+_FLOW = 0.6
+"""Speed of hands that come into the first knot, or leave the last one, without a stop, over that of the path there."""
+
+
+def through(knots: Sequence[Knot]) -> FloatArray:
+    """States (T, 65) of every whole frame from the first knot to the last, of minimum jerk: between stops the quintic
+    spline through the knots, at rest at both ends (Flash and Hogan 1985 with via points), or at speed at the first and
+    the last one.
+    """
+    parts = [knots[0].state[None]] if knots[0].frame == int(knots[0].frame) else []
+    begin = 0
+    for n in range(1, len(knots)):
+        if not (knots[n].stop or n == len(knots) - 1):
+            continue
+        piece = knots[begin : n + 1]
+        frames = np.array([knot.frame for knot in piece], np.float64)
+        inner = np.arange(math.floor(piece[0].frame) + 1, math.floor(piece[-1].frame) + 1)
+        if len(piece) == 2 and np.array_equal(piece[0].state, piece[1].state):
+            parts.append(np.broadcast_to(piece[0].state, (len(inner), pose.SIZE)))
+        elif len(inner):
+            states = np.array([knot.state for knot in piece])
+            speeds = (_speed(frames, states), _speed(frames[::-1], states[::-1]))
+            ends = [
+                [(1, np.zeros(pose.SIZE) if knot.stop else _FLOW * speed), (2, np.zeros(pose.SIZE))]
+                for knot, speed in zip((piece[0], piece[-1]), speeds, strict=True)
+            ]
+            parts.append(make_interp_spline(frames, states, k=5, bc_type=tuple(ends))(inner))  # type: ignore[arg-type]
+        begin = n
+    return np.concatenate(parts)
+
+
+def _speed(frames: FloatArray, states: FloatArray) -> FloatArray:
+    """The velocity (65,), a frame, at the first of some knots: of the parabola through three, or the chord of two."""
+    slopes = np.diff(states[:3], axis=0) / np.diff(frames[:3])[:, None]
+    if len(slopes) < 2:
+        return np.asarray(slopes[0])
+    share = (frames[1] - frames[0]) / (frames[2] - frames[0])
+    return np.asarray(slopes[0] + share * (slopes[0] - slopes[1]))
+
+
+# How far each part of a hand state leads the reach at half time: the height of a bump on its progress. 0.15 (progress
+# 0.65 at half time) is the most that never reverses. Fingers form early, one after another; the hand rotates with them.
+_LEAD = np.zeros(27)
+_LEAD[pose.ROTVEC] = 0.04
+_LEAD[pose.FINGERS] = np.repeat([0.14, 0.12, 0.10, 0.09, 0.13], [4, 4, 4, 4, 5])
+_MAX_LEAD = 0.15
+_FALLING_WEAK_LEAD = -0.08
+_BOW_DIRECTION = np.array([-0.25, 0.35, 0.9])  # outwards, up and forward, away from the body
+
+
+def bump(u: FloatArray) -> FloatArray:
+    """A bump (...) of height 1 over [0, 1] whose value, slope and curvature are 0 at both ends: 64 u^3 (1 - u)^3."""
+    return np.asarray(64.0 * (u * (1.0 - u)) ** 3)
+
+
+def reach(
+    before: FloatArray, after: FloatArray, n_frames: int, signer: Signer, at: FloatArray | None = None
+) -> FloatArray:
+    """The ``n_frames`` states between two motions: the end of ``before`` (.., 65) and the start of ``after`` (.., 65).
+
+    The quintic (minimum jerk) takes position and velocity from the two ends (one-sided differences over three frames)
+    and 0.4 of the acceleration, since all of it makes long detours. Hands bow outwards by the signer's ``arch``,
+    fingers lead, each in its own time, and a weak hand that goes down lags. All of these fade out at both ends, with
+    their first two derivatives. ``at``: where frames lie between both ends, 0 to 1, any number of them, instead of
+    evenly.
+    """
+    steps = n_frames + 1
+    u = (np.arange(1, n_frames + 1) / steps if at is None else at)[:, None]  # (n, 1)
+    start, end = before[-1], after[0]
+    hill = bump(u)
+    change = end - start
+    lead = np.concatenate([_LEAD, _LEAD, np.zeros(pose.SIZE - 54)])
+    lead[lead > 0.05] -= signer.lag
+    times = u
+    if signer.manner.finger_stagger:  # fingers are advanced in time, which leaves more room than a lead
+        times = u + hill * advances(start, end, lead[pose.FINGERS], signer)  # (n, 65)
+        lead[6:27] = lead[33:54] = 0.0
+    states = joining(before, after, steps, times)
+    if change[27 + 1] < -12.0:  # the weak hand goes down
+        lead[27:30] = _FALLING_WEAK_LEAD
+    states += hill * np.minimum(lead, _MAX_LEAD) * change
+    for first in (0, 27):
+        wrist = slice(first, first + 3)
+        length = float(np.linalg.norm(change[wrist]))
+        if length > 1e-9:
+            bow = _BOW_DIRECTION - (_BOW_DIRECTION @ change[wrist]) * change[wrist] / length**2
+            states[:, wrist] += hill * signer.arch * length * bow
+            _avoid_shoulder(states[:, wrist], hill, start[wrist], end[wrist], signer)
+    clip_fingers(states)
+    return states
+
+
+def clip_fingers(states: FloatArray) -> None:
+    """Clip the finger angles of states (T, 65) to their limits, in place."""
+    for first in (0, 27):
+        fingers = states[:, first : first + 27][:, pose.FINGERS]
+        np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
+
+
+def from_rest_to_rest(knots: Sequence[Knot], rest: FloatArray, up: int, down: int, signer: Signer) -> FloatArray:
+    """States of every whole frame of the preparation, ``up`` frames until the first knot's, of the trajectory, and of
+    the retraction, ``down`` frames from the last knot's.
+    """
+    core, still = through(knots), _still(rest)
+    first, last = knots[0].frame, knots[-1].frame
+    end = core[-1] if last == round(last) else knots[-1].state
+    rising = np.arange(1.0, up + 1 + math.ceil(first)) / (up + 1 + first)
+    stop = round(last) + down + 1
+    falling = (np.arange(math.floor(last) + 1.0, stop) - last) / (stop - last)
+    return np.concatenate(
+        [
+            reach(still, _passing(knots[0].state, core[1] - core[0], knots[0].stop), up, signer, rising),
+            core,
+            reach(_passing(end, core[-2] - core[-1], knots[-1].stop)[::-1], still, down, signer, falling),
+        ]
+    )
+
+
+def _still(state: FloatArray) -> FloatArray:
+    return np.broadcast_to(state, (3, pose.SIZE))
+
+
+def _passing(state: FloatArray, step: FloatArray, stop: bool) -> FloatArray:
+    """Three frames (3, 65) from a state on: of rest, or with a step from frame to frame."""
+    return _still(state) if stop else state + np.arange(3)[:, None] * step
+
+
+_SHOULDER_DISTANCE_CM = 23.0
+"""Least distance at which a wrist passes its shoulder; any nearer, the elbow would have to swing round."""
+_PASSING_DIRECTION = np.array([-0.35, 0.0, 0.94])
+_MOST_PASSING_CM = 16.0
+"""How far a path bows forward for that at most; plain motion has no limit, and throws a hand forward now and then."""
+
+
+def _avoid_shoulder(path: FloatArray, hill: FloatArray, start: FloatArray, end: FloatArray, signer: Signer) -> None:
+    """Bow a wrist's path (n, 3) forward and out, in place, where it would come nearer to the shoulder than its ends."""
+    centre = shoulder(signer) * signer.scale
+    ends = min(float(np.linalg.norm(start - centre)), float(np.linalg.norm(end - centre)))
+    least = min(_SHOULDER_DISTANCE_CM * signer.scale, ends)
+    left = np.inf if signer.manner == PLAIN else _MOST_PASSING_CM * signer.scale
+    for _ in range(4):
+        lack = least - np.linalg.norm(path - centre, axis=-1)
+        if lack.max() <= 0.0:
+            break
+        bow = min(float((lack / np.maximum(hill[:, 0], 0.2)).max()), left)
+        left -= bow
+        path += hill * bow * _PASSING_DIRECTION
+
+
+def joining(before: FloatArray, after: FloatArray, steps: int, u: FloatArray) -> FloatArray:
+    """The quintic (n, K) from the end of ``before`` (.., K) to the start of ``after`` (.., K), which are ``steps``
+    frames apart, at times ``u`` (n, 1 or K), 0 to 1.
+    """
+    arriving = tuple((-1) ** n * d for n, d in enumerate(_end_derivatives(after[2::-1])))
+    return _quintic(_end_derivatives(before[-3:]), arriving, steps, u)
+
+
+def _end_derivatives(frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """State, velocity and acceleration (per frame) at the last of up to three frames."""
+    zero = np.zeros(frames.shape[1])
+    if len(frames) < 2:
+        return frames[-1], zero, zero
+    if len(frames) < 3:
+        return frames[-1], frames[-1] - frames[-2], zero
+    a, b, c = frames[-3:]
+    return c, 1.5 * c - 2.0 * b + 0.5 * a, 0.4 * (c - 2.0 * b + a)
+
+
+def _quintic(start: tuple[FloatArray, ...], end: tuple[FloatArray, ...], steps: int, u: FloatArray) -> FloatArray:
+    """The polynomial of degree 5 over [0, 1] with given state, velocity and acceleration (per frame) at both ends."""
+    (p, v, a), (q, w, b) = start, end
+    v, w, a, b = v * steps, w * steps, a * steps**2, b * steps**2
+    d = q - p
+    c3 = 10.0 * d - 6.0 * v - 4.0 * w + 0.5 * (b - 3.0 * a)
+    c4 = -15.0 * d + 8.0 * v + 7.0 * w + 0.5 * (3.0 * a - 2.0 * b)
+    c5 = 6.0 * d - 3.0 * (v + w) + 0.5 * (b - a)
+    return np.asarray(p + u * (v + u * (0.5 * a + u * (c3 + u * (c4 + u * c5)))))
+
+
+def taken_at(states: FloatArray, times: FloatArray) -> FloatArray:
+    """States (T, 65), each number taken at a time of its own, frames (T, 65); between frames by a cubic spline."""
+    frames = np.arange(len(states))
+    taken = states.copy()
+    each, group = np.unique(times, axis=1, return_inverse=True)
+    group = group.ravel()
+    for n, own in enumerate(each.T):
+        if (own != frames).any():
+            taken[:, group == n] = CubicSpline(frames, states[:, group == n])(own)
+    return taken
+
+
+def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Generator) -> FloatArray:
+    """Breath, sway and tremor (T, 65) of a standing signer, to be added to states."""
+    t = np.arange(n_frames) / fps
+    out = np.zeros((n_frames, pose.SIZE))
+
+    def wave(hz: float) -> FloatArray:
+        """A wave of nearly one frequency: the sum of two close frequencies with random phases."""
+        phases = 2.0 * np.pi * rng.random(2)
+        return np.asarray(
+            0.7 * np.sin(2 * np.pi * hz * t + phases[0]) + 0.3 * np.sin(2 * np.pi * 1.37 * hz * t + phases[1])
+        )
+
+    breath = np.deg2rad(signer.breath_deg) * wave(signer.breath_hz)
+    out[:, pose.TRUNK.start] = -breath
+    out[:, pose.TRUNK.start + 2] = np.deg2rad(0.35) * wave(signer.sway_hz)
+    out[:, pose.HEAD.start] = 1.4 * breath + np.deg2rad(0.5) * wave(0.31)
+    out[:, pose.HEAD.start + 1] = np.deg2rad(0.7) * wave(0.22)
+    out[:, pose.ROOT.start] = signer.sway_cm * wave(signer.sway_hz)
+    out[:, pose.ROOT.start + 2] = 0.7 * signer.sway_cm * wave(0.83 * signer.sway_hz)
+    for first in (0, 27):
+        for axis in range(3):
+            out[:, first + axis] = signer.tremor_cm * wave(signer.tremor_hz) + 0.08 * wave(0.4)
+    return out
+
+
+def window(n_frames: int, edge: int) -> FloatArray:
+    """Weights (n_frames,) that rise smoothly from 0 to 1 over ``edge`` frames, stay there and fall again."""
+    i = np.arange(n_frames)
+    from_end = np.clip(np.minimum(i, n_frames - 1 - i) / max(edge, 1), 0.0, 1.0)
+    return np.asarray(from_end * from_end * (3.0 - 2.0 * from_end))

@@ -1,5 +1,0 @@
-"""Signs as linguists write them (gestural SiGML, HamNoSys) become the notation of this project."""
-
-from signsplice.synth.written.compiler import compile_sign
-
-__all__ = ["compile_sign"]

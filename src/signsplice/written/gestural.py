@@ -1,0 +1,374 @@
+"""Gestural SiGML (``hamgestural_sign``) as a tree: elements and values of the DTD of the University of East Anglia.
+
+What this reading decides, where sources are silent, stands in docs/hamnosys.md.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+from signsplice.signer.tables import sections
+from signsplice.written.nonmanual import gestural_tiers
+from signsplice.written.reading import Element, Reading, factor
+from signsplice.written.tree import (
+    Motion,
+    Pair,
+    Place,
+    Site,
+    WrittenManner,
+    WrittenPosture,
+    WrittenShape,
+    WrittenSign,
+    flipped,
+    merged,
+    weak_has_own,
+    with_weak,
+)
+
+_WORDS = sections(__file__, "sigml")
+_VALUES = {key: tuple(values) for key, *values in _WORDS["values"]}
+((_, *MANNER), (_, *_OTHER)) = _WORDS["motions"]
+_SILENT = frozenset(_WORDS["silent"][0][1:])
+KNOWN = {
+    tag: frozenset([*own, *MANNER, *_OTHER] if "motion" in tag or tag in ("fingerplay", "changeposture") else own)
+    for tag, *own in _WORDS["attributes"]
+}
+"""Element -> the attributes that are read."""
+POSTURES = (
+    "handconfig", "split_handconfig", "location_bodyarm", "location_hand", "split_location", "handconstellation",
+)  # fmt: skip
+
+
+_ELLIPSES = {"h": "l", "v": "u", "ur": "ur", "ul": "ul"}
+"""Direction of an ellipse's long axis -> letters."""
+_OPENINGS = {"slack": 0.6, "tight": 1.4}
+_GROWTH = {"increasing": "big", "decreasing": "small"}
+
+
+def sign(element: Element, reading: Reading) -> WrittenSign:
+    """The tree of a ``hamgestural_sign``. Raises ``FormatError`` for what is not understood, or notes it where the
+    reading is lenient.
+    """
+    manual = [child for child in element.children if child.tag == "sign_manual"]
+    for child in element.children:
+        if child.tag not in ("sign_manual", "sign_nonmanual"):
+            reading.refuse("is no part of a sign that is known", f"<{child.tag}>", child.line)
+    if len(manual) != 1:
+        raise reading.error(f"has {len(manual)} sign_manual, expected one", f"<{element.tag}>", element.line)
+    tiers = tuple(
+        item for child in element.children if child.tag == "sign_nonmanual" for item in gestural_tiers(child, reading)
+    )
+    made = _Gestural(reading).manual(manual[0])
+    return replace(made, tiers=tiers, notes=tuple(reading.notes))
+
+
+class _Gestural:
+    """Reads one sign.
+
+    reading: of the sign
+    """
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+
+    def manual(self, e: Element) -> WrittenSign:
+        """A sign, or a part of a compound."""
+        self.check(e)
+        where = self.reading.where("<sign_manual>", e.line)
+        parts = [child for child in e.children if child.tag == "sign_manual"]
+        if parts:
+            for child in e.children:
+                if child.tag != "sign_manual":
+                    self.refuse(child, "stands beside the parts of a compound")
+            given = {key: value for key, value in e.attributes.items() if value == "true"}
+            inner = [replace(part, attributes={**given, **part.attributes}) for part in parts]
+            return WrittenSign(self.reading.gloss, parts=tuple(map(self.manual, inner)), where=where)
+        posture, motions = WrittenPosture(), list[Motion]()
+        for child in e.children:
+            if child.tag not in POSTURES:
+                motions.append(self.motion(child))
+            elif motions:
+                self.reading.note(f"<{child.tag}> after the first motion is left out", child.line)
+            else:
+                posture = merged(posture, self.posture(child)) or posture
+        if not e.children:
+            raise self.reading.error("is empty, expected hand configurations", "<sign_manual>", e.line)
+        return WrittenSign(
+            self.reading.gloss, self.hands(e, posture, motions), self.flag(e, "outofphase"),
+            self.flag(e, "holdover"), posture, tuple(motions), where=where,
+        )  # fmt: skip
+
+    def hands(self, e: Element, posture: WrittenPosture, motions: list[Motion]) -> str:
+        """How the hands of a part work together, a word of ``WrittenSign.hands``."""
+        both, *flips = (self.flag(e, key) for key in ("both_hands", "lr_symm", "ud_symm", "oi_symm"))
+        if self.flag(e, "nondominant"):
+            return "weak"
+        if not both and not any(flips):
+            return "two" if weak_has_own(posture, motions) else "one"
+        return flipped(*flips)
+
+    # --- postures
+
+    def posture(self, e: Element, weak: bool = False) -> WrittenPosture:
+        """What one element of a posture says; ``weak``: of the weak hand, within a split."""
+        self.check(e)
+        if e.tag == "handconfig":
+            fingers, palm = self.words(e, "extfidir"), self.words(e, "palmor")
+            return WrittenPosture(self.shape(e), fingers or None, palm or None)
+        if e.tag == "location_bodyarm":
+            return WrittenPosture(place=self.place(e))
+        if e.tag == "location_hand":
+            own = [self.site(child, not weak) for child in e.children if child.tag == "location_hand"]
+            sites = self.site(e, weak), own[0] if own else None
+            weak_site, strong_site = sites[::-1] if weak else sites
+            pair = Pair(weak_site, strong_site, self.choice(e, "contact"))
+            return WrittenPosture(pair=pair)
+        if e.tag == "handconstellation":
+            return self.constellation(e)
+        if e.tag not in ("split_handconfig", "split_location"):
+            self.refuse(e, "is no part of a posture that is known")
+            return WrittenPosture()
+        if len(e.children) != 2:
+            self.reading.note(f"<{e.tag}> has {len(e.children)} children, expected 2", e.line)
+        halves = [self.posture(child, weak=n == 1) for n, child in enumerate(e.children[:2])]
+        return with_weak(halves[0], halves[1]) if len(halves) == 2 else halves[0] if halves else WrittenPosture()
+
+    def constellation(self, e: Element) -> WrittenPosture:
+        """Two hands together: the site on the weak hand is written first, that on the strong hand second."""
+        sites, place = list[Site | None](), None
+        for child in e.children:
+            if child.tag == "location_hand":
+                sites.append(self.site(child, weak=not sites))
+            elif child.tag == "location_bodyarm":
+                place = self.place(child)
+            else:
+                self.refuse(child, "is no part of a hand constellation")
+        if len(sites) > 2:
+            self.refuse(e, f"has {len(sites)} sites, expected two at most")
+        weak, strong = [*sites, None, None][:2]
+        return WrittenPosture(pair=Pair(weak, strong, self.choice(e, "contact"), place))
+
+    def shape(self, e: Element) -> WrittenShape | None:
+        """The handshape of a ``handconfig``; None where it has none."""
+        base = self.choice(e, "handshape")
+        if not base:
+            others = [
+                key for key in e.attributes if key in KNOWN[e.tag] and "extfidir" not in key and "palmor" not in key
+            ]
+            if others:
+                self.refuse(e, f"{others[0]} without a handshape")
+            return None
+        between = self.choice(e, "second_handshape")
+        second = WrittenShape(
+            between, self.choice(e, "second_thumbpos"), self.bend(e, "second_mainbend"),
+            opening=_OPENINGS.get(self.choice(e, "second_ceeopening"), 1.0),
+        )  # fmt: skip
+        pair = self.digits(e, "contactpair")
+        bends = tuple((n, bend) for n in range(1, 6) if (bend := self.bend(e, f"bend{n}")))
+        return WrittenShape(
+            base, self.choice(e, "thumbpos"), self.bend(e, "mainbend"), bends,
+            self.digits(e, "specialfingers"), self.digits(e, "exempteddigits"),
+            (self.digits(e, "opposedfinger") or (0,))[0], pair, bool(pair) and 1 not in pair,
+            _OPENINGS.get(self.choice(e, "ceeopening"), 1.0), self.flag(e, "thumbenclosed"),
+            second if between else None,
+        )  # fmt: skip
+
+    def place(self, e: Element) -> Place:
+        """A place on the body."""
+        self.check(e)
+        own = [self.site(child, weak=False) for child in e.children if child.tag == "location_hand"]
+        for child in e.children:
+            if child.tag != "location_hand":
+                self.refuse(child, "is no part of a place")
+        side = self.choice(e, "side")
+        if side and "_" not in side:
+            self.reading.note(f"side={side} of <location_bodyarm> is left out", e.line)
+            side = ""
+        other = self.choice(e, "second_location")
+        second = Place(other, self.choice(e, "second_side"))
+        name = self.choice(e, "location")
+        behind = self.flag(e, "behind")
+        return Place(name, side, self.choice(e, "contact"), behind, second if other else None, own[0] if own else None)
+
+    def site(self, e: Element, weak: bool) -> Site | None:
+        """A part of a hand; None where the element names none."""
+        self.check(e)
+        part, digits = self.choice(e, "location"), self.digits(e, "digits")
+        if not part and digits:
+            self.reading.note("<location_hand> without a location is read as the finger's midjoint", e.line)
+        other, others = self.choice(e, "second_location"), self.digits(e, "second_digits")
+        second = None
+        if other or others:
+            second = Site(other or part or "midjoint", others or digits, self.side(e, "second_side", weak))
+        return Site(part or "midjoint", digits, self.side(e, "side", weak), second) if part or digits else None
+
+    def side(self, e: Element, key: str, weak: bool) -> str:
+        """A side of a finger: left and right are as seen with the fingers up and the palm away from the signer, of the
+        hand that the finger is on; of mirrored signs too, whose weak index fingers are met at their outer side.
+        """
+        side = self.choice(e, key)
+        if "_" in side:
+            return "radial" if side.startswith("left") != weak else "ulnar"
+        return "dorsal" if side == "back" else side
+
+    # --- motions
+
+    def motion(self, e: Element) -> Motion:
+        """One action."""
+        if e.tag not in KNOWN or e.tag == "sign_manual" or e.tag in POSTURES:
+            self.refuse(e, "is no element that is known")
+            return Motion("hold", where=self.reading.where(f"<{e.tag}>", e.line))
+        self.check(e)
+        makers = {"tgt_motion": self.targeted, "rpt_motion": self.repeated}
+        made = makers[e.tag](e) if e.tag in makers else self.simple(e)
+        named = self.choice(e, "manner")
+        given = {key: True for key in MANNER if self.flag(e, key) or named == key}
+        manner = replace(made.manner, speed=made.manner.speed * factor(e, "speed", self.reading), **given)
+        alternating = made.alternating or self.flag(e, "alternating")
+        return replace(made, manner=manner, alternating=alternating, where=self.reading.where(f"<{e.tag}>", e.line))
+
+    def simple(self, e: Element) -> Motion:
+        """A motion that is no target and no repetition of another."""
+        tag = e.tag
+        if tag in ("par_motion", "seq_motion", "split_motion"):
+            kind = {"par_motion": "parallel", "split_motion": "split"}.get(tag, "sequence")
+            parts = tuple(map(self.motion, e.children))
+            if len(parts) != 2 if kind == "split" else not parts:
+                raise self.reading.error(f"has {len(parts)} motions, expected 2", f"<{tag}>", e.line)
+            fused = self.flag(e, "fused")
+            return Motion("fusion" if fused else kind, parts=parts, manner=WrittenManner(fused=fused))
+        size, brushing = self.choice(e, "size"), self.brushing(e)
+        common: dict[str, Any] = {
+            "size": size,
+            "size_end": _GROWTH.get(self.choice(e, "incrdecr")) or self.choice(e, "second_size"),
+            "zigzag": self.choice(e, "zigzag_style"),
+            "zigzag_size": self.choice(e, "zigzag_size"),
+            "brushing": brushing.place,
+            "brushing_pair": brushing.pair,
+        }
+        if tag == "directedmotion":
+            return Motion(
+                "straight", self.words(e, "direction", needed=True), curve=self.letters(e, "curve"),
+                curve_size=self.choice(e, "curve_size"), **common,
+            )  # fmt: skip
+        if tag == "circularmotion":
+            start, end = self.letters(e, "start"), self.letters(e, "end")
+            more = sum(self.flag(e, key) for key in ("clockplus", "second_clockplus"))
+            return Motion(
+                "circle", self.words(e, "axis", needed=True), turns=float(more + (not end)), start=start, end=end,
+                ellipse=_ELLIPSES.get(self.choice(e, "ellipse_direction"), ""),
+                ellipse_size=self.choice(e, "ellipse_size"), **common,
+            )  # fmt: skip
+        if tag == "wristmotion":
+            kind = self.choice(e, "motion")
+            if not kind:
+                self.refuse(e, "has no motion, expected one such as nodding")
+            return Motion(kind or "hold", size=size)
+        kinds = {"fingerplay": "fingerplay", "crossmotion": "crossing", "changeposture": "posture"}
+        if tag == "no_motion":
+            self.reading.note("<no_motion> is read as <nomotion>", e.line)
+        return Motion(kinds.get(tag, "hold"), size=size, digits=self.digits(e, "digits"))
+
+    def brushing(self, e: Element) -> WrittenPosture:
+        """What a motion brushes along: a place within its element."""
+        along = Place("", contact="brushing")
+        found = WrittenPosture(place=along) if self.flag(e, "brushing") else None
+        for child in e.children:
+            if child.tag in ("location_bodyarm", "location_hand"):
+                found = merged(found, self.posture(child))
+            else:
+                self.refuse(child, f"is no part of <{e.tag}>")
+        return found or WrittenPosture()
+
+    def targeted(self, e: Element) -> Motion:
+        """A motion that ends in a posture."""
+        inner, posture = list[Motion](), WrittenPosture()
+        for child in e.children:
+            if child.tag in POSTURES:
+                posture = merged(posture, self.posture(child)) or posture
+            else:
+                inner.append(self.motion(child))
+        if len(inner) > 1:
+            self.refuse(e, f"has {len(inner)} motions, expected one")
+        made = inner[0] if inner else Motion("posture")
+        return replace(made, target=merged(made.target, posture))
+
+    def repeated(self, e: Element) -> Motion:
+        """A motion that is made more than once."""
+        parts = tuple(map(self.motion, e.children))
+        if not parts:
+            raise self.reading.error("repeats no motion", "<rpt_motion>", e.line)
+        whole = len(parts) > 1 or parts[0].repeat
+        made = Motion("sequence", parts=parts) if whole else parts[0]
+        repeat, shift = self.choice(e, "repetition"), self.letters(e, "repetition_baseshift")
+        return replace(made, repeat=repeat or "fromstart", shift=shift)
+
+    # --- attributes
+
+    def check(self, e: Element) -> None:
+        """Refuse attributes that are not read; note those that have no form."""
+        for key in sorted(e.attributes.keys() - KNOWN.get(e.tag, frozenset())):
+            if key in _SILENT:
+                self.reading.note(f"{key} of <{e.tag}> is left out", e.line)
+            else:
+                self.refuse(e, f"attribute {key[:40]} is not known")
+
+    def refuse(self, e: Element, what: str) -> None:
+        """Refuse an element, or note that it is left out."""
+        self.reading.refuse(what, f"<{e.tag}>", e.line)
+
+    def unknown(self, e: Element, key: str, expected: str) -> str:
+        """Refuse a value; "" where that is left out."""
+        self.refuse(e, f"{key}={e.attributes[key][:40]!r}, expected {expected}")
+        return ""
+
+    def choice(self, e: Element, key: str) -> str:
+        """One of the words that an attribute may have, or "" where it is absent."""
+        plain = re.sub("^second_", "", key)
+        options = _VALUES.get(f"{e.tag}.{plain}") or _VALUES.get(plain, ("true", "false"))
+        value = e.attributes.get(key, "")
+        return value if value in ("", *options) else self.unknown(e, key, f"one of {' '.join(options)}")
+
+    def flag(self, e: Element, key: str) -> bool:
+        """Whether an attribute is true."""
+        return self.choice(e, key) == "true"
+
+    def bend(self, e: Element, key: str) -> str:
+        """A bend by name, or three digits of quarters."""
+        value = e.attributes.get(key, "")
+        if value in ("", *_VALUES["mainbend"]) or re.fullmatch("[0-4]{3}", value):
+            return value
+        numbers = re.findall(r"[01]\.\d+?(?=[01]\.|$)", value.replace(" ", ""))
+        if len(numbers) == 3 and all(float(n) <= 1.0 for n in numbers):
+            mended = "".join(str(round(4.0 * float(n))) for n in numbers)
+            self.reading.note(f"{key}={value!r} is read as three numbers, {mended} quarters", e.line)
+            return mended
+        return self.unknown(e, key, f"one of {' '.join(_VALUES['mainbend'])} or three digits from 0 to 4")
+
+    def digits(self, e: Element, key: str) -> tuple[int, ...]:
+        """Fingers from 1 to 5."""
+        value = e.attributes.get(key, "")
+        if not re.fullmatch("[1-5]{0,5}", value):
+            value = self.unknown(e, key, "digits from 1 to 5")
+        return tuple(map(int, value))
+
+    def letters(self, e: Element, key: str) -> str:
+        """Letters of a direction, "" where it is absent or its letters cancel."""
+        value = e.attributes.get(key, "")
+        if not re.fullmatch("[udlroi]{0,6}", value):
+            return self.unknown(e, key, "letters of u d l r o i")
+        kept = value
+        for pair in ("ud", "lr", "oi"):
+            if all(letter in kept for letter in pair):
+                kept = "".join(letter for letter in kept if letter not in pair)
+                self.reading.note(f"{key}={value}: {pair[0]} and {pair[1]} cancel", e.line)
+        return kept
+
+    def words(self, e: Element, key: str, needed: bool = False) -> tuple[str, ...]:
+        """One direction, or two of which the mean is meant."""
+        found = tuple(filter(None, (self.letters(e, key), self.letters(e, f"second_{key}"))))
+        if needed and not found:
+            raise self.reading.error(f"has no {key}, expected letters of u d l r o i", f"<{e.tag}>", e.line)
+        return found

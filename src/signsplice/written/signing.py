@@ -1,0 +1,108 @@
+"""Written signs as clips: the compiler's sign, signed by the standard signer, with its face."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.body import collision
+from signsplice.errors import InputError
+from signsplice.motion import Clip, kinematics, rotation
+from signsplice.signer import planner
+from signsplice.signer.planner import FPS
+from signsplice.signer.signer import JOINTS
+from signsplice.written import files, nonmanual
+from signsplice.written.compiler import compile_sign
+from signsplice.written.nonmanual import with_shoulders
+from signsplice.written.tree import WrittenSign
+
+_FASTEST_CM_S = 350.0
+"""An elbow that is faster about its shoulder jumps; those of the words that ship stay below 275."""
+
+_DEEPEST_CM = 0.5
+"""How deep a hand may lie in the body."""
+_FASTEST_TURN = 30.0
+"""What turns faster, radians a second, turns over: from one of its limits to the other in a frame."""
+
+
+def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
+    """The clip of a written sign, named by its gloss, from rest to rest. Raises ``InputError`` that names gloss, symbol
+    and place for what cannot be made, or, where ``lenient``, is as usual where it is not written.
+    """
+    word = planner.isolated(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
+    hands = word.events.start, word.events.end + 1
+    clip = nonmanual.with_face(with_shoulders(word.clip, sign, hands), sign, hands)
+    return replace(clip, notes=(*clip.notes, *deep_hands(clip), *jumps(clip)))
+
+
+def deep_hands(clip: Clip) -> Iterator[str]:
+    """A line for the hand that lies too deep in the body."""
+    depth = collision.hand_depths(clip)
+    if depth.max() > _DEEPEST_CM:
+        yield f"a hand lies {10.0 * depth.max():.0f} mm deep in the body at frame {depth.argmax()}; look at the sign"
+
+
+def jumps(clip: Clip) -> Iterator[str]:
+    """A line for the elbow that goes, and for what turns, more in a frame than an arm can."""
+    chest, *arms = (JOINTS[name] for name in ("Spine2", "LeftArm", "LeftForeArm", "RightArm", "RightForeArm"))
+    rotations, positions = kinematics.forward(clip, [chest, *arms])
+    seen = np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1])
+    steps = np.linalg.norm(np.diff(seen[:, 1::2] - seen[:, ::2], axis=0), axis=-1).max(axis=1) * clip.fps
+    jumped = bool(steps.size) and bool(steps.max() > _FASTEST_CM_S)
+    if jumped:
+        yield f"an elbow jumps at frame {int(steps.argmax()) + 1}: the arm cannot do what is written; look at the sign"
+    for part, name in (("Arm", "an upper arm"), ("ForeArm", "a forearm"), ("Hand", "a hand"))[jumped:]:
+        arms = [JOINTS[side + part] for side in ("Left", "Right")]
+        turns = rotation.angle_between(clip.local_rotations[1:, arms], clip.local_rotations[:-1, arms]).max(axis=1)
+        if turns.size and turns.max() * clip.fps > _FASTEST_TURN:
+            at = int(turns.argmax()) + 1
+            yield f"{name} turns over at frame {at}: it cannot turn as is written; look at the sign"
+
+
+def warnings(sign: WrittenSign) -> tuple[str, ...]:
+    """What a reader mended or left out of a sign, and what of its face and body is not made, one line each."""
+    return tuple(f"{sign.where.file}: {sign.gloss}: {line}" for line in (*sign.notes, *nonmanual.left_out(sign)))
+
+
+def find(path: str | Path, gloss: str = "", lenient: bool = False) -> WrittenSign:
+    """A sign of a file by its gloss in any case, or the only one. Raises ``InputError`` for what is not there, or what
+    refuses it.
+    """
+    read = files.read(path, lenient)
+    wanted = [sign for name, sign in read.signs.items() if not gloss or name.casefold() == gloss.casefold()]
+    if len(wanted) == 1:
+        return wanted[0]
+    refused = [error for error in read.refused if not gloss or f" {gloss.casefold()}: " in str(error).casefold()]
+    if refused and not wanted:
+        raise refused[0]
+    base = gloss.partition("#")[0].casefold()
+    names = sorted(read.signs, key=lambda name: name.partition("#")[0].casefold() != base)
+    shown = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+    what = f"no sign {gloss[:60]!r}" if gloss else f"{len(read.signs)} signs"
+    raise InputError(f"{path}: {what}, expected the gloss of one of its signs: {shown}")
+
+
+def sign(path: str | Path, gloss: str = "", *, fps: float = FPS, lenient: bool = False) -> Clip:
+    """A sign of a file of SiGML or HamNoSys (``.sigml``, ``.csv``, ``.json``, ``.txt``) as a clip with its face.
+
+    gloss: of a sign, GLOSS#2 for the second of a gloss; may be left out where the file has one sign. lenient: leave out
+    what is not understood. No signer has checked such signs. Raises ``InputError`` for what is not there, not
+    understood, or not made.
+    """
+    return signed(find(path, gloss, lenient), fps, lenient)
+
+
+def clips(content: bytes, name: str, most: int, fps: float = FPS) -> Iterator[Clip]:
+    """The clips of all signs of a file's content, in its order. Raises ``InputError`` for the first that is refused, or
+    more than ``most``.
+    """
+    read = files.parse(content, name)
+    if read.refused:
+        raise read.refused[0]
+    if len(read.signs) > most:
+        raise InputError(f"{name}: {len(read.signs)} signs, expected at most {most}")
+    for one in read.signs.values():
+        yield signed(one, fps)
