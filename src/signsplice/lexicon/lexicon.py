@@ -84,9 +84,9 @@ class Lexicon:
     path: of the first source. where, form, n_bytes: as of ``Source``, of all.
     """
 
-    def __init__(self, *sources: str | Path | Source) -> None:
+    def __init__(self, first: str | Path | Source, *others: str | Path | Source) -> None:
         self.sources: tuple[Source, ...] = tuple(
-            StoredWords(source) if isinstance(source, (str, Path)) else source for source in sources
+            StoredWords(source) if isinstance(source, (str, Path)) else source for source in (first, *others)
         )
         self.path = self.sources[0].path
         self.where = " and ".join(filter(None, (source.where for source in self.sources)))
@@ -238,7 +238,7 @@ SignT = TypeVar("SignT", bound="Sign | WrittenSign")
 
 
 class SignedWords(Generic[SignT]):
-    """A source whose words the synthetic signer makes when they are asked for; they stand in no list.
+    """A source whose words the synthetic signer makes when they are asked for. It lists none and stores nothing.
 
     path, where, form, n_bytes: as of ``Source``.
     """
@@ -248,52 +248,52 @@ class SignedWords(Generic[SignT]):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._sign_of, self._signed = lru_cache(_N_KEPT)(self.sign_of), lru_cache(_N_KEPT)(self._entry_and_clip)
+        self._find_sign, self._make = lru_cache(_N_KEPT)(self.find_sign), lru_cache(_N_KEPT)(self._make_word)
 
-    def sign_of(self, name: str) -> SignT | None:
+    def find_sign(self, name: str) -> SignT | None:
         """The sign that a name stands for, None where there is none."""
         raise NotImplementedError
 
-    def signed(self, sign: SignT) -> tuple[Clip, str, str]:
+    def make_clip(self, sign: SignT) -> tuple[Clip, str, str]:
         """The clip of a sign, who signs it, and where it comes from."""
         raise NotImplementedError
 
     def find(self, name: str) -> SourceWord | None:
-        """The word with this gloss, None where there is none."""
-        sign = self._sign_of(name)
+        """The word that a name stands for, None where there is none."""
+        sign = self._find_sign(name)
         if sign is None:
             return None
-        return SourceWord(gloss_of(sign.gloss), lambda: self._signed(sign)[0], lambda: self._signed(sign)[1])
+        return SourceWord(gloss_of(sign.gloss), lambda: self._make(sign)[0], lambda: self._make(sign)[1])
 
-    def _entry_and_clip(self, sign: SignT) -> tuple[Entry, Clip]:
+    def _make_word(self, sign: SignT) -> tuple[Entry, Clip]:
         from signsplice.lexicon.builder import prepare
 
-        clip, signer, source = self.signed(sign)
+        clip, signer, source = self.make_clip(sign)
         return prepare(clip, "float32").entry(gloss_of(sign.gloss), "sign", (), signer, source), clip
 
     def lists(self, name: str) -> bool:
-        """False."""
+        """Whether a word is listed: never."""
         return False
 
     def names(self) -> list[tuple[str, str, bool]]:
-        """None."""
+        """The names that are listed: none."""
         return []
 
     def entries(self) -> Iterator[Entry]:
-        """None."""
+        """The entries that are listed: none."""
         return iter(())
 
     def faults(self, progress: Progress | None = None) -> Iterator[str]:
-        """None."""
+        """What is damaged: nothing."""
         return iter(())
 
     warnings = faults
 
     def verify(self) -> None:
-        """Nothing is stored."""
+        """Does nothing."""
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Does nothing."""
 
 
 class FormsOfSigns(SignedWords["Sign"]):
@@ -316,7 +316,7 @@ class FormsOfSigns(SignedWords["Sign"]):
 
         return {name: sign for sign in notation.everyday().values() for name in (*sign.synonyms, sign.gloss)}
 
-    def sign_of(self, name: str) -> Sign | None:
+    def find_sign(self, name: str) -> Sign | None:
         """The form that a gloss names, None where there is none."""
         if "-" not in name:
             return None
@@ -326,7 +326,7 @@ class FormsOfSigns(SignedWords["Sign"]):
             return inflection.form(self._signs, name.upper())
         return None
 
-    def signed(self, sign: Sign) -> tuple[Clip, str, str]:
+    def make_clip(self, sign: Sign) -> tuple[Clip, str, str]:
         """The clip of a form, named by its gloss (2-GIVE-1)."""
         from signsplice.signer import planner
 
@@ -347,11 +347,11 @@ class WrittenWords(SignedWords["WrittenSign"]):
     def __reduce__(self) -> tuple[type[WrittenWords], tuple[Path]]:
         return type(self), (self.path,)
 
-    def sign_of(self, name: str) -> WrittenSign | None:
+    def find_sign(self, name: str) -> WrittenSign | None:
         """The sign with this gloss, None where there is none."""
         return self._signs.get(fold(name))
 
-    def signed(self, sign: WrittenSign) -> tuple[Clip, str, str]:
+    def make_clip(self, sign: WrittenSign) -> tuple[Clip, str, str]:
         """The clip of a sign, of no named signer."""
         from signsplice.written import signing
 
