@@ -12,13 +12,13 @@ import httpx
 import numpy as np
 import pytest
 from hypothesis import settings
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 from serving import http_client, wait_until_warm
 from signing import sign
 from signsplice.formats import load
 from signsplice.lexicon import shipped
 from signsplice.motion import Clip, EndSite, Skeleton, rotation
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
 ROOT = Path(__file__).resolve().parent
 REAL = ROOT.parent / "shared" / "data" / "bvh"

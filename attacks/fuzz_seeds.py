@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Recipe, write_pairs
 
 import fuzz_networks
 import signsplice as ss
@@ -27,7 +28,6 @@ from signsplice.motion import Clip, EndSite, Skeleton, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.signer import notation
 from signsplice.splicing import report as reports
-from signsplice.synth.corpus import Recipe, write_pairs
 
 ROOT = Path(__file__).resolve().parents[1]
 CLASSICAL = ss.SpliceOptions("pose-velocity", "hermite", "tempo")

@@ -16,6 +16,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from signsplice_workshop.corpora.pairs import KINDS, Pairs
+
 import fuzz_avatars
 import fuzz_clips
 import fuzz_folders
@@ -44,7 +46,6 @@ from signsplice.service import scene
 from signsplice.signer import notation, planner
 from signsplice.splicing import report as reports
 from signsplice.splicing.options import open_learned
-from signsplice.synth.pairs import KINDS, Pairs
 from signsplice.written import files as written
 
 CORPUS = ROOT / "tests" / "fuzz_corpus"

@@ -22,14 +22,15 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import torch
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train import checkpoint
+from signsplice_workshop.train import export as quantization
+from signsplice_workshop.train.processes import Processes
 
 from signsplice import cli, lexicon
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.splicing import runtime as _runtime  # noqa: F401  (imported before the first fork)
-from signsplice.synth.corpus import Pairs
-from signsplice.train import checkpoint, quantization
-from signsplice.train.processes import Processes
 from signsplice_paper.train import scales, training
 
 N_KILLS = 20

@@ -21,9 +21,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from signsplice.evaluation.bodies import FITTED, ROTATIONS
-from signsplice.evaluation.seams import STITCHER
-from signsplice.evaluation.tables import csv_text, markdown
+from signsplice_workshop.measure.bodies import FITTED, ROTATIONS
+from signsplice_workshop.measure.measures import csv_text, markdown
+from signsplice_workshop.measure.seams import STITCHER
 
 Figures = Mapping[str, Any]
 """What a measurement stored: `rows`, `signature`, and `made_with` where it was recorded."""
@@ -537,7 +537,7 @@ def write_corpus_page(work: Path, real: Path, docs: Path) -> None:
 
 def write_bulk_page(work: Path, docs: Path) -> None:
     """The page of sentences in bulk."""
-    from signsplice.bulk import bench as benches
+    from signsplice.bench import bulk as benches
 
     figures = measure("scale", "bench bulk --json", work, None)
     (docs / "scale.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

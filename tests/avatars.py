@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from signsplice_workshop.measure.bodies import BodyProportions, stretched
 
 from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
-from signsplice.evaluation.stretched_bodies import BodyProportions, stretched
 from signsplice.lexicon import shipped
 from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info

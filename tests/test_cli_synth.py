@@ -9,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import pairs as corpus
+from signsplice_workshop.corpora import pseudo
+from signsplice_workshop.corpora.pairs import Pairs, Recipe
 
 from signing import sign
 from signsplice.formats import load
 from signsplice.motion import kinematics
 from signsplice.signer import notation
 from signsplice.signer.signer import draw_signer
-from signsplice.synth import corpus, pseudo
-from signsplice.synth.corpus import Pairs, Recipe
 
 NOTATION = """\
 # two words
@@ -133,7 +134,7 @@ def test_pairs_are_those_of_the_library_and_of_one_process(folder: Path, tmp_pat
 
 
 def test_words_are_drawn_by_seed_and_keep_their_order() -> None:
-    from signsplice.cli.synth import _chosen
+    from signsplice.cli.synth import chosen_signs as _chosen
 
     order = list(notation.everyday())
     drawn = [[one.gloss for one in _chosen(None, 9, 0, seed)] for seed in (4, 4, 5)]

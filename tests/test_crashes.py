@@ -22,6 +22,9 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import random_clip
+from signsplice_workshop.corpora import pairs as corpus
+from signsplice_workshop.corpora import training_data, truth
+from signsplice_workshop.corpora.pairs import Recipe, write_pairs
 
 from faults import DONE_DESPITE, KILLED, REFUSED, every_operation
 from signing import sign
@@ -30,8 +33,6 @@ from signsplice.errors import InputError
 from signsplice.formats import atomic, save
 from signsplice.splicing import report
 from signsplice.splicing.bundle import write_bundle
-from signsplice.synth import corpus, training_data, truth
-from signsplice.synth.corpus import Recipe, write_pairs
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")
 
@@ -64,7 +65,7 @@ def write_networks(folder: Path, seed: int) -> None:
 
 def write_checkpoint(folder: Path, seed: int) -> None:
     torch = pytest.importorskip("torch")
-    from signsplice.train import checkpoint
+    from signsplice_workshop.train import checkpoint
 
     network = torch.nn.Linear(2, 2)
     torch.nn.init.constant_(network.weight, seed)

@@ -12,8 +12,8 @@ from importlib import import_module
 from pathlib import Path
 
 import torch
+from signsplice_workshop.train import processes
 
-from signsplice.train import processes
 from training_toys import train_example
 
 if __name__ == "__main__":

@@ -12,17 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+from signsplice_workshop.train.cut_data import CutDataset
+from signsplice_workshop.train.loop import LoopConfig, train
+from signsplice_workshop.train.prefetch import Dataset, Rows
+from signsplice_workshop.train.processes import Processes
+from signsplice_workshop.train.tasks import BridgeTask, Task
+from signsplice_workshop.train.training import FILES, ProductTraining, build, dataset
 
 from signsplice.signer import notation
-from signsplice.synth import training_data
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
-from signsplice.train.bridge_task import BridgeTask
-from signsplice.train.cut_data import CutDataset
-from signsplice.train.loop import LoopConfig, train
-from signsplice.train.prefetch import Dataset, Rows
-from signsplice.train.processes import Processes
-from signsplice.train.task import Task
-from signsplice.train.training import FILES, ProductTraining, build, dataset
 
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")
 ALONE = Processes(0, 1, torch.device("cpu"))

@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pytest
+from signsplice_workshop.train import checkpoint
+from signsplice_workshop.train import records as log
+from signsplice_workshop.train.prefetch import Dataset
+from signsplice_workshop.train.tasks import Task
 
-from signsplice.train import checkpoint, log
-from signsplice.train.prefetch import Dataset
-from signsplice.train.task import Task
 from training_toys import corpus, signing, train_example
 
 Make = Callable[[str], tuple[Task, Dataset, Dataset]]

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from signsplice_workshop.corpora import pseudo
 
 from signsplice.errors import InputError
 from signsplice.signer import notation, planner
 from signsplice.signer.locations import ON_HEAD
 from signsplice.signer.phonology import Sign, in_space, on_arm
-from signsplice.synth import pseudo
 from signsplice.written import files
 from signsplice.written.compiler import compile_sign
 

@@ -13,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from signsplice_workshop.corpora import sentences as running
 
 import signsplice as ss
 from signing import SIGNS
@@ -24,7 +25,6 @@ from signsplice.signer import planner, pose
 from signsplice.signer.phonology import IN_SPACE, Segment
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, STANDARD
-from signsplice.synth import running
 
 MOVING_CM_S = 10.0
 """A frame moves where a wrist or a fingertip is faster from the chest than the first."""

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import GOLDEN
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 from signing import sign
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice_paper import protocol
 from signsplice_paper.prediction import Prediction
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import FILES, Pairs
 
 from signsplice.cli.terminal import size
 from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.motion import Clip, kinematics
-from signsplice.synth import training_data
-from signsplice.synth.pairs import FILES, Pairs
 from signsplice_paper import clip_methods, own_words, pair_export, protocol
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.own_clips import ClipChoice

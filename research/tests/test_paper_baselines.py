@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora.pairs import Pairs
 
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import baselines, bias, protocol, viewed
 from signsplice_paper.baselines import Linear, Ridge, RidgeAnswers, WordCuts, fitted
 from signsplice_paper.extra_metrics import number_layout

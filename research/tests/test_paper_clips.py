@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
+from signsplice_workshop.corpora.pairs import scaled_positions, signer_space
 
 import signsplice as ss
 from registration import registered  # noqa: F401
@@ -21,8 +22,6 @@ from signsplice.motion import Clip, kinematics
 from signsplice.signer.signer import STANDARD, draw_signer, skeleton, stature
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.contracts import Gap
-from signsplice.synth.corpus import scaled_positions
-from signsplice.synth.pairs import signer_space
 from signsplice_paper.systems.clips import ClipSplicer, open_clip_splicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
 from test_paper_systems import Fakes, fake_system, tokens

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import bundles, clip_methods, judging, kept_frames, metrics, protocol, published
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.prediction import Prediction

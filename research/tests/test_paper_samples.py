@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import truth
 
 from signsplice.errors import InputError
 from signsplice.signer import notation
 from signsplice.signer.signer import stream
-from signsplice.synth import truth
 from signsplice_paper import margins, mean_transition, pair_samples, protocol
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.margins import cut_margins

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 from signsplice.motion import FloatArray
 from signsplice.signer import notation
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice_paper import bleu, bundles, curve, metrics, results
 from signsplice_paper.configs import read_config
 from signsplice_paper.curve import Curve

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from signsplice_workshop.measure import avatars as avatar_measures
 
 import avatars
 import signsplice as ss
@@ -16,7 +17,6 @@ from signsplice.body.capsules import Avatar, body_capsules
 from signsplice.body.contacts import posed_body
 from signsplice.body.skin_surface import Relief, SkinPoints
 from signsplice.cli.commands import app
-from signsplice.evaluation import avatars as avatar_measures
 from signsplice.lexicon import shipped
 from signsplice.rig.align import copy_rotations, reference
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-
-from signsplice.evaluation.tables import HEAD, Quantity, misses, table
+from signsplice_workshop.measure.measures import HEAD, Quantity, misses, table
 
 FIVE = (160.0, 200.0, 250.0, 320.0, 480.0)
 

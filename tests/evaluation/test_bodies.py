@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
+from signsplice_workshop.measure import bodies, body_pictures
+from signsplice_workshop.measure.bodies import BODIES, BodyProportions, SourceClip, stretched
 
 from signing import word
 from signsplice.body import arm_ik
 from signsplice.body.capsules import BodyShape, shaped_capsules
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.evaluation import bodies, body_pictures
-from signsplice.evaluation.body_measures import SourceClip
-from signsplice.evaluation.stretched_bodies import BODIES, BodyProportions, stretched
 from signsplice.lexicon import shipped
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
@@ -155,7 +154,7 @@ def test_the_command_prints_rows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_command_takes_captures_for_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    from signsplice.cli import evaluation
+    from signsplice_workshop.cli import evaluate as evaluation
 
     monkeypatch.setattr(bodies.compare, "__defaults__", ({"small head": BODIES["small head"]}, None))
     monkeypatch.setattr(evaluation, "load", lambda file, roles: CLIP)

@@ -7,13 +7,13 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.measure import collisions
 
 from signsplice.cli.commands import app
-from signsplice.evaluation import collisions
 from signsplice.splicing.collisions import avoid_collisions, depths
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import TRANSITIONS
-from signsplice.synth.corpus import Pairs
 
 
 def test_rows_count_gaps_and_frames(pairs: Pairs) -> None:

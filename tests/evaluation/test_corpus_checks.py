@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from signsplice_workshop.corpora.pairs import Pairs, scaled_positions
+from signsplice_workshop.measure import corpus_checks
 
 from signing import sign
-from signsplice.evaluation import corpus_checks
 from signsplice.motion import FloatArray, rotation
 from signsplice.signer import notation, planner, pose
 from signsplice.signer.locations import resting
 from signsplice.signer.signer import JOINTS, STANDARD
-from signsplice.synth.corpus import Pairs, scaled_positions
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}
 

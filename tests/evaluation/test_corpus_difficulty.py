@@ -6,12 +6,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.measure import corpus_difficulty
 
-from signsplice.evaluation import corpus_difficulty
 from signsplice.signer import notation
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS
-from signsplice.synth.corpus import Pairs
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}
 

@@ -10,19 +10,21 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from signsplice_workshop.corpora import pseudo
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+from signsplice_workshop.measure import corpus_checks, corpus_page, corpus_pictures
+from signsplice_workshop.measure import corpus_page as realism_tables
+from signsplice_workshop.measure import corpus_realism as sign_kinds
+from signsplice_workshop.measure.corpus_difficulty import BY_WORD
+from signsplice_workshop.measure.measures import markdown, tables_in
 
 from signing import made, sign, word
 from signsplice.errors import InputError
-from signsplice.evaluation import corpus_checks, corpus_page, corpus_pictures, realism_tables, sign_kinds
-from signsplice.evaluation.corpus_difficulty import BY_WORD
-from signsplice.evaluation.tables import markdown, tables_in
 from signsplice.formats import save
 from signsplice.motion import Clip, concatenate, rotation
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import TRANSITIONS, find_transition
 from signsplice.splicing.cutters import CUTTERS
-from signsplice.synth import pseudo
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
 DOCS = Path(__file__).parents[2] / "docs" / "measured" / "corpus.md"
 FORWARD = "X shape=1 at=space palm=down fingers=fwd", "M shift=0,0,14", "H"

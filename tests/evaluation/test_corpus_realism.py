@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.measure import corpus_realism
+from signsplice_workshop.measure.corpus_realism import signer_motion
+from signsplice_workshop.measure.hands import flexions
+from signsplice_workshop.measure.measures import percentiles
 
 from signing import SIGNS, mirror
-from signsplice.evaluation import corpus_realism
-from signsplice.evaluation.hands import flexions
-from signsplice.evaluation.signer_motion import signer_motion
-from signsplice.evaluation.tables import percentiles
 from signsplice.motion import Clip
 from signsplice.rig.roles import FINGERS
 from signsplice.signer import pose
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import resting
 from signsplice.signer.signer import STANDARD
-from signsplice.synth.corpus import Pairs
 
 
 @pytest.mark.parametrize("plane", [(0, 1), (1, 2)])

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from signsplice import lexicon
 from signsplice.cli.lexicon import lexicon as commands
-from signsplice.evaluation import lexicon_page
+from signsplice.lexicon import page as lexicon_page
 from signsplice.motion import rotation
 
 pytest.importorskip("PIL")

@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from signsplice_workshop.measure import seams
+from signsplice_workshop.measure.seams import GAP_S, LONGEST_S, SeamRow, stitch
 
 from signing import sign, word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.evaluation import seams
-from signsplice.evaluation.seam_rows import SeamRow
-from signsplice.evaluation.stitcher import GAP_S, LONGEST_S, stitch
 from signsplice.motion import Clip
 from signsplice.rig.info import arms, rig_info
 from signsplice.signer.signer import RESTS

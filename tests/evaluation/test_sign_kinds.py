@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+from signsplice_workshop.measure import corpus_realism as sign_kinds
 
 from signing import sign
-from signsplice.evaluation import sign_kinds
 from signsplice.motion import Clip
 from signsplice.signer import notation
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 
 SIGNS = notation.parse(
     """\

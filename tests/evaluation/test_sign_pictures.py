@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice.synth.preview import DOT, write_preview
 
 from signing import SIGNS, made
-from signsplice.evaluation import notation_pictures, sign_pictures
-from signsplice.evaluation.sign_pictures import DOT, write_preview
 from signsplice.render.picture import dotted, draw, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.signer import notation, phonology, planner
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.signer import STANDARD, draw_signer
 from signsplice.signer.tables import FOLDER
+from signsplice.synth import preview as notation_pictures
+from signsplice.synth import preview as sign_pictures
 
 Image = pytest.importorskip("PIL.Image")
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.corpus_realism import half_changed_at, reaches, signer_motion
+from signsplice_workshop.measure.hands import busier_side, hand_likeness
 
 from signing import mirror, word
-from signsplice.evaluation.hands import busier_side, hand_likeness
-from signsplice.evaluation.signer_motion import half_changed_at, reaches, signer_motion
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.signer import pose
 from signsplice.signer.locations import resting

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.faces import random_face, with_random_face
 
 import face_avatars
 import signsplice as ss
 from gltf_documents import ARM, document, load_document, rotating
 from signsplice.errors import FormatError, LimitError
-from signsplice.evaluation.faces import random_face, with_random_face
 from signsplice.formats import glb, live_link, vrma
 from signsplice.formats.gltf_face import lost_in, target_names, vrm_expressions
 from signsplice.formats.gltf_writer import DocumentWriter

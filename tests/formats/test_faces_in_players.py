@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.faces import random_face
 
 import face_avatars
 import signsplice as ss
-from signsplice.evaluation.faces import random_face
 from signsplice.motion import Clip
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"

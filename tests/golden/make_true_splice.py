@@ -11,10 +11,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from signsplice_workshop.corpora import sentences as running
+from signsplice_workshop.corpora import truth
+
 from signsplice.motion import kinematics
 from signsplice.signer import notation, planner
 from signsplice.signer.signer import JOINTS, draw_signer
-from signsplice.synth import running, truth
 
 HERE = Path(__file__).parent
 WORDS = ("MOTHER", "LEARN")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
+from signsplice_workshop.measure.hidden_frames import hidden_frames, table
 
 from signing import word
-from signsplice.evaluation.hidden_frames import hidden_frames, table
 from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, resample, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info

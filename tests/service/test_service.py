@@ -16,6 +16,7 @@ import httpx
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
+from signsplice_workshop.measure.faces import with_random_face
 from websockets.sync.client import ClientConnection
 
 import generate
@@ -25,7 +26,6 @@ from serving import PATIENCE_S, stream_client
 from signing import marked
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
-from signsplice.evaluation.faces import with_random_face
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
 from signsplice.motion import Clip, rotation

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.faces import with_random_face
 
 import signsplice as ss
 from signing import marked
-from signsplice.evaluation.faces import with_random_face
 from signsplice.lexicon import sentence as lines
 from signsplice.lexicon.lexicon import shipped
 from signsplice.motion import Clip, concatenate

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 
 import signsplice as ss
 from signing import marked
 from signsplice.bulk.maker import motion_sha256
-from signsplice.evaluation.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 from signsplice.motion import Clip, concatenate, resample, sampled
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import random_clip
+from signsplice_workshop.measure.hands import wrist_positions
 
 import signsplice as ss
 from other_rigs import mirror
@@ -18,7 +19,6 @@ from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
-from signsplice.evaluation.hands import wrist_positions
 from signsplice.motion import Clip, concatenate, kinematics
 from signsplice.rig.align import reference
 from signsplice.rig.info import TRUNK, rig_info

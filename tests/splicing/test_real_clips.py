@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from signsplice_workshop.measure.hidden_frames import hidden_frames
 
-from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.formats import bvh
 from signsplice.motion import Clip, kinematics, resample, rotation
 from signsplice.motion.euler import ROTATIONS

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.hands import keeps_stroke, stroke
 
 from made_words import KINDS, made_words
 from signing import SIGNS, sign, word
-from signsplice.evaluation.strokes import keeps_stroke, stroke
 from signsplice.motion import Clip, concatenate, resample
 from signsplice.rig.info import arms
 from signsplice.signer import planner

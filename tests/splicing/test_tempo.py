@@ -14,14 +14,14 @@ from conftest import random_clip
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import find_peaks
+from signsplice_workshop.measure.hands import wrist_positions
+from signsplice_workshop.measure.tempo import compare, draw_words, table
 
 from reference_poses import arms_out, with_pose
 from signing import word
 from signsplice.body.retarget import align
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.evaluation.hands import wrist_positions
-from signsplice.evaluation.tempo import compare, draw_words, table
 from signsplice.motion import Clip, concatenate, resample, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.inspection import with_ends_held

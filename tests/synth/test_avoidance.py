@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import seen_from_chest, sign, word, wrists
 from signsplice.body import capsules, collision
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.signer import planner, pose
 from signsplice.signer.collisions import TOLERANCE_CM, clear_collisions, penetration

@@ -7,16 +7,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import truth
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import mirror, sign, signer_of
 from signsplice.body import capsules, collision
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.signer import planner, pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, USUAL, Manner, Signer
-from signsplice.synth import truth
 
 TURNING = Manner(body_motion=1.0)
 MEETING = Manner(head_to_hand=1.0)

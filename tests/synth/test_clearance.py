@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from signsplice_workshop.measure.corpus_checks import skin_distance
 
 from signing import made, word
-from signsplice.evaluation.corpus_checks import skin_distance
 from signsplice.rig.roles import SIDES
 from signsplice.signer.collisions import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.signer.phonology import Sign

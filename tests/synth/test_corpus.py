@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import GOLDEN
+from signsplice_workshop.corpora import pairs as corpus
+from signsplice_workshop.corpora import pseudo, truth
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, draw_splits, write_pairs
 
 from signing import sign
 from signsplice.errors import InputError
@@ -20,8 +23,6 @@ from signsplice.formats import atomic
 from signsplice.motion import kinematics
 from signsplice.signer import planner
 from signsplice.signer.signer import STANDARD, draw_signer, skeleton
-from signsplice.synth import corpus, pseudo, truth
-from signsplice.synth.corpus import Pairs, Recipe, draw_splits, write_pairs
 
 GLOSSES = ("I", "MOTHER", "BOOK", "YES", "fs-A")
 RECIPE = Recipe(tuple(map(sign, GLOSSES)), seed=0, n_other=7)

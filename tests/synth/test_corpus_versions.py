@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import GOLDEN
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import VERSION, Pairs, Recipe, write_pairs
+from signsplice_workshop.measure import corpus_checks, corpus_difficulty
 
 from signing import sign
 from signsplice.errors import InputError
-from signsplice.evaluation import corpus_checks, corpus_difficulty
 from signsplice.signer.signer import PLAIN
-from signsplice.synth import training_data
-from signsplice.synth.corpus import VERSION, Pairs, Recipe, write_pairs
 
 RECIPE = Recipe(tuple(map(sign, ("I", "MOTHER", "BOOK", "YES"))), fps=15.0, n_other=5, truth="word")
 SIGNS = {one.gloss: one for one in RECIPE.signs}

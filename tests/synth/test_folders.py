@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import sentences as running
+from signsplice_workshop.corpora.pairs import Recipe
 
 from signing import sign, word
 from signsplice.errors import InputError
@@ -18,8 +20,7 @@ from signsplice.formats import load
 from signsplice.motion import Clip, kinematics
 from signsplice.signer import planner
 from signsplice.signer.signer import STANDARD, draw_signer, read_signer
-from signsplice.synth import folders, running
-from signsplice.synth.corpus import Recipe
+from signsplice.synth import folders
 
 BVH_CM = 0.01
 """Error of positions by BVH's rounding, cm."""

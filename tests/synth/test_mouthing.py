@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.faces import random_face
 
 from signsplice.errors import InputError
-from signsplice.evaluation.faces import random_face
 from signsplice.motion import Clip
 from signsplice.motion.face import VISEMES
 from signsplice.written.nonmanual import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import mirror, seen_from_chest, signer_of, word
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import FloatArray, kinematics, rotation
 from signsplice.signer import hand, locations, pose
 from signsplice.signer.handshapes import HANDSHAPES

@@ -6,14 +6,14 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import pseudo, truth
+from signsplice_workshop.measure.corpus_checks import over_limit
 
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.signer import locations, phonology, planner, pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import Posture, Sign
 from signsplice.signer.signer import STANDARD, draw_signer, stream
-from signsplice.synth import pseudo, truth
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,8 @@ import itertools
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import sentences as running
+from signsplice_workshop.corpora.sentences import Utterance
 
 from signing import made, seen_from_chest, word
 from signsplice.errors import InputError
@@ -13,8 +15,6 @@ from signsplice.motion import rotation
 from signsplice.signer import pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.signer import JOINTS
-from signsplice.synth import running
-from signsplice.synth.running import Utterance
 
 WEAK_ARM = [n for name, n in JOINTS.items() if name.startswith("Left") and ("Leg" not in name and "Foot" not in name)]
 WEAK_ARM = [n for n in WEAK_ARM if n != JOINTS["LeftToeBase"]]

@@ -9,9 +9,11 @@ from pathlib import Path
 import make_plain_words
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import pseudo, truth
+from signsplice_workshop.corpora import sentences as running
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import SIGNS, sign, signer_of, word, wrists
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import FloatArray
 from signsplice.signer import notation, planner, pose, timing, trajectory
 from signsplice.signer.collisions import penetration
@@ -19,7 +21,6 @@ from signsplice.signer.planner import IsolatedWord, SegmentPlan
 from signsplice.signer.signer import PLAIN, STANDARD, Manner, draw_signer
 from signsplice.signer.timing import Events
 from signsplice.signer.trajectory import Knot, low_passed
-from signsplice.synth import pseudo, running, truth
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
 

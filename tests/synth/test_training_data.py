@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import pseudo, training_data, truth
+from signsplice_workshop.corpora.training_data import TrainingDataPlan
 
 from signsplice.errors import InputError
 from signsplice.motion import rotation
@@ -15,8 +17,6 @@ from signsplice.rig.info import LEFT, ROLES, TIPS, canonical_motion
 from signsplice.signer import planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.signer import RESTS, TRAITS, draw_signer, stream
-from signsplice.synth import pseudo, training_data, truth
-from signsplice.synth.training_data import TrainingDataPlan
 
 PLAN = TrainingDataPlan(n_signers=2, n_words=4, n_seams=5, seed=3, fps=20.0)
 

@@ -8,16 +8,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+from signsplice_workshop.corpora import sentences as running
+from signsplice_workshop.corpora import truth
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import seen_from_chest, word, wrists
 from signsplice.errors import InputError
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.signer import pose, trajectory
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD
 from signsplice.signer.timing import Events
-from signsplice.synth import running, truth
 
 GLOSSES = ("I", "MOTHER", "HELLO", "BOOK", "LEARN", "SIGN", "YES", "YOU", "fs-A")
 PAIRS = [(a, b) for a, b in itertools.product(GLOSSES, repeat=2) if a != b]

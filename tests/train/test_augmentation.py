@@ -7,9 +7,10 @@ import pytest
 
 pytest.importorskip("torch")
 
+from signsplice_workshop.train import gap_data as augmentation
+
 from signsplice.motion import FloatArray, rotation
 from signsplice.rig.info import LEFT, ROLES
-from signsplice.train import augmentation
 
 N_FRAMES = 60
 RNG = np.random.default_rng

@@ -9,6 +9,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from signsplice_workshop.train import tasks as bridge_task  # noqa: E402
+from signsplice_workshop.train.gap_data import GapDataset  # noqa: E402
+from signsplice_workshop.train.networks import Bridge, BridgeConfig, rope_angles, rotary, standardised
+from signsplice_workshop.train.tasks import BridgeTask  # noqa: E402
+
 from signsplice.motion import (  # noqa: E402
     Clip,
     kinematics,
@@ -16,16 +21,6 @@ from signsplice.motion import (  # noqa: E402
 )
 from signsplice.rig import metrics  # noqa: E402
 from signsplice.rig.info import ROLES, TIPS  # noqa: E402
-from signsplice.train import bridge_task  # noqa: E402
-from signsplice.train.bridge_task import BridgeTask  # noqa: E402
-from signsplice.train.gap_data import GapDataset  # noqa: E402
-from signsplice.train.networks.bridge import (  # noqa: E402
-    Bridge,
-    BridgeConfig,
-    rope_angles,
-    rotary,
-    standardised,
-)
 from training_toys import signing  # noqa: E402
 
 RNG = np.random.default_rng(11)

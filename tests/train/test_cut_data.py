@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from signsplice_workshop.train import cut_data
+from signsplice_workshop.train.cut_data import CutDataset, CutDraw, frame_phases, read_words
 
 from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing import word_features as features
 from signsplice.splicing.word_features import PHASES
-from signsplice.train import cut_data
-from signsplice.train.cut_data import CutDataset, CutDraw, frame_phases, read_words
 from training_toys import signing
 
 pytest.importorskip("torch")

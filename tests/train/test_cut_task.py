@@ -8,11 +8,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from signsplice_workshop.train import tasks as cut_task  # noqa: E402
+from signsplice_workshop.train.cut_data import CutDataset  # noqa: E402
+from signsplice_workshop.train.networks import Cutting, CuttingConfig  # noqa: E402
+from signsplice_workshop.train.tasks import CuttingTask  # noqa: E402
+
 from signsplice.splicing import word_features as features  # noqa: E402
-from signsplice.train import cut_task  # noqa: E402
-from signsplice.train.cut_data import CutDataset  # noqa: E402
-from signsplice.train.cut_task import CuttingTask  # noqa: E402
-from signsplice.train.networks.cutting import Cutting, CuttingConfig  # noqa: E402
 from training_toys import signing  # noqa: E402
 
 TOY = CuttingConfig(32, 2, 2, 48, 2, 12, 24)

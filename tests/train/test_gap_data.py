@@ -10,13 +10,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from signsplice_workshop.train import gap_data  # noqa: E402
+from signsplice_workshop.train.gap_data import GapDataset, read_signer  # noqa: E402
+
 from signsplice.motion import Clip, rotation  # noqa: E402
 from signsplice.rig.info import ROLES, canonical_motion  # noqa: E402
 from signsplice.splicing import gap_features  # noqa: E402
 from signsplice.splicing.contracts import Gap  # noqa: E402
 from signsplice.splicing.curves import find_transition  # noqa: E402
-from signsplice.train import gap_data  # noqa: E402
-from signsplice.train.gap_data import GapDataset, read_signer  # noqa: E402
 from training_toys import signing  # noqa: E402
 
 

@@ -9,11 +9,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from signsplice_workshop.train import checkpoint, loop, processes  # noqa: E402
+from signsplice_workshop.train import records as log
+from signsplice_workshop.train.loop import LoopConfig, train  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError, SignspliceError  # noqa: E402
-from signsplice.train import checkpoint, log, loop, processes  # noqa: E402
-from signsplice.train.loop import LoopConfig, train  # noqa: E402
 from training_toys import ALONE, product_toy  # noqa: E402
 
 

@@ -18,10 +18,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from signsplice_workshop.train.prefetch import Dataset, Rows, prefetched  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import SignspliceError  # noqa: E402
-from signsplice.train.prefetch import Dataset, Rows, prefetched  # noqa: E402
 from training_toys import product_toy  # noqa: E402
 
 PARENT = """

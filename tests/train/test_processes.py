@@ -13,12 +13,12 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from click.testing import CliRunner  # noqa: E402
+from signsplice_workshop.train import checkpoint, processes  # noqa: E402
+from signsplice_workshop.train.loop import LoopConfig, train  # noqa: E402
+from signsplice_workshop.train.processes import Processes  # noqa: E402
 
 from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.train import checkpoint, processes  # noqa: E402
-from signsplice.train.loop import LoopConfig, train  # noqa: E402
-from signsplice.train.processes import Processes  # noqa: E402
 from training_toys import product_toy, signing  # noqa: E402
 from two_processes import WAIT_S, check_losses, check_writers, environment, free_port, losses, started, train_by_two  # noqa: E402
 

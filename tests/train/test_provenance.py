@@ -9,8 +9,9 @@ import pytest
 
 pytest.importorskip("torch")
 
+from signsplice_workshop.train import records as provenance
+
 from signsplice.errors import InputError
-from signsplice.train import provenance
 
 
 def test_a_command_has_no_folders_of_this_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,8 @@ torch = pytest.importorskip("torch")
 onnx = pytest.importorskip("onnx")
 
 from click.testing import CliRunner  # noqa: E402
+from signsplice_workshop.train import export as quantization  # noqa: E402
+from signsplice_workshop.train import tuning
 
 from signing import word  # noqa: E402
 from signsplice.cli.commands import app  # noqa: E402
@@ -25,7 +27,6 @@ from signsplice.splicing.bundle import bundle_sha256, read_config  # noqa: E402
 from signsplice.splicing.gap_features import N_TOKEN  # noqa: E402
 from signsplice.splicing.learned import open_sessions  # noqa: E402
 from signsplice.splicing.word_features import N_WORD  # noqa: E402
-from signsplice.train import quantization, tuning  # noqa: E402
 
 TINY = Path(__file__).parents[1] / "golden" / "tiny_bundle"
 

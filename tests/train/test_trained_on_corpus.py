@@ -10,6 +10,12 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+from signsplice_workshop.train import training
+from signsplice_workshop.train.cut_data import CutDataset
+from signsplice_workshop.train.gap_data import GapDataset
+from signsplice_workshop.train.tasks import CuttingTask
 
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
@@ -17,12 +23,6 @@ from signsplice.motion import rotation
 from signsplice.rig.info import canonical_motion
 from signsplice.signer import notation
 from signsplice.splicing.bundle import read_config
-from signsplice.synth import training_data
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
-from signsplice.train import training
-from signsplice.train.cut_data import CutDataset
-from signsplice.train.cut_task import CuttingTask
-from signsplice.train.gap_data import GapDataset
 from training_toys import ALONE, GLOSSES, empty_graphs, signing
 from training_toys import corpus as slow_corpus
 

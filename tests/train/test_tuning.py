@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from conftest import GOLDEN
+from signsplice_workshop.train import records as provenance
+from signsplice_workshop.train import tuning
+from signsplice_workshop.train.export import ExportGraph, compare
 
 from other_rigs import without
 from signing import word
@@ -22,8 +25,6 @@ from signsplice.splicing.bundle import read_config, write_bundle
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import LearnedTransition, open_sessions
-from signsplice.train import provenance, tuning
-from signsplice.train.export import ExportGraph, compare
 from training_toys import ALONE
 
 pytest.importorskip("torch")

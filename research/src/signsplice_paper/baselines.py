@@ -14,11 +14,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 import signsplice as ss
 from signsplice.motion import FloatArray
 from signsplice.splicing.contracts import Cut
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.clip_methods import prediction_of
 from signsplice_paper.culling import cull
 from signsplice_paper.extra_metrics import stretched

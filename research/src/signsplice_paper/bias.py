@@ -6,9 +6,9 @@ It needs no training, and moves no position.
 from __future__ import annotations
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.motion import FloatArray
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.systems.splicers import NONE, POST, PRE, PaperSystem
 
 EMITTED = 0.999

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from signsplice_workshop.corpora.pairs import Pairs
+
 from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
@@ -26,7 +28,6 @@ from signsplice.splicing.durations import CLASSICAL_DURATION
 from signsplice.splicing.learned import FLUENT, LearnedDuration
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.splicing.options import Methods, choose, open_learned
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import GIVEN
 

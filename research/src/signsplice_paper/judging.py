@@ -9,8 +9,9 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+from signsplice_workshop.corpora.pairs import Pairs
+
 from signsplice.errors import InputError
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import (
     assembled,
     baselines,

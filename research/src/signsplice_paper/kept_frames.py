@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.motion import FloatArray
 from signsplice.signer.signer import stream
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.protocol import Answer, Protocol
 from signsplice_paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic
 

@@ -6,9 +6,9 @@ It looks at neither word and finds no position. A system whose Accuracy is below
 from __future__ import annotations
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.motion import FloatArray
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.prediction import Prediction
 

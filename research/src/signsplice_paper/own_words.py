@@ -12,6 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import (
+    FILES,
+    HEAD,
+    KINDS,
+    StoredRow,
+    draw_splits,
+    save_row,
+    write_transitions,
+    write_words,
+)
+from signsplice_workshop.corpora.pool import is_whole
 
 from signsplice.errors import InputError
 from signsplice.formats import skeletons
@@ -19,9 +30,6 @@ from signsplice.formats.atomic import check_folder, replacing_folder, resumable_
 from signsplice.motion.number_space import NumberSpace
 from signsplice.splicing.learned import FLUENT
 from signsplice.splicing.learned import NAME as LEARNED
-from signsplice.synth.corpus import draw_splits
-from signsplice.synth.pairs import FILES, HEAD, KINDS, StoredRow, save_row, write_transitions, write_words
-from signsplice.synth.pool import is_whole
 from signsplice_paper import extra_metrics
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.own_clips import (

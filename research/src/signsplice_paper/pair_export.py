@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice.formats import save
@@ -24,7 +25,6 @@ from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.lexicon.recordings import TABLE
 from signsplice.motion import concatenate
 from signsplice.synth.folders import file_name
-from signsplice.synth.pairs import Pairs
 from signsplice_paper.own_truth import read_positions
 
 Progress = Callable[[int, int], None]

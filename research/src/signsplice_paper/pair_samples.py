@@ -11,8 +11,9 @@ import math
 from collections.abc import Mapping
 from itertools import pairwise
 
+from signsplice_workshop.corpora.pairs import Pairs
+
 from signsplice.signer.signer import stream
-from signsplice.synth.corpus import Pairs
 
 N_TAUGHT = 500
 N_VALID = 256

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice.motion import FloatArray
 from signsplice.signer.signer import stream
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import extra_metrics, metrics, viewed
 from signsplice_paper.prediction import Prediction, System
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import bundles, published
 from signsplice_paper.configs import PaperConfig
 from signsplice_paper.systems import PaperSystem

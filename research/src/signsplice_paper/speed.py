@@ -18,11 +18,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.formats.atomic import replacing
 from signsplice.splicing.learned import FLUENT
 from signsplice.splicing.learned import NAME as LEARNED
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import layout, protocol, published
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.environment import environment, machine

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.motion import FloatArray, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.extra_metrics import NumberLayout, velocity_error
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.from_positions import rotations_from_positions

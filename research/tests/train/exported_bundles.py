@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from signsplice_workshop.train.tasks import Task
 
 from signsplice.splicing.bundle import write_bundle
-from signsplice.train.task import Task
 from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.train import graphs, scales, training
 from signsplice_paper.train.networks.filling import Filler

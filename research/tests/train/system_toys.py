@@ -7,10 +7,10 @@ from dataclasses import replace
 from functools import cache
 
 import torch
+from signsplice_workshop.train.prefetch import Dataset
+from signsplice_workshop.train.tasks import Task
 
 from signsplice.signer.signer import STANDARD, skeleton
-from signsplice.train.prefetch import Dataset
-from signsplice.train.task import Task
 from signsplice_paper.train.networks.cam_stitch import CamStitchConfig
 from signsplice_paper.train.networks.convs2s import ConvS2SConfig
 from signsplice_paper.train.networks.filling import InterpolationConfig, NatConfig

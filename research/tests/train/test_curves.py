@@ -15,9 +15,9 @@ import pytest
 pytest.importorskip("torch")
 
 import torch
+from signsplice_workshop.train.loop import train
 
 from signsplice.errors import InputError
-from signsplice.train.loop import train
 from signsplice_paper import bundles, curve
 from signsplice_paper.configs import PaperConfig, read_config
 from signsplice_paper.systems.splicers import OneNetworkSystem, PaperSystem, TwoNetworkSystem

@@ -8,13 +8,13 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+from signsplice_workshop.train import training
 
 from signsplice.signer import notation
 from signsplice.splicing import word_features as features
 from signsplice.splicing.options import WEIGHTS
-from signsplice.synth import training_data
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
-from signsplice.train import training
 from signsplice_paper.bundles import read_all
 from signsplice_paper.evaluation import corpus_trained_methods
 from signsplice_paper.judging import Judge

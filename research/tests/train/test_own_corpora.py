@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train.processes import Processes
 
 from signing import word
 from signsplice.formats import save
 from signsplice.motion import Clip, Skeleton
-from signsplice.synth.pairs import Pairs
-from signsplice.train.processes import Processes
 from signsplice_paper import own_words
 from signsplice_paper.cli.commands import app
 from signsplice_paper.own_clips import ClipChoice

@@ -14,11 +14,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from signsplice_workshop.train import checkpoint, loop  # noqa: E402
+from signsplice_workshop.train import records as log
+from signsplice_workshop.train.loop import train  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.train import checkpoint, log, loop  # noqa: E402
-from signsplice.train.loop import train  # noqa: E402
 from signsplice_paper.train import stopping  # noqa: E402
 from signsplice_paper.train.stopping import DeadlineError, PaperLoop  # noqa: E402
 from training_toys import ALONE, product_toy  # noqa: E402

@@ -10,8 +10,10 @@ import pytest
 
 pytest.importorskip("torch")
 
+from signsplice_workshop.train import checkpoint
+from signsplice_workshop.train import records as provenance
+
 from signsplice.errors import InputError
-from signsplice.train import checkpoint, provenance
 from signsplice_paper.configs import read_config
 from signsplice_paper.train import training
 from training_toys import ALONE, corpus

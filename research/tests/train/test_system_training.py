@@ -11,12 +11,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from signsplice_workshop.corpora.pairs import Pairs  # noqa: E402
+from signsplice_workshop.train import records as log  # noqa: E402
+from signsplice_workshop.train.loop import train  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.synth.corpus import Pairs  # noqa: E402
-from signsplice.train import log  # noqa: E402
-from signsplice.train.loop import train  # noqa: E402
 from signsplice_paper import plan  # noqa: E402
 from signsplice_paper.culling import cull  # noqa: E402
 from signsplice_paper.train import scales  # noqa: E402

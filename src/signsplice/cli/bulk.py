@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.aliases import moved
+from signsplice.cli.bench import bench
 from signsplice.cli.clips import check_apart, check_output, check_outputs
-from signsplice.cli.evaluation import bench
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import AS_JSON, BUNDLE, DROP_FUNCTION_WORDS, LEXICON, LEXICONS, SEED, added, preset
 from signsplice.cli.terminal import note, require, size, warn
@@ -233,7 +233,7 @@ def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str
     for path in () if output is None else (Path(output), Path(output).with_suffix(".md")):
         atomic.check_writable(path)
     _require_extra()
-    from signsplice.bulk import bench as benches
+    from signsplice.bench import bulk as benches
     from signsplice.lexicon.lexicon import SHIPPED
 
     found = benches.measure(lexicon or str(SHIPPED), count, memory, lambda what: note([f"measuring {what}"]), seed)

@@ -8,8 +8,10 @@ import sys
 from contextlib import suppress
 
 import click
+from signsplice_workshop.cli import evaluate as evaluation
+from signsplice_workshop.cli import train
 
-from signsplice.cli import aliases, bulk, evaluation, files, lexicon, service, splicing, synth, train
+from signsplice.cli import aliases, bulk, files, lexicon, service, splicing, synth
 from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
 

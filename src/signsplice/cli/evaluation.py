@@ -41,7 +41,7 @@ def _measures(measure: Callable[..., Measured]) -> click.Command:
     @AS_JSON
     @wraps(measure)
     def command(as_json: bool, **given: Any) -> None:
-        from signsplice.evaluation.tables import to_json
+        from signsplice_workshop.measure.measures import to_json
 
         signature, rows, lines = measure(**given)
         if as_json:
@@ -59,7 +59,8 @@ def _measures(measure: Callable[..., Measured]) -> click.Command:
 @reads_poses
 def clips(files: tuple[str, ...], fps: float | None, bundle: str | None, roles: str | None) -> Measured:
     """Transitions on frames hidden from clips."""
-    from signsplice.evaluation.hidden_frames import SIGNATURE, hidden_frames, table
+    from signsplice_workshop.measure.hidden_frames import SIGNATURE, hidden_frames, table
+
     from signsplice.splicing.curves import TRANSITIONS
 
     transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
@@ -75,7 +76,7 @@ def clips(files: tuple[str, ...], fps: float | None, bundle: str | None, roles: 
 @BUNDLE
 def seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
     """Methods at the seams of N pairs (100) of words recorded apart."""
-    from signsplice.evaluation import seams as measuring
+    from signsplice_workshop.measure import seams as measuring
 
     with progress("seams") as advance:
         pairs = measuring.word_pairs(n_pairs, rest=rest)
@@ -89,8 +90,8 @@ def seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
 @BUNDLE
 def pairs(folder: str, limit: int | None, bundle: str | None) -> Measured:
     """How deep transitions lead hands into the body."""
-    from signsplice.evaluation import collisions
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora.pairs import Pairs
+    from signsplice_workshop.measure import collisions
 
     corpus = Pairs(folder)
     methods = collisions.compared_transitions(*_learned_transition(bundle))
@@ -111,7 +112,7 @@ def bodies(
     n_words: int | None, files: tuple[str, ...], picture: str | None, fps: float | None, roles: str | None
 ) -> Measured:
     """What words (40 that ship), or clips, keep on other bodies."""
-    from signsplice.evaluation import bodies as measuring
+    from signsplice_workshop.measure import bodies as measuring
 
     if files and n_words is not None:
         raise InputError(f"{n_words} words and --clips, expected one of them")
@@ -126,7 +127,8 @@ def bodies(
     with progress("bodies") as advance:
         rows = measuring.compare(words, aside, progress=advance)
     if picture is not None:
-        from signsplice.evaluation.body_pictures import WORDS, write_pictures
+        from signsplice_workshop.measure.body_pictures import WORDS, write_pictures
+
         from signsplice.lexicon import shipped
 
         with shipped() as lexicon, progress("picture") as advance:
@@ -142,7 +144,8 @@ def bodies(
 @reads_poses
 def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, ...], roles: str | None) -> Measured:
     """How far hands lie from the skin that they touch on avatars."""
-    from signsplice.evaluation import avatars as measuring
+    from signsplice_workshop.measure import avatars as measuring
+
     from signsplice.lexicon import shipped
 
     loaded = [load_avatar(file, roles, skin) for file in files]
@@ -158,7 +161,7 @@ def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, 
 @BUNDLE
 def tempo(n_words: int, bundle: str | None) -> Measured:
     """What running tempo leaves of N words (40), and of others."""
-    from signsplice.evaluation import tempo as measuring
+    from signsplice_workshop.measure import tempo as measuring
 
     with progress("tempo") as advance:
         rows = measuring.compare(measuring.lexicons(n_words), bundle=bundle, progress=advance)
@@ -176,9 +179,9 @@ def corpus(
     corpus: str, page: str | None, images: str | None, real: str | None, real_frames: str | None, as_json: bool
 ) -> None:
     """A synthetic corpus beside real signing and simple rules."""
-    from signsplice.evaluation import corpus_page
-    from signsplice.evaluation.tables import tables_in
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora.pairs import Pairs
+    from signsplice_workshop.measure import corpus_page
+    from signsplice_workshop.measure.measures import tables_in
 
     if page is not None and images is None:
         raise InputError("--page shows pictures; expected --images DIR too")
@@ -240,7 +243,7 @@ def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
     """Measure the speed of every part and of its baselines, in one run; or what a command below names."""
     if ctx.invoked_subcommand is not None:
         return
-    from signsplice.evaluation.speed_parts import measure, table
+    from signsplice.bench.parts import measure, table
 
     with progress("bench") as advance:
         figures = measure(repeats, advance)
@@ -255,7 +258,7 @@ def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
 @AS_JSON
 def service(streams: int, rate: float, seconds: float, minutes: float, as_json: bool) -> None:
     """Measure the service under load: many streams, then many requests, then half of both for longer."""
-    from signsplice.evaluation import speed_service
+    from signsplice.bench import service as speed_service
 
     with progress("bench service") as advance:
         figures = speed_service.measure(streams, seconds, rate, minutes, advance)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from signsplice_workshop.cli.evaluate import corpus
 
 from signsplice.cli.aliases import moved
 from signsplice.cli.clips import check_apart, check_output, check_outputs
-from signsplice.cli.evaluation import corpus
 from signsplice.cli.options import PROCESSES, added, preset
 from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
@@ -51,9 +51,10 @@ def synth() -> None:
 )
 def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: float, **drawn: Any) -> None:
     """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
+    from signsplice_workshop.corpora.pairs import Recipe
+
     from signsplice.signer import checks, notation
     from signsplice.synth import folders
-    from signsplice.synth.corpus import Recipe
 
     check_apart(output, [drawn["signs"]])
     chosen = list(notation.alphabet().values()) if letters and drawn["signs"] is None else []
@@ -83,9 +84,10 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
 
     FILE may be `-`: the words that ship.
     """
-    from signsplice.evaluation import notation_pictures, sign_pictures
     from signsplice.signer import checks, inflection, notation, planner
     from signsplice.synth import folders
+    from signsplice.synth import preview as notation_pictures
+    from signsplice.synth import preview as sign_pictures
 
     if folder is not None:
         if file is not None or output is not None:
@@ -175,8 +177,9 @@ def _only(file: str, signs: dict[str, Sign]) -> str:
 )
 def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **drawn: Any) -> None:
     """Write random sentences of 3 to 12 words as BVH, their isolated words, and the ground truth of every seam."""
+    from signsplice_workshop.corpora.pairs import Recipe
+
     from signsplice.synth import folders
-    from signsplice.synth.corpus import Recipe
 
     check_apart(output, [drawn["signs"]])
     if count < 1:
@@ -200,7 +203,7 @@ def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **dra
 @PROCESSES
 def pairs(output: str, other_signer: int, truth: str, processes: int, seed: int, fps: float, **drawn: Any) -> None:
     """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
-    from signsplice.synth.corpus import Pairs, Recipe, write_pairs
+    from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
     check_apart(output, [drawn["signs"]])
     if other_signer < 0 or processes < 1:
@@ -234,7 +237,7 @@ def endless(
 
     Called again after an interruption, it continues.
     """
-    from signsplice.synth import training_data
+    from signsplice_workshop.corpora import training_data
 
     plan = training_data.TrainingDataPlan(signers, words, seams, seed, _rate(fps), _traits(traits))
     with progress(f"signing by {signers} signers") as advance:
@@ -248,8 +251,8 @@ def endless(
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into.")
 def signing(folder: str, split: str, output: str) -> None:
     """Write the training and validation parts of a corpus of pairs as signing to train networks on."""
-    from signsplice.synth import training_data
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora import training_data
+    from signsplice_workshop.corpora.pairs import Pairs
 
     for path in training_data.write_split(Pairs(folder), split, Path(output)):
         print(f"{path}: {size(path.stat().st_size)}")
@@ -260,9 +263,10 @@ synth.add_command(moved("synth study", corpus, "evaluate corpus"))
 
 def _chosen(signs: str | None, words: int | None, pseudo: int, seed: int, least: int = 1) -> list[Sign]:
     """The signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
+    from signsplice_workshop.corpora.pseudo import sign
+
     from signsplice.signer import notation
     from signsplice.signer.signer import stream
-    from signsplice.synth.pseudo import sign
 
     if pseudo < 0 or (words is not None and words < 0):
         raise InputError(f"--words {words} --pseudo {pseudo}, expected numbers of at least 0")

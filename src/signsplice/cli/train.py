@@ -15,7 +15,7 @@ from signsplice.cli.options import added, preset
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from signsplice.train.loop import ProgressCallback
+    from signsplice_workshop.train.loop import ProgressCallback
 
 _SCALES = ("smoke", "small", "ship", "more", "corpus")
 
@@ -47,7 +47,7 @@ def _train_product(
 ) -> None:
     _check_steps(given["steps"], least=0 if earlier else 1)
     check_extra()
-    from signsplice.train import processes, training
+    from signsplice_workshop.train import processes, training
 
     with processes.joined(device) as process:
         config = training.ProductTraining(network, **given)
@@ -110,8 +110,9 @@ def _tune(
 ) -> None:
     _check_steps(steps)
     check_extra()
+    from signsplice_workshop.train import processes, tuning
+
     from signsplice.splicing.options import WEIGHTS
-    from signsplice.train import processes, tuning
 
     with processes.joined(device) as process:
         config = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
@@ -133,7 +134,7 @@ def export(bundle: str, output: str, int8: bool) -> None:
     loss of accuracy.
     """
     check_extra()
-    from signsplice.train import quantization
+    from signsplice_workshop.train import export as quantization
 
     before, after = quantization.quantize_bundle(Path(bundle), Path(output))
     print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")

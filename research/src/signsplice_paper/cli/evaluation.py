@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from signsplice_workshop.cli.train import check_extra
 
 from signsplice.cli.terminal import progress, warn
-from signsplice.cli.train import check_extra
 from signsplice.errors import InputError
 from signsplice_paper.cli.options import (
     AGAIN,
@@ -71,7 +71,8 @@ def speed(**options: Any) -> None:
     """Time untrained systems of the scale's sizes."""
     call = PaperCall(**options)
     check_extra()
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora.pairs import Pairs
+
     from signsplice_paper import protocol, speed
     from signsplice_paper.train import schedule
 
@@ -94,7 +95,8 @@ def speed(**options: Any) -> None:
 @click.option("-o", "--output", required=True, metavar="DIR", type=click.Path(path_type=Path), help="Folder to make.")
 def predict(bundle: Path, pairs: Path, split: str, output: Path) -> None:
     """Write a trained system's predictions for the test part, as the benchmark's scorer reads them."""
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora.pairs import Pairs
+
     from signsplice_paper import predictions, protocol
     from signsplice_paper.systems import open_bundle
 
@@ -122,7 +124,8 @@ def merge(sources: tuple[str, ...], **options: Any) -> None:
 
 
 def _judge(call: PaperCall) -> None:
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora.pairs import Pairs
+
     from signsplice_paper import evaluation, judging, results
 
     folder, corpus = call.made_folder(), Pairs(call.pairs)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from signsplice_workshop.cli.train import check_extra, progress_printer
 
 from signsplice.cli.terminal import progress, warn
-from signsplice.cli.train import check_extra, progress_printer
 from signsplice.errors import InputError, MissingExtraError
 from signsplice_paper.cli.options import (
     AGAIN,
@@ -105,8 +105,9 @@ def train_system(
     Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice_paper train-system ...
     """
     check_extra()
-    from signsplice.synth.corpus import Pairs
-    from signsplice.train import processes
+    from signsplice_workshop.corpora.pairs import Pairs
+    from signsplice_workshop.train import processes
+
     from signsplice_paper.train import scales, training
     from signsplice_paper.train.stopping import DeadlineError
 
@@ -146,7 +147,8 @@ def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> No
     if limit < 1:
         raise InputError(f"--limit {limit}, expected at least 1")
     check_extra()
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora.pairs import Pairs
+
     from signsplice_paper.train import publishing
 
     for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
@@ -159,7 +161,8 @@ def train_missing(call: PaperCall) -> list[Run]:
     The plan is asked again after every round, because the best rival is known only when all are trained. Raises
     ``InputError`` for a choice that fits nothing in it.
     """
-    from signsplice.synth.corpus import Pairs
+    from signsplice_workshop.corpora.pairs import Pairs
+
     from signsplice_paper import plan
 
     corpus = Pairs(call.pairs)
@@ -215,8 +218,9 @@ def write_curves(call: PaperCall, required: bool) -> None:
     if not required and importlib.util.find_spec("torch") is None:
         return
     check_extra()
-    from signsplice.synth.corpus import Pairs
-    from signsplice.train.processes import pick_device
+    from signsplice_workshop.corpora.pairs import Pairs
+    from signsplice_workshop.train.processes import pick_device
+
     from signsplice_paper.bundles import read_all
     from signsplice_paper.train.curves import CurveJudge
     from signsplice_paper.train.schedule import PARTS

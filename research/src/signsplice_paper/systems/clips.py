@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from signsplice_workshop.corpora.pairs import EXTENT
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, bone_translations, kinematics, rotation
@@ -24,7 +25,6 @@ from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.systems import WholeSystem, is_near
 from signsplice.splicing.word import AlignedWord
-from signsplice.synth.corpus import EXTENT
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_paper.systems.splicers import PaperSystem, TwoNetworkSystem

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 import torch
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train import records as logs
+from signsplice_workshop.train.tasks import Task
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
-from signsplice.synth.corpus import Pairs
-from signsplice.train import log as logs
-from signsplice.train.task import Task
 from signsplice_paper import bundles, curve, pair_samples, protocol
 from signsplice_paper.configs import PaperConfig
 from signsplice_paper.curve import Curve

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import torch
+from signsplice_workshop.train.export import ExportGraph, exported
 from torch import Tensor, nn
 
 from signsplice.errors import SignspliceError
-from signsplice.train.export import ExportGraph, exported
 from signsplice_paper.train.networks.filling import Filler
 from signsplice_paper.train.networks.generator import FRAME, START, Encoded, Generator
 from signsplice_paper.train.networks.spsn import Spsn

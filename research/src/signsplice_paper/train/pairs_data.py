@@ -12,11 +12,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from signsplice_workshop.corpora.pairs import Pairs
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.signer.signer import stream
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.culling import cull
 from signsplice_paper.train.networks.layers import Normaliser
 

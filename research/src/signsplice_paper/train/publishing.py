@@ -6,9 +6,10 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from signsplice_workshop.corpora.pairs import Pairs
+
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import protocol, published_bundles
 from signsplice_paper.configs import read_config
 from signsplice_paper.systems import open_bundle

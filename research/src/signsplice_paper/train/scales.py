@@ -15,10 +15,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from signsplice_workshop.train.tasks import Task
 from torch import nn
 
 from signsplice.errors import InputError
-from signsplice.train.task import Task
 from signsplice_paper.plan import SCALES
 from signsplice_paper.published import BEST_FR
 from signsplice_paper.train.networks.cam_stitch import CamStitch, CamStitchConfig

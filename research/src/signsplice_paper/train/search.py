@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.corpora.pool import Pool
+from signsplice_workshop.train import checkpoint, processes
+from signsplice_workshop.train import records as logs
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import read_json
-from signsplice.synth.corpus import Pairs
-from signsplice.synth.pool import Pool
-from signsplice.train import checkpoint, processes
-from signsplice.train import log as logs
 from signsplice_paper.layout import Table, markdown
 from signsplice_paper.train import training
 from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts

@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from signsplice_workshop.train import records as logs
+from signsplice_workshop.train.loop import LoopConfig
+from signsplice_workshop.train.processes import Processes
+from signsplice_workshop.train.tasks import Task
 from torch import nn
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import replacing
-from signsplice.train import log as logs
-from signsplice.train.loop import LoopConfig
-from signsplice.train.processes import Processes
-from signsplice.train.task import Task
 
 OPTIMISERS = ("adamw", "sgd", "sgd-momentum")
 SGD_RATE = 1e-3

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 import torch
+from signsplice_workshop.train.tasks import Task
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.signer.signer import stream
-from signsplice.train.task import Task
 from signsplice_paper import bias
 from signsplice_paper.metrics import accuracy
 from signsplice_paper.train.losses import counter_loss, frame_loss, last_loss, mixture_loss, token_loss

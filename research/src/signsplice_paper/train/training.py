@@ -12,20 +12,21 @@ from typing import Any
 
 import onnx
 import torch
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train import checkpoint
+from signsplice_workshop.train import records as logs
+from signsplice_workshop.train import records as provenance
+from signsplice_workshop.train.export import check_bundle_folder
+from signsplice_workshop.train.loop import ProgressCallback, train
+from signsplice_workshop.train.prefetch import prefetched
+from signsplice_workshop.train.processes import Processes, only_one
+from signsplice_workshop.train.tasks import Task
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
 from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.runtime import onnxruntime
-from signsplice.synth.corpus import Pairs
-from signsplice.train import checkpoint, provenance
-from signsplice.train import log as logs
-from signsplice.train.export import check_bundle_folder
-from signsplice.train.loop import ProgressCallback, train
-from signsplice.train.prefetch import prefetched
-from signsplice.train.processes import Processes, only_one
-from signsplice.train.task import Task
 from signsplice_paper.plan import SHARED_TRAINING
 from signsplice_paper.train import stopping
 from signsplice_paper.train.graphs import paper_graphs
