@@ -13,12 +13,12 @@ import numpy as np
 
 from signsplice.body.capsules import Avatar, BodyShape, shaped_capsules
 from signsplice.body.mesh_part import MeshPart
-from signsplice.evaluation.stretched_bodies import BodyProportions, stretched
 from signsplice.lexicon import shipped
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Skeleton
 from signsplice.rig.info import rig_info
 from signsplice.rig.t_pose import posed_positions
+from signsplice_workshop.measure.bodies import BodyProportions, stretched
 
 BODIES = {
     "narrow": BodyProportions(0.7, 0.85, shape=BodyShape(trunk_width=0.8)),

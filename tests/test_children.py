@@ -14,7 +14,7 @@ import pytest
 
 POOL = """
 import os, sys, time
-from signsplice.synth.pool import Pool
+from signsplice_workshop.corpora.pool import Pool
 
 def sleep(file):
     with open(file, "w") as made:

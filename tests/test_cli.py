@@ -17,9 +17,10 @@ import pytest
 from other_rigs import on_other_rig, with_rest_pose
 from reference_poses import arms_out, with_pose
 from signsplice import demo, lexicon
+from signsplice.bench import parts as speed_learned
+from signsplice.bench import parts as speed_parts
 from signsplice.cli import main
 from signsplice.cli.terminal import with_option_names
-from signsplice.evaluation import speed_learned, speed_parts
 from signsplice.formats import load, save
 from signsplice.formats.avatar import read_avatar
 from signsplice.motion import rotation
@@ -427,7 +428,7 @@ main()
 
 
 @pytest.mark.parametrize(
-    "module", ["signsplice.cli.commands", "click", "signsplice.cli.train", "signsplice.motion.clip"]
+    "module", ["signsplice.cli.commands", "click", "signsplice_workshop.cli.train", "signsplice.motion.clip"]
 )
 def test_an_interrupt_while_the_program_starts_shows_no_traceback(folder: Path, module: str) -> None:
     run = run_program("-c", INTERRUPTED_AT_START, "inspect", "SIGN.bvh", "--roles", module, cwd=folder)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-
 from signsplice.cli.aliases import FormerlyOptions
+
 from signsplice.cli.commands import app
-from signsplice.cli.evaluation import evaluate
+from signsplice_workshop.cli.evaluate import evaluate
 
 
 def run(*call: str) -> Result:

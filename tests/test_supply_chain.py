@@ -37,7 +37,7 @@ def module(path: str) -> Any:
     return loaded
 
 
-release = module("runs/release.py")
+release = module("workshop/runs/release.py")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 VIEWER_LOCK = json.loads((ROOT / "viewer/package-lock.json").read_text())["packages"]
 
@@ -119,8 +119,8 @@ def small_project(tmp_path: Path) -> Path:
 
 
 def released(project: Path, folder: Path) -> dict[str, bytes]:
-    """What ``runs/release.py`` makes of a project: file name -> content."""
-    program = [sys.executable, str(ROOT / "runs/release.py"), str(folder)]
+    """What ``workshop/runs/release.py`` makes of a project: file name -> content."""
+    program = [sys.executable, str(ROOT / "workshop/runs/release.py"), str(folder)]
     subprocess.run(program, cwd=project, check=True, timeout=120, capture_output=True)
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 

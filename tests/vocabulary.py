@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.synth import notation, planner, pseudo
+from signsplice.synth import notation, planner
 from signsplice.synth.locations import ON_HEAD
 from signsplice.synth.phonology import Sign, in_space, on_arm
 from signsplice.synth.written import compile_sign, files
+from signsplice_workshop.corpora import pseudo
 
 N_PSEUDO = 400
 N_TIMED = 150

@@ -17,12 +17,12 @@ from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
-from signsplice.synth import training_data
-from signsplice.synth.pairs import FILES, Pairs
 from signsplice_paper import clip_methods, own_words, pair_export, protocol
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.own_clips import ClipChoice
 from signsplice_paper.own_words import BuiltPairs, PairsPlan
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import FILES, Pairs
 from toys import GLOSSES, corpus
 
 pytest_plugins = ("own_words_toys",)

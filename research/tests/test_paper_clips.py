@@ -21,11 +21,10 @@ from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.networks.bundle import write_bundle
-from signsplice.synth.corpus import scaled_positions
-from signsplice.synth.pairs import signer_space
 from signsplice.synth.signer import STANDARD, draw_signer, skeleton, stature
 from signsplice_paper.systems.clips import ClipSplicer, open_clip_splicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
+from signsplice_workshop.corpora.pairs import scaled_positions, signer_space
 from test_paper_systems import Fakes, fake_system, tokens
 
 Array = NDArray[Any]

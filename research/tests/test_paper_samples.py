@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.synth import notation, truth
+from signsplice.synth import notation
 from signsplice.synth.rng import stream
 from signsplice_paper import margins, mean_transition, pair_samples, protocol
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.margins import cut_margins
+from signsplice_workshop.corpora import truth
 from toys import Fake, corpus
 
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import notation
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
 from signsplice_paper import bleu, bundles, curve, metrics, results
 from signsplice_paper.configs import read_config
 from signsplice_paper.curve import Curve
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import ResultRow
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 GOLDEN = Path(__file__).parent / "golden"
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")

@@ -17,9 +17,9 @@ from signsplice.body.posed import posed_body
 from signsplice.body.relief import Relief
 from signsplice.body.skin_points import SkinPoints
 from signsplice.cli.commands import app
-from signsplice.evaluation import avatars as avatar_measures
 from signsplice.lexicon import shipped
 from signsplice.rig.align import copy_rotations, reference
+from signsplice_workshop.measure import avatars as avatar_measures
 
 
 @pytest.fixture(scope="module")

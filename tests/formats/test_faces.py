@@ -13,7 +13,6 @@ import face_avatars
 import signsplice as ss
 from gltf_documents import ARM, document, load_document, rotating
 from signsplice.errors import FormatError, LimitError
-from signsplice.evaluation.faces import random_face, with_random_face
 from signsplice.formats import glb, live_link, vrma
 from signsplice.formats.gltf_face import lost_in, target_names, vrm_expressions
 from signsplice.formats.gltf_writer import DocumentWriter
@@ -22,6 +21,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import shape_of
+from signsplice_workshop.measure.seams import random_face, with_random_face
 
 HEAD = "Timecode,BlendshapeCount," + ",".join(name[0].upper() + name[1:] for name in ARKIT_CHANNELS)
 HEAD += "," + ",".join(live_link.ROTATIONS)

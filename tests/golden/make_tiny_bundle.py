@@ -16,11 +16,10 @@ from pathlib import Path
 
 import torch
 
-from signsplice.synth import training_data
-from signsplice.train import training
-from signsplice.train.export import product_graphs
-from signsplice.train.networks.bridge import Bridge, BridgeConfig
-from signsplice.train.networks.cutting import Cutting, CuttingConfig
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.train import training
+from signsplice_workshop.train.export import product_graphs
+from signsplice_workshop.train.networks import Bridge, BridgeConfig, Cutting, CuttingConfig
 
 HERE = Path(__file__).parent
 SCHEDULES = {

@@ -11,7 +11,6 @@ import pytest
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 
 from signing import word
-from signsplice.evaluation.hidden_frames import hidden_frames, table
 from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, Skeleton, concatenate, resample
@@ -19,6 +18,7 @@ from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.gap import Gap
 from signsplice.splicing.methods.transition import find_transition
+from signsplice_workshop.measure.hidden_frames import hidden_frames, table
 
 
 def points(x: list[float]) -> FloatArray:

@@ -24,7 +24,6 @@ from reference_poses import arms_out, with_pose
 from serving import PATIENCE_S, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
-from signsplice.evaluation.faces import with_random_face
 from signsplice.formats import bvh, glb, parse, save
 from signsplice.lexicon import shipped
 from signsplice.motion import rotation
@@ -35,6 +34,7 @@ from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.seam import Score
+from signsplice_workshop.measure.seams import with_random_face
 
 GLOSSES = ["HELLO", "DEAF", "FRIEND"]
 SCRIPT_START = '<script type="application/json" id="signsplice">'

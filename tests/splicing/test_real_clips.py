@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from signsplice.evaluation.hidden_frames import hidden_frames
 from signsplice.formats import bvh
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.clip import Clip, resample
 from signsplice.motion.euler_channels import ROTATIONS
 from signsplice.splicing.engine import splice
 from signsplice.splicing.methods.transition import find_transition
+from signsplice_workshop.measure.hidden_frames import hidden_frames
 
 
 def test_real_clips_of_two_rigs_are_spliced_without_a_jump(real_clips: dict[str, Clip]) -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from signing import seen_from_chest, sign, word, wrists
 from signsplice.body import capsules, collision
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.synth import planner, pose
 from signsplice.synth.avoidance import TOLERANCE_CM, clear_collisions, penetration
@@ -18,6 +17,7 @@ from signsplice.synth.phonology import Posture, Segment, Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.segment_plan import touches
 from signsplice.synth.signer import JOINTS, RESTS, STANDARD, draw_signer
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 STRONG, WEAK = 1, 0
 """Columns of left and right hand for a right-handed signer."""

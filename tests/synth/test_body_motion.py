@@ -10,14 +10,15 @@ import pytest
 
 from signing import mirror, sign, signer_of
 from signsplice.body import capsules, collision
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import planner, pose, truth
+from signsplice.synth import planner, pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.manner import PLAIN, USUAL, Manner
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import JOINTS, STANDARD, Signer
+from signsplice_workshop.corpora import truth
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 TURNING = Manner(body_motion=1.0)
 MEETING = Manner(head_to_hand=1.0)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from signing import made, word
-from signsplice.evaluation.corpus_checks import skin_distance
 from signsplice.rig.naming import SIDES
 from signsplice.synth.avoidance import TOUCH_CM, skin_clearances, touching_sides
 from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.segment_plan import touches
 from signsplice.synth.signer import STANDARD, draw_signer
+from signsplice_workshop.measure.corpus_checks import skin_distance
 
 LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
 

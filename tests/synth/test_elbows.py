@@ -11,11 +11,12 @@ import pytest
 from signing import sign, signer_of
 from signsplice.body import capsules, collision, swivel
 from signsplice.motion import kinematics
-from signsplice.synth import elbows, planner, truth
+from signsplice.synth import elbows, planner
 from signsplice.synth.contact import posed_signer
 from signsplice.synth.manner import USUAL, Manner
 from signsplice.synth.notation import parse
 from signsplice.synth.planner import IsolatedWord
+from signsplice_workshop.corpora import truth
 from word_measures import arm_in_arm, finger_in_thumb, swivel_steps
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.evaluation.faces import random_face
 from signsplice.motion.clip import Clip
 from signsplice.motion.face_shapes import VISEMES
 from signsplice.synth.mouthing import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing
+from signsplice_workshop.measure.seams import random_face
 
 
 def test_sounds_are_read_with_the_longest_symbol_first() -> None:

@@ -10,12 +10,13 @@ import pytest
 
 from signing import sign, signer_of
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import notation, planner, pose, segment_plan, trajectory, truth, two_hands
+from signsplice.synth import notation, planner, pose, segment_plan, trajectory, two_hands
 from signsplice.synth.avoidance import TOUCH_CM, hand_clearances, penetration
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.manner import PLAIN, USUAL, only
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.signer import STANDARD, Signer
+from signsplice_workshop.corpora import truth
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 

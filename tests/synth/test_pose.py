@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from signing import mirror, seen_from_chest, signer_of, word
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import hand, locations, pose
 from signsplice.synth.handshapes import HANDSHAPES
 from signsplice.synth.locations import resting
 from signsplice.synth.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 SEEDS = (None, 0, 3, 7)
 HANDS = ("RightHand", "LeftHand")

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from signing import SIGNS, sign, signer_of, word, wrists
-from signsplice.evaluation.corpus_checks import over_limit
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth import notation, planner, pose, pseudo, running, timing, trajectory, truth
+from signsplice.synth import notation, planner, pose, timing, trajectory
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.low_pass import low_passed
 from signsplice.synth.manner import PLAIN, Manner
@@ -21,6 +20,8 @@ from signsplice.synth.segment_plan import SegmentPlan
 from signsplice.synth.signer import STANDARD, draw_signer
 from signsplice.synth.timing import Events
 from signsplice.synth.trajectory import Knot
+from signsplice_workshop.corpora import pseudo, sentences, truth
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
 import make_plain_words
@@ -245,13 +246,13 @@ def test_sentences_hesitate_rarely_and_the_truth_of_a_pair_never() -> None:
     seen, paused = 0, 0
     for k in range(24):
         order = np.random.default_rng(k).permutation(4)
-        sentence = running.utter([words[n] for n in order])
+        sentence = sentences.utter([words[n] for n in order])
         for part in sentence.stretches[1::2]:
             seen += 1
             if part.changed:
                 assert part.changed == ("pause",)
                 paused += 1
-        exact = running.utter([words[n] for n in order], changes=False)
+        exact = sentences.utter([words[n] for n in order], changes=False)
         for p, q, seam in zip(exact.words[:-1], exact.words[1:], exact.seams, strict=True):
             assert len(seam.states) == len(truth.splice(p, q).states)
     assert 1 <= paused < 0.25 * seen

@@ -18,12 +18,12 @@ import numpy as np
 import signsplice as ss
 from signsplice.motion.arrays import FloatArray
 from signsplice.splicing.gap import Cut
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.clip_methods import prediction_of
 from signsplice_paper.culling import cull
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.published import BEST_FR
+from signsplice_workshop.corpora.pairs import Pairs
 
 RESAMPLED = 10
 REGULARISERS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.systems.splicers import NONE, POST, PRE, PaperSystem
+from signsplice_workshop.corpora.pairs import Pairs
 
 EMITTED = 0.999
 """Fraction of validation pairs for which both tokens must be emitted."""

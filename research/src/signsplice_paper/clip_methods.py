@@ -26,9 +26,9 @@ from signsplice.splicing.methods.duration import CLASSICAL_DURATION
 from signsplice.splicing.methods.learned import FLUENT, LearnedDuration
 from signsplice.splicing.methods.learned import NAME as LEARNED
 from signsplice.splicing.passes.filling import fill
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import GIVEN
+from signsplice_workshop.corpora.pairs import Pairs
 
 TRANSITIONS = ("slerp", "hermite")
 TRUE_POSITIONS = "true-positions"

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import InputError
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import (
     assembled,
     baselines,
@@ -33,6 +32,7 @@ from signsplice_paper.mean_transition import MeanAnswers
 from signsplice_paper.protocol import Answer, Protocol
 from signsplice_paper.results import CLASSICAL, CORPUS_TRAINED, FITTED, MEAN, SHIPPED, ResultRow, Results
 from signsplice_paper.systems import open_bundle
+from signsplice_workshop.corpora.pairs import Pairs
 
 ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
 """Title -> a context that yields a callback (done, total), or None."""

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 from signsplice_paper.protocol import Answer, Protocol
 from signsplice_paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic
+from signsplice_workshop.corpora.pairs import Pairs
 
 FILE = "frames.npz"
 COUNT = 3

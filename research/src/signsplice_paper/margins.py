@@ -11,9 +11,10 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
-from signsplice.synth import notation, planner, truth
-from signsplice.synth.corpus import VERSION, Pairs
+from signsplice.synth import notation, planner
 from signsplice.synth.phonology import Sign
+from signsplice_workshop.corpora import truth
+from signsplice_workshop.corpora.pairs import VERSION, Pairs
 
 FILE = "margins.json"
 DIGITS = 4

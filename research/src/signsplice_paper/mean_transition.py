@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.prediction import Prediction
+from signsplice_workshop.corpora.pairs import Pairs
 
 NAME = "mean-transition"
 

@@ -23,8 +23,8 @@ from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
 from signsplice.rig.placement import ORIGIN, place
-from signsplice.synth.pairs import EXTENT
 from signsplice.synth.rng import stream
+from signsplice_workshop.corpora.pairs import EXTENT
 
 Progress = Callable[[int, int], None]
 

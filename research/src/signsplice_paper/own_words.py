@@ -19,9 +19,6 @@ from signsplice.formats.atomic import check_folder, replacing_folder, resumable_
 from signsplice.motion.number_space import NumberSpace
 from signsplice.splicing.methods.learned import FLUENT
 from signsplice.splicing.methods.learned import NAME as LEARNED
-from signsplice.synth.corpus import draw_splits
-from signsplice.synth.pairs import FILES, HEAD, KINDS, StoredRow, save_row, write_transitions, write_words
-from signsplice.synth.pool import is_whole
 from signsplice_paper import extra_metrics
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.own_clips import (
@@ -35,6 +32,17 @@ from signsplice_paper.own_clips import (
     space_around,
 )
 from signsplice_paper.own_truth import FileTruth, MethodTruth, TrueSplice, TruthSource, read_positions
+from signsplice_workshop.corpora.pairs import (
+    FILES,
+    HEAD,
+    KINDS,
+    StoredRow,
+    draw_splits,
+    save_row,
+    write_transitions,
+    write_words,
+)
+from signsplice_workshop.corpora.pool import is_whole
 
 ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
 """Title -> a context that yields a callback (done, total), or None."""

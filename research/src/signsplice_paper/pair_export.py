@@ -24,8 +24,8 @@ from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.lexicon.glosses import TABLE
 from signsplice.motion.clip import concatenate
 from signsplice.synth.folders import file_name
-from signsplice.synth.pairs import Pairs
 from signsplice_paper.own_truth import read_positions
+from signsplice_workshop.corpora.pairs import Pairs
 
 Progress = Callable[[int, int], None]
 

@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping
 from itertools import pairwise
 
-from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
+from signsplice_workshop.corpora.pairs import Pairs
 
 N_TAUGHT = 500
 N_VALID = 256

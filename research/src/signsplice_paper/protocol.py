@@ -15,10 +15,10 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
-from signsplice.synth.corpus import Pairs
 from signsplice.synth.rng import stream
 from signsplice_paper import extra_metrics, metrics, viewed
 from signsplice_paper.prediction import Prediction, System
+from signsplice_workshop.corpora.pairs import Pairs
 
 Answer = Callable[[int], Prediction]
 """A pair's number -> a system's prediction."""

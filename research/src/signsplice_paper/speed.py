@@ -22,13 +22,13 @@ import numpy as np
 from signsplice.formats.atomic import replacing
 from signsplice.splicing.methods.learned import FLUENT
 from signsplice.splicing.methods.learned import NAME as LEARNED
-from signsplice.synth.corpus import Pairs
 from signsplice_paper import layout, protocol, published
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.environment import environment, machine
 from signsplice_paper.layout import Table
 from signsplice_paper.protocol import Protocol
 from signsplice_paper.systems import DECODINGS, PaperSystem, open_bundle
+from signsplice_workshop.corpora.pairs import Pairs
 
 WRITES = ("transition", "utterance")
 SYSTEMS = ("lpt", "transformer", "lstm", "conv-s2s")

@@ -15,10 +15,10 @@ from signsplice.motion import rotation
 from signsplice.motion.arrays import FloatArray
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.synth.corpus import Pairs
 from signsplice_paper.extra_metrics import NumberLayout, velocity_error
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.from_positions import rotations_from_positions
+from signsplice_workshop.corpora.pairs import Pairs
 
 JUMP_DEG = 60.0
 """A larger rotation of a joint from one frame to the next is a jump."""

@@ -22,8 +22,8 @@ sys.path.insert(0, str(HERE.parent))
 
 import reference  # noqa: E402
 from signsplice.synth import notation  # noqa: E402
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs  # noqa: E402
 from signsplice_paper import clip_methods  # noqa: E402
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs  # noqa: E402
 
 GLOSSES = ("HELLO", "DEAF")
 TOLERANCE = 1e-4

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from signsplice.splicing.networks.bundle import write_bundle
-from signsplice.train.task import Task
 from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.train import graphs, scales, training
 from signsplice_paper.train.networks.filling import Filler
@@ -19,6 +18,7 @@ from signsplice_paper.train.networks.generator import Generator, generate
 from signsplice_paper.train.pairs_data import Batch
 from signsplice_paper.train.scales import SystemPart
 from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, positions
+from signsplice_workshop.train.tasks import Task
 from system_toys import CONFIGS, data, toy
 from training_toys import corpus
 

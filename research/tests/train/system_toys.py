@@ -9,8 +9,6 @@ from functools import cache
 import torch
 
 from signsplice.synth.signer import STANDARD, skeleton
-from signsplice.train.prefetch import Dataset
-from signsplice.train.task import Task
 from signsplice_paper.train.networks.cam_stitch import CamStitchConfig
 from signsplice_paper.train.networks.convs2s import ConvS2SConfig
 from signsplice_paper.train.networks.filling import InterpolationConfig, NatConfig
@@ -21,6 +19,8 @@ from signsplice_paper.train.networks.spsn import SpsnConfig
 from signsplice_paper.train.networks.tfgn import TransformerConfig
 from signsplice_paper.train.pairs_data import PairsData
 from signsplice_paper.train.scales import Config, SystemPart, task
+from signsplice_workshop.train.prefetch import Dataset
+from signsplice_workshop.train.tasks import Task
 from training_toys import corpus
 
 FR = 3

@@ -13,13 +13,14 @@ pytest.importorskip("torch")
 
 from signsplice.splicing.methods.choice import WEIGHTS
 from signsplice.splicing.networks import features
-from signsplice.synth import notation, training_data
-from signsplice.synth.corpus import Pairs, Recipe, write_pairs
-from signsplice.train import training
+from signsplice.synth import notation
 from signsplice_paper.bundles import read_all
 from signsplice_paper.evaluation import corpus_trained_methods
 from signsplice_paper.judging import Judge
 from signsplice_paper.results import CORPUS_TRAINED, Results
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+from signsplice_workshop.train import training
 from training_toys import ALONE, GLOSSES
 
 

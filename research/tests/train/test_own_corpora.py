@@ -14,13 +14,13 @@ from click.testing import CliRunner
 from signing import word
 from signsplice.formats import save
 from signsplice.motion.clip import Clip, Skeleton
-from signsplice.synth.pairs import Pairs
-from signsplice.train.processes import Processes
 from signsplice_paper import own_words
 from signsplice_paper.cli.commands import app
 from signsplice_paper.own_clips import ClipChoice
 from signsplice_paper.train import scales, training
 from signsplice_paper.train.tasks import MOST_FRAMES
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train.processes import Processes
 
 ONE = Processes(0, 1, torch.device("cpu"))
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE", "MOTHER", "BOOK", "YES", "I", "NO")

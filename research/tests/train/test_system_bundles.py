@@ -7,9 +7,9 @@ import pytest
 pytest.importorskip("torch")
 
 from exported_bundles import bundle, cached_operators, check_predictions, exports  # noqa: F401
-from signsplice.train.task import Task
 from signsplice_paper.systems import PaperSystem
 from signsplice_paper.train import scales
+from signsplice_workshop.train.tasks import Task
 
 SYSTEMS = [name for name in scales.SYSTEMS if name.startswith("lpt") and name not in ("lpt-wa", "lpt-wac")]
 

@@ -1,8 +1,8 @@
 """The figure's head: a face with eyes, lids, brows, lips, teeth and tongue, and ARKit's 52 coefficients as its morphs.
 
-``figure.npz`` is made by ``runs/figure.py`` from MakeHuman's base mesh (CC0), in steps of ``_STEP`` statures about the
-head's joint in the T-pose (left +X, up +Y, forward +Z). Its skin follows that of the capsules of head and neck, which
-hands touch.
+``figure.npz`` is made by ``workshop/runs/figure.py`` from MakeHuman's base mesh (CC0), in steps of ``_STEP`` statures
+about the head's joint in the T-pose (left +X, up +Y, forward +Z). Its skin follows that of the capsules of head and
+neck, which hands touch.
 """
 
 from __future__ import annotations

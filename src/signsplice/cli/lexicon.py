@@ -212,7 +212,7 @@ def check(path: str, page: str | None, roles: str | None) -> None:
 
 def _write_page(words: Lexicon, page: str) -> None:
     """Write the page about a lexicon."""
-    from signsplice.evaluation import lexicon_page
+    from signsplice.lexicon import page as lexicon_page
 
     check_output(page, [words.path])
     with progress(f"writing {Path(page).name}") as advance:

@@ -23,7 +23,6 @@ from signsplice.errors import InputError
 from signsplice.motion.arrays import FloatArray
 from signsplice.synth import locations, pose
 from signsplice.synth.phonology import IN_SPACE, ON_BASE, ROLES, Posture, Segment, Sign, Vector, faults
-from signsplice.synth.pseudo import easy
 from signsplice.synth.signer import STANDARD
 
 PERSONS = ("1", "2", "3", "3-weak")
@@ -240,7 +239,19 @@ _NOBODY = locations.WeakArm(STANDARD, np.zeros(27))
 
 
 def are_easy(postures: Sequence[Posture]) -> NDArray[np.bool_]:
-    """Whether the standard signer's strong arm takes postures in space easily (``pseudo.easy``)."""
+    """Whether the standard signer's strong arm takes postures in space easily (``easy``)."""
     solved = [locations.strong_wrist(posture, _NOBODY) for posture in postures]
     wrists, quats, angles = (np.stack(parts) for parts in zip(*solved, strict=True))
     return easy(np.concatenate([wrists, pose.hand_rotvecs(wrists, quats, STANDARD), angles], axis=-1))
+
+
+def easy(hand_states: FloatArray) -> NDArray[np.bool_]:
+    """Whether hand states (..., 27) need no more than 85 % of any wrist or forearm limit of the standard signer, and
+    the elbow stays bent by 20 degrees or more.
+    """
+    arm = pose.solve_arm(hand_states[..., pose.WRIST], STANDARD)
+    wrist = pose.wrist_angles(arm, hand_states[..., pose.ROTVEC], STANDARD)
+    low, high = 0.85 * pose.WRIST_LIMITS.T
+    angles = np.stack([wrist.deviation, wrist.flexion], axis=-1)
+    bent = np.all((angles > low) & (angles < high), axis=-1)
+    return np.asarray(bent & (np.abs(wrist.twist) < 0.85 * pose.FOREARM_LIMIT) & (arm.bend > 0.35))

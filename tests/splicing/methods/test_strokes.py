@@ -9,13 +9,13 @@ import pytest
 
 from made_words import KINDS, made_words
 from signing import SIGNS, sign, word
-from signsplice.evaluation.strokes import keeps_stroke, stroke
 from signsplice.motion.clip import Clip, concatenate, resample
 from signsplice.rig.arms import arms
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.methods.choice import open_learned
 from signsplice.synth import planner
 from signsplice.synth.signer import RESTS, STANDARD
+from signsplice_workshop.measure.hands import keeps_stroke, stroke
 
 CUTTER = open_learned().cutters["learned"]
 

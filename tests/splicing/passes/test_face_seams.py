@@ -9,12 +9,12 @@ import pytest
 
 import signsplice as ss
 from signsplice.bulk.maker import motion_sha256
-from signsplice.evaluation.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 from signsplice.motion.clip import Clip, concatenate, resample, sampled
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.passes.face_seams import LIDS, eased, largest_step
+from signsplice_workshop.measure.seams import LID_COLUMNS, half_blinks, random_face, with_random_face
 
 PLAIN = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed")
 

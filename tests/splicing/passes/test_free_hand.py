@@ -18,7 +18,6 @@ from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
-from signsplice.evaluation.hands import wrist_positions
 from signsplice.motion import kinematics
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig.align import reference
@@ -33,6 +32,7 @@ from signsplice.splicing.passes.idle_hand import idle_hands, is_approached
 from signsplice.splicing.sentence import SentenceBuilder
 from signsplice.synth import planner
 from signsplice.synth.signer import RESTS, STANDARD
+from signsplice_workshop.measure.hands import wrist_positions
 
 LINES = ("HORSE TEACH I", "BOOK I HELP YOU", "CRY COLOR HOUSE TOMORROW", "RAIN SEE HAT LANGUAGE")
 LEFT, RIGHT = 0, 1

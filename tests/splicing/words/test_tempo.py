@@ -20,8 +20,6 @@ from signing import word
 from signsplice.body.retarget import align
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.evaluation.hands import wrist_positions
-from signsplice.evaluation.tempo import compare, draw_words, table
 from signsplice.motion.clip import Clip, concatenate, resample, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.stray_frames import with_ends_held
@@ -35,6 +33,8 @@ from signsplice.splicing.passes.unhurried import LengthenGaps
 from signsplice.splicing.tempo import RUNNING_S, measured_tempo, seconds_a_sign
 from signsplice.splicing.words.pace import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retimed
 from signsplice.splicing.words.word import FrameMap, SentenceWord
+from signsplice_workshop.measure.hands import wrist_positions
+from signsplice_workshop.measure.tempo import compare, draw_words, table
 
 CUTTER = CUTTERS["pose-velocity"]
 

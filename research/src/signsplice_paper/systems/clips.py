@@ -25,11 +25,11 @@ from signsplice.splicing.methods.cut import PairCutter
 from signsplice.splicing.methods.transition import GapTransition
 from signsplice.splicing.networks.bundle import bundle_sha256
 from signsplice.splicing.whole_system import SystemSplice, WholeSystem, is_near
-from signsplice.synth.corpus import EXTENT
 from signsplice.synth.signer import STATURE_CM, skeleton, stature
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_paper.systems.splicers import PaperSystem, TwoNetworkSystem
+from signsplice_workshop.corpora.pairs import EXTENT
 
 _ANKLES = np.array([0.0, 7.0, -1.0])
 """Where the standard synthetic signer's ankles stand, cm; others scale it."""

@@ -16,8 +16,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 from signsplice.errors import InputError
 from signsplice.splicing.networks.bundle import bundle_sha256, read_file, write_bundle
-from signsplice.train.export import check_bundle_folder
 from signsplice_paper.configs import PaperConfig, read_config
+from signsplice_workshop.train.export import check_bundle_folder
 
 FLOAT16 = "float16"
 _LEAST = 1024

@@ -18,7 +18,6 @@ from typing import Any
 from torch import nn
 
 from signsplice.errors import InputError
-from signsplice.train.task import Task
 from signsplice_paper.plan import SCALES
 from signsplice_paper.published import BEST_FR
 from signsplice_paper.train.networks.cam_stitch import CamStitch, CamStitchConfig
@@ -32,6 +31,7 @@ from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig, S
 from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
 from signsplice_paper.train.networks.tfgn import Transformer, TransformerConfig
 from signsplice_paper.train.tasks import FillTask, FrameTask, MixtureTask, TokenTask
+from signsplice_workshop.train.tasks import Task
 
 FR = BEST_FR
 """Frames that Culling keeps on each side: the paper's choice after its sweep."""

@@ -1,0 +1,551 @@
+"""Words that were recorded apart, joined by every method and measured at the seam.
+
+Frames hidden in one take show how well a gap is filled whose two ends belong together. At a seam of two recordings they
+do not: each word's hands come from rest and go back to it. There is no true motion to compare with, so this measures
+the faults that a viewer notices: jumps of velocity and jerk, arms that drop or hands that dip between the words, signs
+cut short, hands in the body, faces that jump or blink by half.
+
+Recordings of faces are not at hand: ``random_face`` wanders more than people's faces do, and its lids blink as they do.
+
+A baseline is the stitcher of spoken-to-signed (PyPI, 0.4.0; MIT), rebuilt from its published description. It joins
+clips of landmarks in four steps:
+
+1. It trims each clip to the frames in which a wrist is above its elbow, five frames wider.
+2. It shortens a trimmed clip of more than 0.8 s to 0.8 s.
+3. It compares the end of the first and the beginning of the second (0.3 s, or 0.3 of the clip) by the distance of their
+   points and joins them at the nearest pair of frames, with int(0.07 fps) frames between, interpolated linearly.
+4. It low-passes all points (Butterworth, order 4, 6 Hz, forward and backward).
+
+It moves points, so bones change length, and its filter also changes the signs. Here the points are the joints of a
+clip, all with the same confidence; it leaves faces unfiltered, and there are none here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import butter, filtfilt
+
+from signsplice.body import collision
+from signsplice.errors import InputError
+from signsplice.motion import kinematics, rotation
+from signsplice.motion.arrays import FloatArray
+from signsplice.motion.clip import Clip, unchecked_copy
+from signsplice.motion.face import ARKIT_CHANNELS, Face
+from signsplice.rig import metrics
+from signsplice.rig.arms import Arms, arms
+from signsplice.rig.info import rig_info
+from signsplice.splicing.engine import SpliceOptions, splice
+from signsplice.splicing.gap import Cut
+from signsplice.splicing.methods.choice import choose
+from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, CUTTERS
+from signsplice.splicing.methods.duration import CLASSICAL_DURATION
+from signsplice.splicing.methods.learned import FLUENT, NAME
+from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, TRANSITIONS
+from signsplice.splicing.passes.face_seams import LIDS, LIMIT_PERCENTILE, largest_step
+from signsplice.splicing.passes.free_hand import NATURAL
+from signsplice.splicing.passes.idle_hand import idle_hands
+from signsplice.splicing.seam import DEEP_M
+from signsplice.splicing.tempo import NATURAL as NATURAL_TEMPO
+from signsplice.synth import notation, planner
+from signsplice.synth.phonology import Sign
+from signsplice.synth.planner import IsolatedWord
+from signsplice.synth.rng import stream
+from signsplice.synth.signer import HANGING, RESTS, STANDARD, Signer
+from signsplice_workshop.measure.hands import keeps_stroke, output_frame, stroke, wrist_joints, wrist_positions
+from signsplice_workshop.measure.measures import Progress, counted, markdown_columns, percent, shown
+
+SIGNATURE = f"face:random,jump-over-{LIMIT_PERCENTILE:g}%-or-even-step,lids-apart"
+LID_COLUMNS = [ARKIT_CHANNELS.index(name) for name in LIDS]
+_AROUND_S = 0.4
+"""A blink that is under way at a seam began or ends within this time of it."""
+_LOWERED, _CLOSED = 0.08, 0.6
+"""Lids that close by so much and open again before they are so far closed blink by half."""
+
+
+def random_face(seed: int, n_frames: int, fps: float = 30.0, channels: tuple[str, ...] = ARKIT_CHANNELS) -> Face:
+    """A face whose lids close every few seconds and whose other coefficients wander."""
+    rng = np.random.default_rng(seed)
+    noise = gaussian_filter1d(rng.normal(size=(n_frames, 52)), fps * rng.uniform(0.05, 0.25), axis=0, mode="nearest")
+    weights = np.clip(noise * rng.uniform(0.3, 1.2) + rng.uniform(-0.2, 0.3, 52), 0.0, 1.0)
+    weights[:, LID_COLUMNS] = _blinking(rng, n_frames, fps)[:, None]
+    return Face(channels, weights[:, [ARKIT_CHANNELS.index(name) for name in channels]])
+
+
+def with_random_face(clip: Clip, seed: int, channels: tuple[str, ...] = ARKIT_CHANNELS) -> Clip:
+    """A clip with ``random_face``."""
+    return unchecked_copy(clip, face=random_face(seed, len(clip), clip.fps, channels))
+
+
+def _blinking(rng: np.random.Generator, n_frames: int, fps: float) -> FloatArray:
+    """Lids (T,) with blinks of 0.2 to 0.35 s."""
+    lids, at = np.full(n_frames, rng.uniform(0.0, 0.12)), int(rng.integers(0, int(0.5 * fps) + 1))
+    while at < n_frames:
+        closing, opening = (max(2, round(fps * rng.uniform(*times))) for times in ((0.08, 0.12), (0.12, 0.22)))
+        blink = np.r_[np.linspace(0.0, 1.0, closing + 1)[1:], np.linspace(1.0, 0.0, opening + 1)[1:]]
+        part = blink[: n_frames - at] * rng.uniform(0.75, 1.0)
+        lids[at : at + len(part)] = np.maximum(lids[at : at + len(part)], part)
+        at += len(blink) + int(rng.integers(int(0.3 * fps), int(2.0 * fps)))
+    return lids
+
+
+def half_blinks(lids: FloatArray) -> list[int]:
+    """Frames at which lids (T,) that were closing open again before they are closed."""
+    signs = np.sign(np.where(np.abs(np.diff(lids)) < 1e-9, 0.0, np.diff(lids)))
+    turns = [0, *(k for k in range(1, len(lids) - 1) if signs[k - 1] != signs[k]), len(lids) - 1]
+    around = zip(turns, turns[1:], turns[2:], strict=False)
+    return [b for a, b, c in around if min(lids[b] - lids[a], lids[b] - lids[c]) > _LOWERED and lids[b] < _CLOSED]
+
+
+def straight(before: Clip, after: Clip, cut: Cut, n_frames: int) -> Face | None:
+    """The face of a clip up to its cut, ``n_frames`` on a straight line, and that of the next clip; None where one has
+    none.
+    """
+    if before.face is None or after.face is None:
+        return None
+    a, b = before.face.of(ARKIT_CHANNELS)[: cut.pre + 1], after.face.of(ARKIT_CHANNELS)[cut.post :]
+    new = a[-1] + np.arange(1, n_frames + 1)[:, None] / (n_frames + 1) * (b[0] - a[-1])
+    return Face(ARKIT_CHANNELS, np.concatenate([a, new, b]))
+
+
+def faults(shown: Face | None, gap: tuple[int, int], before: Clip, after: Clip) -> tuple[bool, bool]:
+    """Whether a face with new frames ``gap`` between those of two clips jumps there, and whether it blinks by half: a
+    coefficient other than lids changes by more than in most frames of the two, or than even steps would. False where
+    one has no face.
+    """
+    if shown is None or before.face is None or after.face is None:
+        return False, False
+    first, stop = gap
+    weights, start = shown.of(ARKIT_CHANNELS), max(0, first - round(_AROUND_S * before.fps))
+    seam = np.delete(weights[first - 1 : stop + 1], LID_COLUMNS, axis=1)
+    even = np.abs(seam[-1] - seam[0]) / (len(seam) - 1)
+    limit = max(largest_step(before.face, after.face), largest_step(shown[:first], shown[stop:]))  # also at a tempo
+    most = np.maximum(limit, even) + 1e-9
+    lids = weights[start : stop + round(_AROUND_S * before.fps), LID_COLUMNS[0]]
+    halves = [start + k for k in half_blinks(lids) if first - 1 <= start + k <= stop]
+    return bool((np.abs(np.diff(seam, axis=0)).max(axis=0) > most).any()), bool(halves)
+
+
+MARGIN_FRAMES = 5
+LONGEST_S = 0.8
+SEARCH_S = SEARCH_FRACTION = 0.3
+GAP_S = 0.07
+ORDER, CUTOFF_HZ = 4, 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stitched:
+    """Two words joined.
+
+    positions: joint positions (T, J, 3), clip units.
+    first, stop: the interpolated frames [first, stop).
+    kept_before, kept_after: half-open range of frames of each word's clip, counted before any shortening, that are in
+        the result.
+    """
+
+    positions: FloatArray
+    first: int
+    stop: int
+    kept_before: tuple[int, int]
+    kept_after: tuple[int, int]
+
+
+def stitch(before: Clip, after: Clip) -> Stitched:
+    """Two clips of one skeleton and rate joined. Raises ``InputError`` where the rig's arms are not known by name."""
+    fps = before.fps
+    spans = [_raised(clip) for clip in (before, after)]
+    p, q = (
+        _shortened(kinematics.forward(clip)[1][first:stop], fps)
+        for clip, (first, stop) in zip((before, after), spans, strict=True)
+    )  # (T, J, 3)
+    n_p, n_q = (max(1, int(min(SEARCH_S * fps, SEARCH_FRACTION * len(part)))) for part in (p, q))
+    tail, head = p[-n_p:].reshape(n_p, -1), q[:n_q].reshape(n_q, -1)
+    distances = np.linalg.norm(tail[:, None] - head[None], axis=-1)  # (n_p, n_q)
+    i, j = np.unravel_index(int(distances.argmin()), distances.shape)
+    last, entry = len(p) - n_p + int(i), int(j)
+    n_gap = int(GAP_S * fps)
+    weight = np.arange(1, n_gap + 1)[:, None, None] / (n_gap + 1)
+    filled = (1.0 - weight) * p[last] + weight * q[entry]
+    whole = np.concatenate([p[: last + 1], filled, q[entry:]])
+    return Stitched(
+        _filtered(whole, fps),
+        last + 1,
+        last + 1 + n_gap,
+        _source(spans[0], len(p), 0, last + 1),
+        _source(spans[1], len(q), entry, len(q)),
+    )
+
+
+def _raised(clip: Clip) -> tuple[int, int]:
+    """The frames in which a wrist is above its elbow, five frames wider; the whole clip where none is."""
+    motion = arms(clip)
+    raised = np.flatnonzero((((motion.wrists - motion.elbows) @ motion.up) > 0.0).any(axis=1))
+    if not len(raised):
+        return 0, len(clip)
+    return max(0, int(raised[0]) - MARGIN_FRAMES), min(len(clip), int(raised[-1]) + 1 + MARGIN_FRAMES)
+
+
+def _shortened(points: FloatArray, fps: float) -> FloatArray:
+    """The same motion (T, J, 3) in at most 0.8 s."""
+    most = round(LONGEST_S * fps)
+    if len(points) <= most:
+        return points
+    times = np.linspace(0.0, len(points) - 1.0, most)
+    low = np.minimum(times.astype(int), len(points) - 2)
+    weight = (times - low)[:, None, None]
+    return np.asarray((1.0 - weight) * points[low] + weight * points[low + 1])
+
+
+def _source(span: tuple[int, int], n_frames: int, first: int, stop: int) -> tuple[int, int]:
+    """Frames of the clip that lie in [first, stop) of its trimmed span, which was brought to ``n_frames``."""
+    scale = (span[1] - span[0] - 1) / max(n_frames - 1, 1)
+    return span[0] + int(np.ceil(first * scale - 1e-9)), span[0] + int((stop - 1) * scale + 1e-9) + 1
+
+
+def _filtered(points: FloatArray, fps: float) -> FloatArray:
+    b, a = butter(ORDER, CUTOFF_HZ / (0.5 * fps))
+    if len(points) <= 3 * max(len(a), len(b)):
+        return points
+    return np.asarray(filtfilt(b, a, points, axis=0))
+
+
+@dataclass(frozen=True)
+class SeamMeasurement:
+    """One seam of two words; speeds, jumps and jerk are of the wrists.
+
+    seconds: length of the transition.
+    velocity_jump: largest change of velocity at the ends of the transition, m/s.
+    peak_speed: highest speed in the transition, m/s.
+    jerk_ratio: RMS jerk in the transition over that of the frames around it.
+    arms_down: frames kept between the two strokes in which both arms are down.
+    whole: whether both strokes are kept whole.
+    depth: greatest depth of a hand in the body in the transition, m; None for a method that makes points only.
+    idle_peak: highest speed of a hand that only goes to rest or comes from it, in the transition and while it rests,
+        m/s; None where no hand does, and for a method that makes points only.
+    dip: how far the strong wrist sinks below the lower end of the transition, m.
+    stroke_dip: how far it sinks below the lower of the last stroke's end and the next stroke's start, from the one to
+        the other, m; None for a method that makes points only.
+    head_peak: how fast the head turns in the transition at most, degrees/s; None for a method that makes points only.
+    elbow_step: how far an elbow goes in a frame of the transition at most, m; None for a method that makes points only.
+    face_jumps, half_blink: faults of the face (``faults``).
+    """
+
+    seconds: float
+    velocity_jump: float
+    peak_speed: float
+    jerk_ratio: float
+    arms_down: int
+    whole: bool
+    depth: float | None
+    dip: float
+    idle_peak: float | None = None
+    stroke_dip: float | None = None
+    head_peak: float | None = None
+    elbow_step: float | None = None
+    face_jumps: bool = False
+    half_blink: bool = False
+
+
+@dataclass(frozen=True)
+class SeamRow:
+    """One method over all seams: medians where nothing else is noted.
+
+    method: cutter and transition.
+    n_seams: seams measured.
+    seconds, velocity_jump, peak_speed, jerk_ratio: as in ``SeamMeasurement``.
+    arms_down: mean frames per seam.
+    whole: fraction of the seams that keep both strokes whole.
+    deep: fraction of the seams in which a hand lies more than ``seam.DEEP_M`` in the body; None without a body.
+    deepest: greatest depth, m; None without a body.
+    idle_peak, idle_fastest: of the seams with a hand that only goes to rest or comes from it, its highest speed, m/s:
+        the median and the greatest; None without a body, or where no seam has one.
+    dips, deep_dips: fraction of the seams whose ``dip`` is over ``seams.DIP_M``, and over ``seams.DEEP_DIP_M``.
+    stroke_dips, deep_stroke_dips: the same of ``stroke_dip``; None without a body.
+    deepest_dip: the greatest ``stroke_dip``, m; None without a body.
+    head_peak: as in ``SeamMeasurement``; None without a body.
+    elbow_steps: fraction of the seams whose ``elbow_step`` is over ``seams.ELBOW_STEP_M``; None without a body.
+    face_jumps, half_blinks: fraction of the seams with these faults.
+    """
+
+    method: str
+    n_seams: int
+    seconds: float
+    velocity_jump: float
+    peak_speed: float
+    jerk_ratio: float
+    arms_down: float
+    whole: float
+    deep: float | None
+    deepest: float | None
+    idle_peak: float | None
+    idle_fastest: float | None
+    dips: float | None
+    deep_dips: float | None
+    stroke_dips: float | None
+    deep_stroke_dips: float | None
+    deepest_dip: float | None
+    head_peak: float | None
+    elbow_steps: float | None
+    face_jumps: float
+    half_blinks: float
+
+
+FrameRange = tuple[int, int]
+
+AROUND = 8
+"""Frames of each sign that are measured next to the transition."""
+DOWN_FRACTION = 0.15
+"""An arm is down where it has risen by less than this fraction of the height from rest to its highest."""
+DIP_M, DEEP_DIP_M = 0.03, 0.06
+"""From these depths on a hand is counted as dipping, and as dipping deep."""
+ELBOW_STEP_M = 0.08
+"""An elbow that goes farther in a frame is seen to jump."""
+STITCHER = "stitcher"
+
+
+def signature(rest: str = HANGING) -> str:
+    """The recipe of the numbers, with the signer's rest where it is not the usual one."""
+    signer = "standard-signer" + ("" if rest == HANGING else f",rest:{rest}")
+    return (
+        f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{metrics.VELOCITY_JUMP}|{metrics.JERK_RATIO}"
+        f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
+        f"|idle-hand:wrist,transition+rest,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
+        f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm|{SIGNATURE}"
+    )
+
+
+def word_pairs(
+    n_pairs: int, signs: Sequence[Sign] | None = None, rest: str = HANGING
+) -> list[tuple[IsolatedWord, IsolatedWord]]:
+    """Pairs of different words by the standard signer, with random faces; the same arguments always give the same.
+
+    signs: the words to draw from, by default those that ship. rest: how the signer's arms rest. Raises ``InputError``
+    for an unknown rest.
+    """
+    if rest not in RESTS:
+        raise InputError(f"no rest {rest!r}, expected one of {', '.join(RESTS)}")
+    signs = list(notation.everyday().values()) if signs is None else signs
+    rng = stream("joins", len(signs), n_pairs)
+    drawn = [rng.choice(len(signs), 2, replace=False).tolist() for _ in range(n_pairs)]
+    signer = replace(STANDARD, rest=rest)
+    words = {k: planner.isolated(signs[k], signer) for k in sorted({k for pair in drawn for k in pair})}
+    words = {k: replace(word, clip=with_random_face(word.clip, k)) for k, word in words.items()}
+    return [(words[p], words[q]) for p, q in drawn]
+
+
+def compared_methods(bundle: str | Path | None = None) -> dict[str, SpliceOptions]:
+    """Methods to compare, by name.
+
+    Classical: each cutter with Hermite, each transition with the default cutter, and Hermite with collision avoidance.
+    Learned, where ``bundle`` (by default the one that ships) can be read: all parts together, and each part with
+    classical ones. Raises ``InputError`` for a named bundle that cannot be read.
+    """
+    plain = SpliceOptions(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION, avoid_collisions=False)
+    out = {f"{name} + {CLASSICAL_TRANSITION}": replace(plain, cutter=name) for name in CUTTERS}
+    out |= {f"{CLASSICAL_CUTTER} + {name}": replace(plain, transition=name) for name in TRANSITIONS}
+    out[f"{CLASSICAL_CUTTER} + {CLASSICAL_TRANSITION}, collision avoidance"] = replace(plain, avoid_collisions=True)
+    if choose(bundle=bundle).bundle is not None:
+        default = SpliceOptions(NAME, NAME, NAME, bundle)
+        learned = replace(default, avoid_collisions=False)
+        out[f"{CLASSICAL_CUTTER} + {NAME}"] = replace(plain, transition=NAME, bundle=bundle)
+        out[f"{NAME} + {CLASSICAL_TRANSITION}"] = replace(learned, transition=CLASSICAL_TRANSITION)
+        out[f"{FLUENT} + {NAME}"] = replace(learned, cutter=FLUENT)
+        out[f"{NAME} + {NAME}"] = learned
+        out[f"{NAME} + {NAME}, collision avoidance"] = default
+        out[f"{NAME} + {NAME}, collision avoidance, natural free hand"] = replace(default, free_hand=NATURAL)
+        out[f"{NAME} + {NAME}, collision avoidance, natural tempo"] = replace(default, tempo=NATURAL_TEMPO)
+    return out
+
+
+def compare(
+    words: Sequence[tuple[IsolatedWord, IsolatedWord]],
+    methods: Mapping[str, SpliceOptions],
+    progress: Progress | None = None,
+) -> list[SeamRow]:
+    """One row for each method, and one for the stitcher."""
+    return [
+        _row(name, [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words])
+        for name, options in counted([*methods.items(), (STITCHER, None)], progress)
+    ]
+
+
+def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOptions) -> SeamMeasurement:
+    """A seam made by ``splice``."""
+    result = splice([before.clip, after.clip], options)
+    (seam,) = result.seams
+    left, entered = (span for span in result.spans if span.kind == "sign")
+    first, stop = left.output[1], entered.output[0]
+    rotations, positions = kinematics.forward(result.clip[first - 1 : stop + 1])
+    depth, _ = collision.hand_penetration(result.clip.skeleton, rotations, positions)
+    inside = depth[1:-1] if len(depth) > 2 else depth
+    info = rig_info(result.clip.skeleton)
+    deepest = max(0.0, float(inside.max()) * info.sizes.unit.metres)
+    kept = (0, seam.pre_frame + 1), (seam.post_frame, len(after))
+    wrists = wrist_positions(result.clip)
+    measured = _measure(wrists, (first, stop), before, after, kept, deepest)
+    rests = [
+        (hand.side, first, output_frame(entered, seam.post_frame + hand.n_rest))
+        if hand.arrives
+        else (hand.side, output_frame(left, seam.pre_frame + 1 - hand.n_rest), stop)
+        for hand in idle_hands(before.clip, after.clip, Cut(seam.pre_frame, seam.post_frame))
+    ]
+    strokes = output_frame(left, stroke(before)[1]), output_frame(entered, stroke(after)[0])
+    between = min(round(strokes[0]), first - 1), max(round(strokes[1]), stop)
+    peak, dip = _idle_peak(wrists, rests, result.clip.fps), _dip(wrists, before.signer, *between)
+    head = rotation.from_matrix(rotations[:, info.roles.joints["head"]])
+    elbows = positions[:, [info.arm_joints[1], info.arm_joints[4]]] * info.sizes.unit.metres
+    jumps, half = faults(result.clip.face, (first, stop), before.clip, after.clip)
+    return replace(
+        measured,
+        face_jumps=jumps,
+        half_blink=half,
+        idle_peak=peak,
+        stroke_dip=dip,
+        head_peak=float(np.rad2deg(rotation.angle_between(head[1:], head[:-1])).max()) * result.clip.fps,
+        elbow_step=metrics.peak_speed(elbows, 1, len(elbows) - 1, 1.0),
+    )
+
+
+def _idle_peak(wrists: FloatArray, rests: Sequence[tuple[int, float, float]], fps: float) -> float | None:
+    """Highest speed (m/s) of idle hands, of wrists (T, 2, 3), each by its side and the frames from the begin to the end
+    of the gap and of its rest; None without any.
+    """
+    last = len(wrists) - 1
+    peaks = [
+        metrics.peak_speed(wrists[:, [side]], max(round(start), 0), min(round(stop), last), fps)
+        for side, start, stop in rests
+    ]
+    return max(peaks, default=None)
+
+
+def _dip(wrists: FloatArray, signer: Signer, first: int, last: int) -> float:
+    """How far the strong wrist of wrists (T, 2, 3), m, sinks below its lower end of frames ``first`` to ``last``."""
+    heights = wrists[first : last + 1, 0 if signer.left_handed else 1, 1]  # the signer stands upright along +Y
+    return max(0.0, float(min(heights[0], heights[-1]) - heights.min()))
+
+
+def measure_stitched(before: IsolatedWord, after: IsolatedWord) -> SeamMeasurement:
+    """A seam made by the stitcher; faces go straight from word to word."""
+    made = stitch(before.clip, after.clip)
+    skeleton = before.clip.skeleton
+    wrists = made.positions[:, wrist_joints(skeleton)] * rig_info(skeleton).sizes.unit.metres
+    kept = made.kept_before, made.kept_after
+    measured = _measure(wrists, (made.first, made.stop), before, after, kept, None)
+    cut, n_frames = Cut(kept[0][1] - 1, kept[1][0]), made.stop - made.first
+    face = straight(before.clip, after.clip, cut, n_frames)
+    jumps, half = faults(face, (cut.pre + 1, cut.pre + 1 + n_frames), before.clip, after.clip)
+    return replace(measured, face_jumps=jumps, half_blink=half)
+
+
+def _measure(
+    wrists: FloatArray,
+    gap: FrameRange,
+    before: IsolatedWord,
+    after: IsolatedWord,
+    kept: tuple[FrameRange, FrameRange],
+    depth: float | None,
+) -> SeamMeasurement:
+    """Measurement of one seam.
+
+    wrists: (T, 2, 3) of the joined clip, m. gap: its new frames. kept: of each word, the frames that are in it.
+    """
+    first, stop = gap
+    start = max(0, first - AROUND)
+    window = wrists[start : stop + AROUND]
+    fps, first_new, end_new = before.clip.fps, first - start, stop - start
+    return SeamMeasurement(
+        seconds=(stop - first) / fps,
+        velocity_jump=metrics.velocity_jump(window, first_new, end_new, fps),
+        peak_speed=metrics.peak_speed(window, first_new, end_new, fps),
+        jerk_ratio=metrics.jerk_ratio(window, first_new, end_new),
+        arms_down=_n_frames_down(before, after, kept),
+        whole=keeps_stroke(before, *kept[0]) and keeps_stroke(after, *kept[1]),
+        depth=depth,
+        dip=_dip(wrists, before.signer, max(first - 1, 0), min(stop, len(wrists) - 1)),
+    )
+
+
+def _n_frames_down(before: IsolatedWord, after: IsolatedWord, kept: tuple[FrameRange, FrameRange]) -> int:
+    """Frames kept between the two strokes in which both arms are down."""
+    (_, stop), (first, _) = kept
+    leaving = _are_down(arms(before.clip))[before.events.end + 1 : stop]
+    entering = _are_down(arms(after.clip))[first : after.events.start]
+    return int(leaving.sum()) + int(entering.sum())
+
+
+def _are_down(motion: Arms) -> NDArray[np.bool_]:
+    """Whether both arms are down, for each frame (T,)."""
+    height = motion.lift.max(axis=1)
+    rest = min(height[0], height[-1])
+    return np.asarray(height < rest + DOWN_FRACTION * (height.max() - rest))
+
+
+def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
+    depths = [seam.depth for seam in seams if seam.depth is not None]
+    idle_peaks = [seam.idle_peak for seam in seams if seam.idle_peak is not None]
+    stroke_dips = [seam.stroke_dip for seam in seams if seam.stroke_dip is not None]
+    heads = [seam.head_peak for seam in seams if seam.head_peak is not None]
+
+    def median(field: str) -> float:
+        return float(np.nanmedian([getattr(seam, field) for seam in seams]))
+
+    return SeamRow(
+        method=name,
+        n_seams=len(seams),
+        seconds=median("seconds"),
+        velocity_jump=median("velocity_jump"),
+        peak_speed=median("peak_speed"),
+        jerk_ratio=median("jerk_ratio"),
+        arms_down=float(np.mean([seam.arms_down for seam in seams])),
+        whole=float(np.mean([seam.whole for seam in seams])),
+        deep=_fraction_over(depths, DEEP_M),
+        deepest=max(depths, default=None),
+        idle_peak=float(np.median(idle_peaks)) if idle_peaks else None,
+        idle_fastest=max(idle_peaks, default=None),
+        dips=_fraction_over([seam.dip for seam in seams], DIP_M),
+        deep_dips=_fraction_over([seam.dip for seam in seams], DEEP_DIP_M),
+        stroke_dips=_fraction_over(stroke_dips, DIP_M),
+        deep_stroke_dips=_fraction_over(stroke_dips, DEEP_DIP_M),
+        deepest_dip=max(stroke_dips, default=None),
+        head_peak=float(np.median(heads)) if heads else None,
+        elbow_steps=_fraction_over([seam.elbow_step for seam in seams if seam.elbow_step is not None], ELBOW_STEP_M),
+        face_jumps=float(np.mean([seam.face_jumps for seam in seams])),
+        half_blinks=float(np.mean([seam.half_blink for seam in seams])),
+    )
+
+
+def _fraction_over(values: Sequence[float], least: float) -> float | None:
+    return float(np.mean(np.array(values) > least)) if values else None
+
+
+_COLUMNS: dict[str, Callable[[SeamRow], str]] = {
+    "method": lambda row: row.method,
+    "seconds": lambda row: f"{row.seconds:.2f}",
+    "velocity jump, m/s": lambda row: f"{row.velocity_jump:.2f}",
+    "peak, m/s": lambda row: f"{row.peak_speed:.2f}",
+    "jerk ratio": lambda row: f"{row.jerk_ratio:.2f}",
+    "arms down, frames": lambda row: f"{row.arms_down:.1f}",
+    "strokes whole": lambda row: percent(row.whole),
+    "deep in the body": lambda row: percent(row.deep, ".1f"),
+    "deepest, mm": lambda row: shown(row.deepest, ".0f", 1e3),
+    "idle hand, m/s": lambda row: shown(row.idle_peak, ".2f"),
+    "its fastest, m/s": lambda row: shown(row.idle_fastest, ".2f"),
+    "dips over 3 / 6 cm": lambda row: f"{percent(row.dips)} / {percent(row.deep_dips)}",
+    "stroke to stroke": lambda row: f"{percent(row.stroke_dips)} / {percent(row.deep_stroke_dips)}",
+    "deepest, cm": lambda row: shown(row.deepest_dip, ".1f", 1e2),
+    "head, degrees/s": lambda row: shown(row.head_peak, ".0f"),
+    "elbow steps over 8 cm": lambda row: percent(row.elbow_steps, ".1f"),
+    "face jumps": lambda row: percent(row.face_jumps, ".1f"),
+    "half blinks": lambda row: percent(row.half_blinks, ".1f"),
+}
+
+
+def table(rows: Sequence[SeamRow], rest: str = HANGING) -> list[str]:
+    """The rows as Markdown, with their signature."""
+    counted = f"{rows[0].n_seams} seams each." if rows else ""
+    return [f"`{signature(rest)}`", "", *markdown_columns(_COLUMNS, rows), "", counted]
