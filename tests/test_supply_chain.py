@@ -75,6 +75,15 @@ def test_a_lock_has_what_the_package_asks_for_with_hashes(name: str, extra: str)
     assert "://" not in (ROOT / "requirements" / name).read_text(), "an index's address"
 
 
+@pytest.mark.parametrize("folder", ["workshop", "research"])
+def test_the_lock_of_development_has_what_the_other_distributions_ask_for(folder: str) -> None:
+    pins, project = locked("dev.lock"), tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]
+    for text in sum(project["optional-dependencies"].values(), project["dependencies"]):
+        requirement = Requirement(text)
+        if requirement.name != "torch" and not requirement.name.startswith("signsplice"):
+            assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)][0]), text
+
+
 @pytest.mark.parametrize("name", ["demo.lock", "serve.lock"])
 def test_users_have_the_versions_of_development(name: str) -> None:
     assert locked(name).items() <= locked("dev.lock").items()

@@ -407,7 +407,7 @@ def bench(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
         "",
         *prose(f"""
             Medians of {found["bench"]["repeats"]} runs on one thread, clips of {found["bench"]["joints"]} joints. How
-            each is taken, and the aims, are in [speed.md](../speed.md).
+            each is taken, and the aims, are in [speed.md](../../../docs/speed.md).
         """),
     ]
     return lines, []

@@ -4,7 +4,8 @@ The list proves that a refactoring leaves what comes out of the product the same
 
     python workshop/runs/outputs.py make --python .venv/bin/python -o OLD            # some minutes on one core
     PYTHONPATH=src:workshop/src:research/src python workshop/runs/outputs.py make --python .venv/bin/python -o NEW \
-        --paper research/docs --bundles research/bundles --command "paper=-m signsplice_paper" --command "pairs=-m signsplice_paper pairs"
+        --paper research/docs --bundles research/bundles --command "paper=-m signsplice_paper" \
+        --command "pairs=-m signsplice_paper pairs"
     python workshop/runs/outputs.py compare OLD/outputs.tsv NEW/outputs.tsv          # status 1 if anything differs
 
 ``make`` runs the calls of outputs.txt, which lies beside this file, and public Python names with that interpreter, most

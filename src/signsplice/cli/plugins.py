@@ -38,14 +38,14 @@ ELSEWHERE = {
 
 def load(words: str) -> Any:
     """What a distribution brings for the words of a command. Raises ``InputError`` where it is not installed."""
-    from importlib.metadata import PackageNotFoundError, distribution  # takes as long as all of --help
+    from importlib.metadata import distribution  # takes as long as all of --help
 
     call, _ = ELSEWHERE[words]
     name = call.split()[0]
     try:
         (entry,) = distribution(name).entry_points.select(group=GROUP, name=words)
         return entry.load()
-    except (PackageNotFoundError, ValueError):  # ValueError: it brings nothing by these words
+    except (ModuleNotFoundError, ValueError):  # not installed, or it brings nothing by these words
         run = f" and run `{call}`" if name == _PAPER else ""
         line = f"`signsplice {words}` is in {name}: install it (pip install {_FOLDERS[name]}){run}"
         raise InputError(line) from None

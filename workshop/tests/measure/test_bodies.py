@@ -184,7 +184,6 @@ def test_a_picture_shows_words_on_bodies_and_their_shape(tmp_path: Path, monkeyp
     ("call", "said"),
     [
         (["seams", "3", "--picture", "a.png"], "No such option '--picture'"),
-        (["--seams", "3", "--picture", "a.png"], "`evaluate seams` has no --picture"),
         (["bodies", "--picture", "a.gif"], ".png"),
     ],
 )

@@ -37,7 +37,7 @@ def quiet(what: str) -> Iterator[None]:
 
 def without_measuring(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corpus_pictures, "check_matplotlib", lambda: None)
-    monkeypatch.setattr(corpus_page, "tables", lambda *a: ["### Realism", "", "| a | b |", ""])
+    monkeypatch.setattr(corpus_page, "_realism", lambda *a: ["### Realism", "", "| a | b |", ""])
     monkeypatch.setattr(corpus_page, "_difficulty", lambda *a: ["### Difficulty"])
     monkeypatch.setattr(corpus_page, "_validity", lambda *a: ["### Validity"])
     monkeypatch.setattr(corpus_pictures, "write_sheets", lambda *a: None)

@@ -189,7 +189,7 @@ def _train(todo: Sequence[Run], call: PaperCall) -> None:
     if importlib.util.find_spec("torch") is None:
         raise MissingExtraError(
             f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first, and training needs torch: "
-            "pip install '.[train]' in signsplice's folder; `signsplice-paper evaluate` judges what is there"
+            "pip install './workshop[train]' in signsplice's folder; `signsplice-paper evaluate` judges what is there"
         )
     check_extra()
     from signsplice_paper.train import schedule

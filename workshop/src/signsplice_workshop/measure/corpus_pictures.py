@@ -120,7 +120,9 @@ def check_matplotlib() -> None:
     try:
         import matplotlib
     except ImportError as error:
-        raise MissingExtraError("plots need matplotlib: pip install '.[plots]' in signsplice's folder") from error
+        raise MissingExtraError(
+            "plots need matplotlib: pip install './workshop[plots]' in signsplice's folder"
+        ) from error
     matplotlib.use("Agg")
 
 
