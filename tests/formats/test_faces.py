@@ -21,7 +21,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import shape_of
-from signsplice_workshop.measure.seams import random_face, with_random_face
+from signsplice_workshop.measure.faces import random_face, with_random_face
 
 HEAD = "Timecode,BlendshapeCount," + ",".join(name[0].upper() + name[1:] for name in ARKIT_CHANNELS)
 HEAD += "," + ",".join(live_link.ROTATIONS)

@@ -15,7 +15,7 @@ import pytest
 import face_avatars
 import signsplice as ss
 from signsplice.motion.clip import Clip
-from signsplice_workshop.measure.seams import random_face
+from signsplice_workshop.measure.faces import random_face
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

@@ -15,7 +15,7 @@ from signsplice.lexicon.frames import FORMS, Shape, decode, encode
 from signsplice.motion import rotation
 from signsplice.motion.clip import Clip
 from signsplice.motion.face import ARKIT_CHANNELS
-from signsplice_workshop.measure.seams import with_random_face
+from signsplice_workshop.measure.faces import with_random_face
 
 
 def round_trip(clip: Clip, form: str) -> Clip:

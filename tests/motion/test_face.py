@@ -12,7 +12,7 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import concatenate, resample, sampled, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.motion.face_shapes import PRESETS, VISEMES, face_from, shape_of, target_weights
-from signsplice_workshop.measure.seams import random_face, with_random_face
+from signsplice_workshop.measure.faces import random_face, with_random_face
 
 
 @pytest.mark.parametrize(

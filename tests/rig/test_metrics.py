@@ -140,7 +140,7 @@ def test_hidden_frames_counts_gaps_interpolated_between_keys() -> None:
     signed = word("MOTHER").clip
     interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
     rows = [hidden_frames([clip], [find_transition("hermite")], [5])[0] for clip in (interpolated, signed)]
-    assert [row.keyframed for row in rows] == [1.0, 0.0]
+    assert [row.drawn for row in rows] == [1.0, 0.0]
     assert ["100 % of 5 frames" in "\n".join(table([row])) for row in rows] == [True, False]
 
 

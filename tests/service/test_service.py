@@ -34,7 +34,7 @@ from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.seam import Score
-from signsplice_workshop.measure.seams import with_random_face
+from signsplice_workshop.measure.faces import with_random_face
 
 GLOSSES = ["HELLO", "DEAF", "FRIEND"]
 SCRIPT_START = '<script type="application/json" id="signsplice">'

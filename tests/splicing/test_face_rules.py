@@ -12,7 +12,7 @@ from signsplice.motion.clip import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
 from signsplice.splicing.face_rules import BLINKS, BROWS, CHANNELS, FURROWED, RAISED, RULES
-from signsplice_workshop.measure.seams import with_random_face
+from signsplice_workshop.measure.faces import with_random_face
 
 OPTIONS = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed", face_rules=RULES)
 

@@ -11,7 +11,7 @@ from signsplice.errors import InputError
 from signsplice.motion.clip import Clip
 from signsplice.motion.face_shapes import VISEMES
 from signsplice.synth.mouthing import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing
-from signsplice_workshop.measure.seams import random_face
+from signsplice_workshop.measure.faces import random_face
 
 
 def test_sounds_are_read_with_the_longest_symbol_first() -> None:

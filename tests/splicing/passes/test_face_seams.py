@@ -14,7 +14,7 @@ from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.passes.face_seams import LIDS, eased, largest_step
-from signsplice_workshop.measure.seams import LID_COLUMNS, half_blinks, random_face, with_random_face
+from signsplice_workshop.measure.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 
 PLAIN = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed")
 

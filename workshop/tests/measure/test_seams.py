@@ -20,13 +20,14 @@ from signsplice.splicing.gap import Cut
 from signsplice.splicing.methods.cut import PairCutter
 from signsplice.synth.signer import RESTS
 from signsplice_workshop.measure import seams
-from signsplice_workshop.measure.seams import GAP_S, LONGEST_S, SeamRow, stitch
+from signsplice_workshop.measure.measures import Row
+from signsplice_workshop.measure.seams import GAP_S, LONGEST_S, stitch
 
 SIGNS = [sign(gloss) for gloss in ("HELLO", "DEAF", "MOTHER", "BOOK", "SEE", "THANK-YOU")]
 PAIRS = seams.word_pairs(12, SIGNS)
 
 
-def row(options: SpliceOptions) -> SeamRow:
+def row(options: SpliceOptions) -> Row:
     return seams.compare(PAIRS, {"this": options})[0]
 
 

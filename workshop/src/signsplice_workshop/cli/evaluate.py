@@ -39,11 +39,9 @@ def _measures(measure: Callable[..., Measured]) -> click.Command:
     @AS_JSON
     @wraps(measure)
     def command(as_json: bool, **given: Any) -> None:
-        from signsplice_workshop.measure.measures import to_json
-
         signature, rows, lines = measure(**given)
         if as_json:
-            print(json.dumps({"signature": signature, "rows": [to_json(row) for row in rows]}, indent=2))
+            print(json.dumps({"signature": signature, "rows": rows}, indent=2, default=vars))
         else:
             print("\n".join(lines))
 

@@ -25,7 +25,7 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
-from signsplice_workshop.measure.measures import Progress, counted, markdown_columns, percent, shown
+from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, percent, row_of
 
 WORDS = ("MOTHER", "THANK-YOU", "NAME", "BOOK", "FRIEND", "PLEASE")
 _STEP, _AROUND, _MOST_ACROSS = 0.003, 0.06, 0.006
@@ -35,27 +35,37 @@ normal through the nearest point; all m.
 _SIGNS = 0.99
 
 
-@dataclass(frozen=True)
-class AvatarRow:
-    """One word on one avatar.
+@dataclass(frozen=True, eq=False)
+class _Touches:
+    """Heights (N,) of the lowest vertex where a hand touches, and at the source; greatest depth in any frame, m."""
 
-    avatar, word: names.
-    skin: "body" or "hand", what a hand touches.
-    n_touching: hands and frames of contacts in which the source is nearer than 5 mm.
-    near: fraction of these whose lowest vertex lies within 5 mm of the skin; None without any.
-    kept: fraction whose lowest vertex lies within 5 mm of where it was at the source.
-    median: median height of the lowest vertex, m.
-    deepest: greatest depth of a vertex in any frame in which the hand signs, m.
-    """
-
-    avatar: str
-    word: str
-    skin: str
-    n_touching: int
-    near: float | None
-    kept: float | None
-    median: float | None
+    heights: FloatArray
+    source: FloatArray
     deepest: float
+
+
+def _fraction(heights: FloatArray) -> float | None:
+    return float((np.abs(heights) < KEPT_M).mean()) if len(heights) else None
+
+
+def _median(of: _Touches) -> float | None:
+    return float(np.median(of.heights)) if len(of.heights) else None
+
+
+MEASURES = (
+    Measure("avatar", "avatar"),
+    Measure("word", "word"),
+    Measure("skin", "on"),
+    Measure("n_touching", "frames", function=lambda of: len(of.heights)),
+    percent("near", "within 5 mm of skin", 0, lambda of: _fraction(of.heights)),
+    percent("kept", "of the source", 0, lambda of: _fraction(of.heights - of.source)),
+    Measure("median", "median, mm", "{:.1f}", 1e3, _median),
+    Measure("deepest", "deepest, mm", "{:.1f}", 1e3, lambda of: of.deepest),
+)
+"""Of a word on an avatar, and a skin that a hand touches, "body" or "hand": hands and frames of contacts in which the
+source is nearer than 5 mm; fraction of these whose lowest vertex lies within 5 mm of the skin, and of where it was at
+the source; median height of the lowest vertex, m; greatest depth of a vertex in any frame in which the hand signs, m.
+"""
 
 
 def signature(words: Sequence[Clip]) -> str:
@@ -63,7 +73,7 @@ def signature(words: Sequence[Clip]) -> str:
     return f"words:{','.join(word.name for word in words)}|touch:{TOUCH_M}|within:{KEPT_M}|points:{_STEP}"
 
 
-def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress | None = None) -> list[AvatarRow]:
+def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress | None = None) -> list[Row]:
     """A row for each avatar, word and kind of skin. Raises ``InputError`` for an avatar without skin."""
     for avatar in avatars:
         if body_capsules(avatar).skin is None:
@@ -72,33 +82,21 @@ def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress
     return [row for avatar, word in counted(cases, progress) for row in _rows(avatar, word)]
 
 
-def table(rows: Sequence[AvatarRow]) -> list[str]:
+def table(rows: Sequence[Row]) -> list[str]:
     """Lines of Markdown: the rows, and the fractions of all frames."""
-    lines = markdown_columns(
-        {
-            "avatar": lambda row: row.avatar,
-            "word": lambda row: row.word,
-            "on": lambda row: row.skin,
-            "frames": lambda row: str(row.n_touching),
-            "within 5 mm of skin": lambda row: percent(row.near),
-            "of the source": lambda row: percent(row.kept),
-            "median, mm": lambda row: shown(row.median, ".1f", 1e3),
-            "deepest, mm": lambda row: shown(row.deepest, ".1f", 1e3),
-        },
-        rows,
-    )
+    lines = markdown_rows(MEASURES, rows)
     for skin in ("body", "hand"):
         some = [row for row in rows if row.skin == skin and row.n_touching]
         n = sum(row.n_touching for row in some)
         near, kept = (sum(row.n_touching * (getattr(row, what) or 0.0) for row in some) for what in ("near", "kept"))
         deepest = max((row.deepest for row in rows if row.skin == skin), default=0.0)
         if n:
-            lines += ["", f"On the {skin}: {n} frames, {percent(near / n, '.1f')} within 5 mm of skin, "
-                      f"{percent(kept / n, '.1f')} of the source; deepest {1e3 * deepest:.1f} mm."]  # fmt: skip
+            lines += ["", f"On the {skin}: {n} frames, {100.0 * (near / n):.1f} % within 5 mm of skin, "
+                      f"{100.0 * (kept / n):.1f} % of the source; deepest {1e3 * deepest:.1f} mm."]  # fmt: skip
     return lines
 
 
-def _rows(avatar: Avatar, word: Clip) -> Iterator[AvatarRow]:
+def _rows(avatar: Avatar, word: Clip) -> Iterator[Row]:
     done = retarget(word, avatar)
     active = signing(word)
     then = _source_distances(word)
@@ -109,14 +107,8 @@ def _rows(avatar: Avatar, word: Clip) -> Iterator[AvatarRow]:
                 touching[slice(*contact.frames), 0 if skin == "hand" else SIDES.index(contact.hand)] = True
         touching &= np.isfinite(heights) & (then[skin] < TOUCH_M)
         found, source = heights[touching], np.maximum(then[skin][touching], -PRESS_M)
-        known = len(found) > 0
-        yield AvatarRow(
-            avatar.label, word.name, skin, len(found),
-            float((np.abs(found) < KEPT_M).mean()) if known else None,
-            float((np.abs(found - source) < KEPT_M).mean()) if known else None,
-            float(np.median(found)) if known else None,
-            max(0.0, -float(heights.min(initial=0.0))),
-        )  # fmt: skip
+        touches = _Touches(found, source, max(0.0, -float(heights.min(initial=0.0))))
+        yield row_of(MEASURES, touches, avatar=avatar.label, word=word.name, skin=skin)
 
 
 def _source_distances(word: Clip) -> dict[str, FloatArray]:

@@ -32,7 +32,7 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.naming import SIDES
 from signsplice.rig.placement import placement
 from signsplice.synth.rng import stream
-from signsplice_workshop.measure.measures import Progress, counted, markdown_columns, shown
+from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, row_of
 
 
 @dataclass(frozen=True)
@@ -361,59 +361,116 @@ TUNED_ON = frozenset(
 """Words on which weights and thresholds of the fit were chosen."""
 
 
-@dataclass(frozen=True)
-class BodyRow:
-    """One method on one body, over words.
-
-    body, method: names.
-    held_out: whether body and words are kept aside.
-    n_words, n_touching: words, and frames of them with a touch.
-    kept_frames, kept_pairs: fraction of touching frames (nearest pair) and of touching pairs that are kept.
-    kept_clear, clear: fraction that is kept of the pairs that do not lie deep in the body at the source already, and
-        fraction of touching pairs that do not.
-    error_p95: 95th percentile of the change of touching pairs' distance, m.
-    made: fraction of the signing frames with a contact that was not there.
-    hand_depth, forearm_depth: greatest depth beyond the source's own, m.
-    place_median, place_p95: error of the place of the anchor nearest to head or trunk, head heights.
-    palm_degrees, index_degrees: median change of direction.
-    peak_median, peak_worst, jerk_median, jerk_worst: ratios to the source, median and greatest word.
-    peak_by_arm_median, peak_by_arm_worst, jerk_by_arm_median, jerk_by_arm_worst: the same, divided by
-        the ratio of arm lengths.
-    shortfall: greatest distance of a hand from its place that a warning names, m; 0 where none does.
-    milliseconds: processor time for 150 frames.
-    time_ratio: processor time over that of rotations alone, median over words; None where skeletons are the same.
-    worst: the contact that is farthest from kept.
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A word on a body by one method: its measurement, shortfall in m, processor time in s, the same of rotations alone
+    where bones differ, and the frames.
     """
 
-    body: str
-    method: str
-    held_out: bool
-    n_words: int
-    n_touching: int
-    kept_frames: float | None
-    kept_pairs: float | None
-    kept_clear: float | None
-    clear: float | None
-    error_p95: float | None
-    made: float | None
-    hand_depth: float
-    forearm_depth: float
-    place_median: float | None
-    place_p95: float | None
-    palm_degrees: float | None
-    index_degrees: float | None
-    peak_median: float
-    peak_worst: float
-    jerk_median: float
-    jerk_worst: float
-    peak_by_arm_median: float
-    peak_by_arm_worst: float
-    jerk_by_arm_median: float
-    jerk_by_arm_worst: float
+    measured: BodyMeasurement
     shortfall: float
-    milliseconds: float
-    time_ratio: float | None
-    worst: LostContact | None
+    seconds: float
+    plain_seconds: float | None
+    n_frames: int
+
+
+def _mean(values: NDArray[np.bool_]) -> float | None:
+    return float(np.mean(values)) if len(values) else None
+
+
+def _quantile(values: FloatArray, fraction: float) -> float | None:
+    return float(np.quantile(values, fraction)) if len(values) else None
+
+
+def _all(field: str, words: Sequence[_Made]) -> FloatArray:
+    """The values of all words, one after another."""
+    return np.concatenate([np.atleast_1d(getattr(word.measured, field)) for word in words])
+
+
+def _quantile_of(field: str, fraction: float) -> Callable[[Sequence[_Made]], float | None]:
+    return lambda words: _quantile(_all(field, words), fraction)
+
+
+def _kept(field: str) -> Callable[[Sequence[_Made]], float | None]:
+    """Fraction of errors that are less than ``TOUCH_M``."""
+    return lambda words: _mean(_all(field, words) < TOUCH_M)
+
+
+def _kept_clear(words: Sequence[_Made]) -> float | None:
+    return _mean(_all("pair_errors", words)[_all("clear", words).astype(bool)] < TOUCH_M)
+
+
+def _ratio(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[Sequence[_Made]], float]:
+    return lambda words: float(statistic(_all(field, words)))
+
+
+def _by_arm(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[Sequence[_Made]], float]:
+    return lambda words: float(statistic(_all(field, words) / _all("arm_ratio", words)))
+
+
+def _most(field: str) -> Callable[[Sequence[_Made]], float]:
+    return lambda words: max(getattr(word.measured, field) for word in words)
+
+
+def _made_contacts(words: Sequence[_Made]) -> float | None:
+    n_signing = sum(word.measured.n_signing for word in words)
+    return sum(word.measured.n_made for word in words) / n_signing if n_signing else None
+
+
+def _milliseconds(words: Sequence[_Made]) -> float:
+    return 1e3 * _TIMED_FRAMES * sum(word.seconds for word in words) / sum(word.n_frames for word in words)
+
+
+def _time_ratio(words: Sequence[_Made]) -> float | None:
+    ratios = [word.seconds / max(word.plain_seconds, 1e-9) for word in words if word.plain_seconds is not None]
+    return _quantile(np.array(ratios), 0.5)
+
+
+def _worst(words: Sequence[_Made]) -> LostContact | None:
+    lost = [word.measured.worst for word in words if word.measured.worst is not None]
+    return max(lost, key=lambda one: one.error, default=None)
+
+
+MEASURES = (
+    Measure("body", "body"),
+    Measure("method", "method"),
+    Measure("held_out"),
+    Measure("n_words", function=len),
+    Measure("n_touching", function=lambda words: len(_all("frame_errors", words))),
+    Measure("kept_frames", "frames kept", "{:.1f}", 100.0, _kept("frame_errors")),
+    Measure("kept_pairs", "pairs kept", "{:.1f}", 100.0, _kept("pair_errors")),
+    Measure("kept_clear", "clear pairs kept", "{:.1f}", 100.0, _kept_clear),
+    Measure("clear", function=lambda words: _mean(_all("clear", words).astype(bool))),
+    Measure("error_p95", "p95, mm", "{:.1f}", 1e3, _quantile_of("pair_errors", 0.95)),
+    Measure("made", "made", "{:.1f}", 100.0, _made_contacts),
+    Measure("hand_depth", "hand deeper, mm", "{:.1f}", 1e3, _most("hand_depth")),
+    Measure("forearm_depth", "forearm deeper, mm", "{:.1f}", 1e3, _most("forearm_depth")),
+    Measure("place_median", "place, % of head", "{:.1f}", 100.0, _quantile_of("place_errors", 0.5)),
+    Measure("place_p95", "place, % of head", " ({:.0f})", 100.0, _quantile_of("place_errors", 0.95)),
+    Measure("palm_degrees", "palm, °", "{:.1f}", None, _quantile_of("palm_degrees", 0.5)),
+    Measure("index_degrees", "index, °", "{:.1f}", None, _quantile_of("index_degrees", 0.5)),
+    Measure("peak_median", function=_ratio("peak_ratio", np.median)),
+    Measure("peak_worst", function=_ratio("peak_ratio", np.max)),
+    Measure("jerk_median", function=_ratio("jerk_ratio", np.median)),
+    Measure("jerk_worst", function=_ratio("jerk_ratio", np.max)),
+    Measure("peak_by_arm_median", "peak", "{:.2f}", None, _by_arm("peak_ratio", np.median)),
+    Measure("peak_by_arm_worst", "peak", " ({:.2f})", None, _by_arm("peak_ratio", np.max)),
+    Measure("jerk_by_arm_median", "jerk", "{:.2f}", None, _by_arm("jerk_ratio", np.median)),
+    Measure("jerk_by_arm_worst", "jerk", " ({:.2f})", None, _by_arm("jerk_ratio", np.max)),
+    Measure("shortfall", "short, cm", "{:.0f}", 100.0, lambda words: max(word.shortfall for word in words)),
+    Measure("milliseconds", "ms", "{:.1f}", None, _milliseconds),
+    Measure("time_ratio", "times", "{:.1f}", None, _time_ratio),
+    Measure("worst", function=_worst),
+)
+"""Of a method on a body over words: whether body and words are kept aside; frames with a touch; fraction of touching
+frames (nearest pair), of touching pairs, and of those that do not lie deep in the body at the source already
+(``clear``: their fraction) that are kept; change of touching pairs' distance, m; fraction of the signing frames with a
+contact that was not there; greatest depth beyond the source's own, m; error of the place of the anchor nearest to head
+or trunk, head heights; median change of direction, degrees; ratios to the source, median and greatest word, also
+divided by the ratio of arm lengths; greatest distance of a hand from its place that a warning names, m; processor time
+for 150 frames, and over that of rotations alone, None where skeletons are the same; the contact that is farthest from
+kept.
+"""
 
 
 def is_kept_aside(gloss: str) -> bool:
@@ -449,49 +506,34 @@ def compare(
     aside: Sequence[Clip],
     bodies: Mapping[str, BodyProportions] = BODIES,
     progress: Progress | None = None,
-) -> list[BodyRow]:
+) -> list[Row]:
     """Two rows for each body, rotations alone and fitted: bodies that are not kept aside with ``words``, the others
     with ``aside``. Raises ``InputError`` for a clip whose arms are not known by name.
     """
     sources = {False: [SourceClip(clip) for clip in words], True: [SourceClip(clip) for clip in aside]}
-    rows: list[BodyRow] = []
+    rows: list[Row] = []
     for name, body in counted(bodies.items(), progress):
         if sources[body.held_out]:
             rows += _rows(name, body, sources[body.held_out])
     return rows
 
 
-@dataclass(frozen=True, eq=False)
-class _Made:
-    """A word on a body by one method: its measurement, shortfall in m, processor time in s and the frames."""
-
-    measured: BodyMeasurement
-    shortfall: float
-    seconds: float
-    n_frames: int
-
-
-def _rows(name: str, body: BodyProportions, sources: Sequence[SourceClip]) -> list[BodyRow]:
+def _rows(name: str, body: BodyProportions, sources: Sequence[SourceClip]) -> list[Row]:
     skeletons: dict[int, Skeleton] = {}
     made: dict[str, list[_Made]] = {ROTATIONS: [], FITTED: []}
     for source in sources:
         skeleton = source.clip.skeleton
         if id(skeleton) not in skeletons:
             skeletons[id(skeleton)] = stretched(skeleton, body)
-        plain, fitted = _both(source, skeletons[id(skeleton)], body.shape)
+        plain, fitted = _both(source, skeletons[id(skeleton)], body)
         made[ROTATIONS].append(plain)
         made[FITTED].append(fitted)
-    rows = []
-    for method, words in made.items():
-        pairs = zip(words, made[ROTATIONS], strict=True) if body.is_stretched else ()
-        ratios = np.array([word.seconds / max(plain.seconds, 1e-9) for word, plain in pairs])
-        rows.append(_row(name, method, body.held_out, words, ratios))
-    return rows
+    return [row_of(MEASURES, words, body=name, method=method, held_out=body.held_out) for method, words in made.items()]
 
 
-def _both(source: SourceClip, skeleton: Skeleton, shape: BodyShape) -> tuple[_Made, _Made]:
+def _both(source: SourceClip, skeleton: Skeleton, on: BodyProportions) -> tuple[_Made, _Made]:
     """A word with rotations alone, and fitted: each timed from the same start, with nothing kept of the clip."""
-    clip, body = source.clip, shaped_capsules(skeleton, shape)
+    clip, body = source.clip, shaped_capsules(skeleton, on.shape)
     to = Reference(skeleton, clip.fps, placement(clip), clip.local_rotations[0], "the body")
     copy_rotations(clip[:1], to)  # what is kept of both rigs belongs to neither time
     CACHE.forget(clip)
@@ -504,83 +546,14 @@ def _both(source: SourceClip, skeleton: Skeleton, shape: BodyShape) -> tuple[_Ma
     result = fit_body(clip, source.body, again, body)
     fitted = time.process_time() - start
     short = max([0.0, *(0.01 * float(cm) for line in result.warnings for cm in re.findall(r"(\d+) cm", line))])
+    compared = plain if on.is_stretched else None
     return (
-        _Made(source.measure(carried, body, shape.head), 0.0, plain, len(clip)),
-        _Made(source.measure(result.clip, body, shape.head), short, fitted, len(clip)),
+        _Made(source.measure(carried, body, on.shape.head), 0.0, plain, compared, len(clip)),
+        _Made(source.measure(result.clip, body, on.shape.head), short, fitted, compared, len(clip)),
     )
 
 
-def _row(name: str, method: str, held_out: bool, words: Sequence[_Made], ratios: FloatArray) -> BodyRow:
-    seen = [word.measured for word in words]
-    pairs, frames = (np.concatenate([getattr(m, f"{part}_errors") for m in seen]) for part in ("pair", "frame"))
-    clear = np.concatenate([m.clear for m in seen])
-    places = np.concatenate([m.place_errors for m in seen])
-    peak, jerk, arm = (np.array([getattr(m, f"{part}_ratio") for m in seen]) for part in ("peak", "jerk", "arm"))
-    lost = [m.worst for m in seen if m.worst is not None]
-    n_signing = sum(m.n_signing for m in seen)
-    return BodyRow(
-        body=name,
-        method=method,
-        held_out=held_out,
-        n_words=len(seen),
-        n_touching=len(frames),
-        kept_frames=_mean(frames < TOUCH_M),
-        kept_pairs=_mean(pairs < TOUCH_M),
-        kept_clear=_mean(pairs[clear] < TOUCH_M),
-        clear=_mean(clear),
-        error_p95=_quantile(pairs, 0.95),
-        made=sum(m.n_made for m in seen) / n_signing if n_signing else None,
-        hand_depth=max(m.hand_depth for m in seen),
-        forearm_depth=max(m.forearm_depth for m in seen),
-        place_median=_quantile(places, 0.5),
-        place_p95=_quantile(places, 0.95),
-        palm_degrees=_quantile(np.concatenate([m.palm_degrees for m in seen]), 0.5),
-        index_degrees=_quantile(np.concatenate([m.index_degrees for m in seen]), 0.5),
-        peak_median=float(np.median(peak)),
-        peak_worst=float(peak.max()),
-        jerk_median=float(np.median(jerk)),
-        jerk_worst=float(jerk.max()),
-        peak_by_arm_median=float(np.median(peak / arm)),
-        peak_by_arm_worst=float((peak / arm).max()),
-        jerk_by_arm_median=float(np.median(jerk / arm)),
-        jerk_by_arm_worst=float((jerk / arm).max()),
-        shortfall=max(word.shortfall for word in words),
-        milliseconds=1e3 * _TIMED_FRAMES * sum(w.seconds for w in words) / sum(w.n_frames for w in words),
-        time_ratio=_quantile(ratios, 0.5),
-        worst=max(lost, key=lambda one: one.error, default=None),
-    )
-
-
-def _mean(values: NDArray[np.bool_]) -> float | None:
-    return float(np.mean(values)) if len(values) else None
-
-
-def _quantile(values: FloatArray, fraction: float) -> float | None:
-    return float(np.quantile(values, fraction)) if len(values) else None
-
-
-_COLUMNS: dict[str, Callable[[BodyRow], str]] = {
-    "body": lambda row: row.body,
-    "method": lambda row: row.method,
-    "frames kept": lambda row: shown(row.kept_frames, ".1f", 100.0),
-    "pairs kept": lambda row: shown(row.kept_pairs, ".1f", 100.0),
-    "clear pairs kept": lambda row: shown(row.kept_clear, ".1f", 100.0),
-    "p95, mm": lambda row: shown(row.error_p95, ".1f", 1e3),
-    "made": lambda row: shown(row.made, ".1f", 100.0),
-    "hand deeper, mm": lambda row: shown(row.hand_depth, ".1f", 1e3),
-    "forearm deeper, mm": lambda row: shown(row.forearm_depth, ".1f", 1e3),
-    "place, % of head": lambda row: f"{shown(row.place_median, '.1f', 100.0)} ({shown(row.place_p95, '.0f', 100.0)})",
-    "palm, °": lambda row: shown(row.palm_degrees, ".1f"),
-    "index, °": lambda row: shown(row.index_degrees, ".1f"),
-    "peak": lambda row: f"{row.peak_by_arm_median:.2f} ({row.peak_by_arm_worst:.2f})",
-    "jerk": lambda row: f"{row.jerk_by_arm_median:.2f} ({row.jerk_by_arm_worst:.2f})",
-    "short, cm": lambda row: shown(row.shortfall, ".0f", 100.0),
-    "ms": lambda row: shown(row.milliseconds, ".1f"),
-    "times": lambda row: shown(row.time_ratio, ".1f"),
-}
-
-
-def table(rows: Sequence[BodyRow], n_words: int | None = None) -> list[str]:
+def table(rows: Sequence[Row], n_words: int | None = None) -> list[str]:
     """The rows as Markdown, those kept aside in a table of their own, with their signature."""
     out = [f"`{signature(n_words)}`"]
     for held_out in (False, True):
@@ -589,5 +562,5 @@ def table(rows: Sequence[BodyRow], n_words: int | None = None) -> list[str]:
             what = "Bodies kept aside" if held_out else "Other bodies"
             which = "" if n_words is None else " that are kept aside too" if held_out else " that are not kept aside"
             counted = f"{what}: {part[0].n_words} clips{which}, {part[0].n_touching} touching frames."
-            out += ["", *markdown_columns(_COLUMNS, part), "", counted]
+            out += ["", *markdown_rows(MEASURES, part), "", counted]
     return out

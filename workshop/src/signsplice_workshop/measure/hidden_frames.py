@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
 
 from signsplice.errors import InputError
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
@@ -17,7 +18,7 @@ from signsplice.splicing.passes.collision_avoidance import depths
 from signsplice.splicing.passes.filling import fill
 from signsplice.splicing.seam import DEEP_M
 from signsplice_workshop.measure.hands import wrist_positions
-from signsplice_workshop.measure.measures import Progress, markdown
+from signsplice_workshop.measure.measures import Measure, Progress, Row, markdown, row_of
 
 SHOWN = 8
 """Frames shown to a transition on either side of the gap."""
@@ -31,38 +32,54 @@ STRIDE = 6
 SIGNATURE = f"hidden-frames|context:{SHOWN}|stride:{STRIDE}|{metrics.POSITION_ERROR}|{metrics.GROUP_ERRORS}"
 
 
-@dataclass(frozen=True)
-class HiddenFrames:
-    """One transition on gaps of one length: means over the gaps, but for the two velocity jumps (medians).
+@dataclass(frozen=True, eq=False)
+class _Scored:
+    """Gaps of one length, filled by one transition.
 
-    transition: its name.
-    n_frames: hidden frames per gap.
-    n_gaps: gaps filled.
-    position_error: mean joint position error, arm length / 1000 (``rig.metrics.position_error``).
-    hand_error, finger_error, trunk_error: the same by group of joints (``rig.metrics.GroupErrors``).
-    motion_ratio: path of the fingertips over that of the real motion.
-    velocity_jump: largest change of wrist velocity at the ends of the gap, m/s.
-    true_velocity_jump: the same in the real motion, m/s.
-    deep: fraction of the gaps in which a hand lies more than ``DEEP_M`` in the body, depth at the two ends not counted;
-        NaN where the rig's arms are not known.
-    deepest: greatest such depth, m; NaN where the rig's arms are not known.
-    keyframed: fraction of the gaps whose frames, with those shown, were interpolated between keys by a program, not
-        captured (``metrics.is_keyed``).
+    scores: (n_gaps, 7), as of ``_score``.
+    true_jump: median velocity jump of the real motion, m/s.
+    keyed: fraction of the gaps whose frames a program interpolated between keys (``metrics.is_keyed``).
     """
 
-    transition: str
-    n_frames: int
-    n_gaps: int
-    position_error: float
-    hand_error: float
-    finger_error: float
-    trunk_error: float
-    motion_ratio: float
-    velocity_jump: float
-    true_velocity_jump: float
-    deep: float
-    deepest: float
-    keyframed: float
+    scores: FloatArray
+    true_jump: float
+    keyed: float
+
+
+def _mean(column: int) -> Callable[[_Scored], float]:
+    """The mean of a score over the gaps that have it; NaN where none has."""
+
+    def mean(of: _Scored) -> float:
+        known = of.scores[~np.isnan(of.scores[:, column]), column]
+        return float(known.mean()) if len(known) else float("nan")
+
+    return mean
+
+
+def _fraction_deep(of: _Scored) -> float:
+    depth = of.scores[:, 6]
+    return float(np.mean(depth > DEEP_M)) if np.isfinite(depth).all() else float("nan")
+
+
+MEASURES = (
+    Measure("transition"),
+    Measure("n_frames"),
+    Measure("n_gaps", function=lambda of: len(of.scores)),
+    Measure("position_error", "error, arm/1000", "{:.1f}", None, _mean(0)),
+    Measure("hand_error", "error of the hands", "{:.1f}", None, _mean(1)),
+    Measure("finger_error", "error of the fingers", "{:.2f}", None, _mean(2)),
+    Measure("trunk_error", "error of trunk and head", "{:.1f}", None, _mean(3)),
+    Measure("motion_ratio", "motion ratio", "{:.2f}", None, _mean(4)),
+    Measure("velocity_jump", "velocity jump, m/s", "{:.2f}", None, lambda of: float(np.median(of.scores[:, 5]))),
+    Measure("true_velocity_jump", function=lambda of: of.true_jump),
+    Measure("deep", function=_fraction_deep),
+    Measure("deepest", "deepest in the body, mm", "{:.1f}", 1e3, lambda of: float(of.scores[:, 6].max())),
+    Measure("drawn", function=lambda of: of.keyed),
+)
+"""Of a transition on gaps of ``n_frames``: mean errors (``rig.metrics``), path of the fingertips over that of the real
+motion, median velocity jump at the ends; fraction of the gaps in which a hand lies more than ``DEEP_M`` in the body,
+depth at the two ends not counted, and the greatest depth, m, NaN where the rig's arms are not known.
+"""
 
 
 def hidden_frames(
@@ -71,13 +88,13 @@ def hidden_frames(
     lengths: Sequence[int] = LENGTHS,
     stride: int = STRIDE,
     progress: Progress | None = None,
-) -> list[HiddenFrames]:
+) -> list[Row]:
     """One row for each length and transition, over a gap every ``stride`` frames of each clip.
 
     Each transition sees ``SHOWN`` frames on either side. Collision avoidance is at its default: on for learned
     transitions. Raises ``InputError`` where no clip is long enough for a length.
     """
-    rows: list[HiddenFrames] = []
+    rows: list[Row] = []
     total = len(lengths) * len(transitions)
     for n_frames in lengths:
         windows = [
@@ -94,32 +111,14 @@ def hidden_frames(
         keyframed = float(np.mean([metrics.is_keyed(window) for window in windows]))
         for transition in transitions:
             scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
-            known = [column[~np.isnan(column)] for column in scores[:, :5].T]  # of the gaps that have a score
-            error, hands, fingers, trunk, ratio = (float(one.mean()) if len(one) else float("nan") for one in known)
-            jumps, depth = scores[:, 5:].T
-            rows.append(
-                HiddenFrames(
-                    transition=transition.name,
-                    n_frames=n_frames,
-                    n_gaps=len(windows),
-                    position_error=error,
-                    hand_error=hands,
-                    finger_error=fingers,
-                    trunk_error=trunk,
-                    motion_ratio=ratio,
-                    velocity_jump=float(np.median(jumps)),
-                    true_velocity_jump=true_jump,
-                    deep=float(np.mean(depth > DEEP_M)) if np.isfinite(depth).all() else float("nan"),
-                    deepest=float(depth.max()),
-                    keyframed=keyframed,
-                )
-            )
+            scored = _Scored(scores, true_jump, keyframed)
+            rows.append(row_of(MEASURES, scored, transition=transition.name, n_frames=n_frames))
             if progress is not None:
                 progress(len(rows), total)
     return rows
 
 
-def table(rows: Sequence[HiddenFrames], clips: Sequence[Clip] = ()) -> list[str]:
+def table(rows: Sequence[Row], clips: Sequence[Clip] = ()) -> list[str]:
     """The rows as Markdown with their signature: a table for each score, a column for each length. Of the ``clips``
     that were measured, those drawn between keys are named first.
     """
@@ -130,24 +129,15 @@ def table(rows: Sequence[HiddenFrames], clips: Sequence[Clip] = ()) -> list[str]
     lines: list[str] = [f"`{SIGNATURE}`"]
     keyed = [clip for clip in clips if metrics.is_keyed(clip)]
     lines += [f"\n{clip.name} is no measure of real motion ({metrics.keyed_mark(clip)})." for clip in keyed]
-    for title, field, digits in (
-        ("error, arm/1000", "position_error", 1),
-        ("error of the hands", "hand_error", 1),
-        ("error of the fingers", "finger_error", 2),
-        ("error of trunk and head", "trunk_error", 1),
-        ("motion ratio", "motion_ratio", 2),
-        ("velocity jump, m/s", "velocity_jump", 2),
-        ("deepest in the body, mm", "deepest", 1),
-    ):
-        scale = 1e3 if field == "deepest" else 1.0
-        cells = [[name, *(f"{scale * getattr(found[name, n], field):.{digits}f}" for n in lengths)] for name in names]
-        if field == "velocity_jump":
+    for measure in (one for one in MEASURES if one.head):
+        cells = [[name, *(measure.cell(found[name, n]) for n in lengths)] for name in names]
+        if measure.name == "velocity_jump":
             cells.append(["real motion", *(f"{row.true_velocity_jump:.2f}" for row in of_length)])
-        lines += ["", *markdown((title, *lengths), cells)]
+        lines += ["", *markdown((measure.head, *lengths), cells)]
     gaps = ", ".join(f"{row.n_gaps} of {row.n_frames}" for row in of_length)
     lines += ["", f"Gaps: {gaps} frames."]
-    if any(row.keyframed > 0.0 for row in of_length):
-        fractions = ", ".join(f"{100.0 * row.keyframed:.0f} % of {row.n_frames}" for row in of_length)
+    if any(row.drawn > 0.0 for row in of_length):
+        fractions = ", ".join(f"{100.0 * row.drawn:.0f} % of {row.n_frames}" for row in of_length)
         lines += ["", f"Gaps that a program mostly interpolated between keys, not captured: {fractions} frames."]
     return lines
 

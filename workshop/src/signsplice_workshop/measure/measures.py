@@ -1,16 +1,16 @@
-"""Measured rows as Markdown tables and as JSON; figures of a corpus beside real ones, and which of them agree."""
+"""Tables of measures: each names a figure, computes it and says how it is shown. All subjects make their rows, JSON and
+Markdown of such a table. Also figures of a corpus beside real ones, and which of them agree.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, TypeVar
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+import re
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,65 @@ from signsplice.motion.arrays import FloatArray
 from signsplice.progress import Progress as Progress
 from signsplice.progress import counted as counted
 
-T = TypeVar("T")
-_STORED = {"avoids_collisions": "body_sense", "n_seams": "n_joins", "keyframed": "drawn"}
-"""Fields of rows whose JSON key is another word: files written before must stay comparable."""
+Row = SimpleNamespace
+"""Figures by the names of their measures."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One figure of a row.
+
+    name: its key in JSON.
+    head: head of its column of Markdown, with the unit; measures with one head share a cell, and one without a head is
+        in JSON alone.
+    form: format of the number in its cell, "{:.2f}".
+    factor: from the figure to the unit that is shown.
+    function: the figure of what was measured, None where there is none; a measure without a function names what was
+        measured.
+    """
+
+    name: str
+    head: str = ""
+    form: str = "{}"
+    factor: float | None = None
+    function: Callable[[Any], object] | None = None
+
+    def cell(self, row: Row) -> str:
+        """The figure of a row as text; "-" in place of a number that there is not."""
+        value = getattr(row, self.name)
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if value is None:
+            return re.sub(r"\{[^}]*\}( %)?", "-", self.form)
+        return self.form.format(value if self.factor is None else self.factor * value)
+
+
+def percent(name: str, head: str, digits: int, function: Callable[[Any], object] | None = None) -> Measure:
+    """A measure whose fraction is shown in %."""
+    return Measure(name, head, f"{{:.{digits}f}} %", 100.0, function)
+
+
+def over(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[Iterable[object]], float | None]:
+    """A function of measurements: a statistic of a field of theirs, of those that have it; None where none has."""
+
+    def function(measurements: Iterable[object]) -> float | None:
+        values = [value for value in (getattr(one, field) for one in measurements) if value is not None]
+        return float(statistic(np.array(values))) if values else None
+
+    return function
+
+
+def row_of(measures: Sequence[Measure], measured: object, **names: object) -> Row:
+    """The figures of what was measured; ``names``: what it is called, by measures without a function."""
+    figures = {one.name: names[one.name] if one.function is None else one.function(measured) for one in measures}
+    return SimpleNamespace(**figures)
+
+
+def markdown_rows(measures: Sequence[Measure], rows: Iterable[Row]) -> list[str]:
+    """Lines of a Markdown table of rows."""
+    heads = dict.fromkeys(one.head for one in measures if one.head)
+    cells = [["".join(one.cell(row) for one in measures if one.head == head) for head in heads] for row in rows]
+    return markdown(list(heads), cells)
 
 
 def markdown(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:
@@ -28,28 +84,8 @@ def markdown(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[s
     return [_line(head), _line(["---"] * len(head)), *map(_line, rows)]
 
 
-def markdown_columns(columns: Mapping[str, Callable[[T], str]], rows: Iterable[T]) -> list[str]:
-    """Lines of a Markdown table: of every row the cell of each column, by the column's head."""
-    return markdown(list(columns), ([cell(row) for cell in columns.values()] for row in rows))
-
-
-def shown(value: float | None, form: str, factor: float = 1.0) -> str:
-    """A figure times a factor, by a format; "-" where there is none."""
-    return "-" if value is None else format(factor * value, form)
-
-
-def percent(value: float | None, form: str = ".0f") -> str:
-    """A fraction in %; "-" where there is none."""
-    return "-" if value is None else f"{100 * value:{form}} %"
-
-
 def _line(cells: Sequence[object]) -> str:
     return "| " + " | ".join(map(str, cells)) + " |"
-
-
-def to_json(row: DataclassInstance) -> dict[str, Any]:
-    """A row with the keys that ``signsplice evaluate --json`` prints."""
-    return {_STORED.get(name, name): value for name, value in asdict(row).items()}
 
 
 def tables_in(lines: Iterable[str]) -> list[dict[str, Any]]:

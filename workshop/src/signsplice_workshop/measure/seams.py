@@ -5,8 +5,6 @@ do not: each word's hands come from rest and go back to it. There is no true mot
 the faults that a viewer notices: jumps of velocity and jerk, arms that drop or hands that dip between the words, signs
 cut short, hands in the body, faces that jump or blink by half.
 
-Recordings of faces are not at hand: ``random_face`` wanders more than people's faces do, and its lids blink as they do.
-
 A baseline is the stitcher of spoken-to-signed (PyPI, 0.4.0; MIT), rebuilt from its published description. It joins
 clips of landmarks in four steps:
 
@@ -28,15 +26,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, filtfilt
 
 from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import kinematics, rotation
 from signsplice.motion.arrays import FloatArray
-from signsplice.motion.clip import Clip, unchecked_copy
-from signsplice.motion.face import ARKIT_CHANNELS, Face
+from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import Arms, arms
 from signsplice.rig.info import rig_info
@@ -47,7 +43,6 @@ from signsplice.splicing.methods.cut import CLASSICAL_CUTTER, CUTTERS
 from signsplice.splicing.methods.duration import CLASSICAL_DURATION
 from signsplice.splicing.methods.learned import FLUENT, NAME
 from signsplice.splicing.methods.transition import CLASSICAL_TRANSITION, TRANSITIONS
-from signsplice.splicing.passes.face_seams import LIDS, LIMIT_PERCENTILE, largest_step
 from signsplice.splicing.passes.free_hand import NATURAL
 from signsplice.splicing.passes.idle_hand import idle_hands
 from signsplice.splicing.seam import DEEP_M
@@ -57,79 +52,9 @@ from signsplice.synth.phonology import Sign
 from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import HANGING, RESTS, STANDARD, Signer
+from signsplice_workshop.measure import faces
 from signsplice_workshop.measure.hands import keeps_stroke, output_frame, stroke, wrist_joints, wrist_positions
-from signsplice_workshop.measure.measures import Progress, counted, markdown_columns, percent, shown
-
-SIGNATURE = f"face:random,jump-over-{LIMIT_PERCENTILE:g}%-or-even-step,lids-apart"
-LID_COLUMNS = [ARKIT_CHANNELS.index(name) for name in LIDS]
-_AROUND_S = 0.4
-"""A blink that is under way at a seam began or ends within this time of it."""
-_LOWERED, _CLOSED = 0.08, 0.6
-"""Lids that close by so much and open again before they are so far closed blink by half."""
-
-
-def random_face(seed: int, n_frames: int, fps: float = 30.0, channels: tuple[str, ...] = ARKIT_CHANNELS) -> Face:
-    """A face whose lids close every few seconds and whose other coefficients wander."""
-    rng = np.random.default_rng(seed)
-    noise = gaussian_filter1d(rng.normal(size=(n_frames, 52)), fps * rng.uniform(0.05, 0.25), axis=0, mode="nearest")
-    weights = np.clip(noise * rng.uniform(0.3, 1.2) + rng.uniform(-0.2, 0.3, 52), 0.0, 1.0)
-    weights[:, LID_COLUMNS] = _blinking(rng, n_frames, fps)[:, None]
-    return Face(channels, weights[:, [ARKIT_CHANNELS.index(name) for name in channels]])
-
-
-def with_random_face(clip: Clip, seed: int, channels: tuple[str, ...] = ARKIT_CHANNELS) -> Clip:
-    """A clip with ``random_face``."""
-    return unchecked_copy(clip, face=random_face(seed, len(clip), clip.fps, channels))
-
-
-def _blinking(rng: np.random.Generator, n_frames: int, fps: float) -> FloatArray:
-    """Lids (T,) with blinks of 0.2 to 0.35 s."""
-    lids, at = np.full(n_frames, rng.uniform(0.0, 0.12)), int(rng.integers(0, int(0.5 * fps) + 1))
-    while at < n_frames:
-        closing, opening = (max(2, round(fps * rng.uniform(*times))) for times in ((0.08, 0.12), (0.12, 0.22)))
-        blink = np.r_[np.linspace(0.0, 1.0, closing + 1)[1:], np.linspace(1.0, 0.0, opening + 1)[1:]]
-        part = blink[: n_frames - at] * rng.uniform(0.75, 1.0)
-        lids[at : at + len(part)] = np.maximum(lids[at : at + len(part)], part)
-        at += len(blink) + int(rng.integers(int(0.3 * fps), int(2.0 * fps)))
-    return lids
-
-
-def half_blinks(lids: FloatArray) -> list[int]:
-    """Frames at which lids (T,) that were closing open again before they are closed."""
-    signs = np.sign(np.where(np.abs(np.diff(lids)) < 1e-9, 0.0, np.diff(lids)))
-    turns = [0, *(k for k in range(1, len(lids) - 1) if signs[k - 1] != signs[k]), len(lids) - 1]
-    around = zip(turns, turns[1:], turns[2:], strict=False)
-    return [b for a, b, c in around if min(lids[b] - lids[a], lids[b] - lids[c]) > _LOWERED and lids[b] < _CLOSED]
-
-
-def straight(before: Clip, after: Clip, cut: Cut, n_frames: int) -> Face | None:
-    """The face of a clip up to its cut, ``n_frames`` on a straight line, and that of the next clip; None where one has
-    none.
-    """
-    if before.face is None or after.face is None:
-        return None
-    a, b = before.face.of(ARKIT_CHANNELS)[: cut.pre + 1], after.face.of(ARKIT_CHANNELS)[cut.post :]
-    new = a[-1] + np.arange(1, n_frames + 1)[:, None] / (n_frames + 1) * (b[0] - a[-1])
-    return Face(ARKIT_CHANNELS, np.concatenate([a, new, b]))
-
-
-def faults(shown: Face | None, gap: tuple[int, int], before: Clip, after: Clip) -> tuple[bool, bool]:
-    """Whether a face with new frames ``gap`` between those of two clips jumps there, and whether it blinks by half: a
-    coefficient other than lids changes by more than in most frames of the two, or than even steps would. False where
-    one has no face.
-    """
-    if shown is None or before.face is None or after.face is None:
-        return False, False
-    first, stop = gap
-    weights, start = shown.of(ARKIT_CHANNELS), max(0, first - round(_AROUND_S * before.fps))
-    seam = np.delete(weights[first - 1 : stop + 1], LID_COLUMNS, axis=1)
-    even = np.abs(seam[-1] - seam[0]) / (len(seam) - 1)
-    limit = max(largest_step(before.face, after.face), largest_step(shown[:first], shown[stop:]))  # also at a tempo
-    most = np.maximum(limit, even) + 1e-9
-    lids = weights[start : stop + round(_AROUND_S * before.fps), LID_COLUMNS[0]]
-    halves = [start + k for k in half_blinks(lids) if first - 1 <= start + k <= stop]
-    return bool((np.abs(np.diff(seam, axis=0)).max(axis=0) > most).any()), bool(halves)
-
+from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, over, percent, row_of
 
 MARGIN_FRAMES = 5
 LONGEST_S = 0.8
@@ -251,50 +176,6 @@ class SeamMeasurement:
     half_blink: bool = False
 
 
-@dataclass(frozen=True)
-class SeamRow:
-    """One method over all seams: medians where nothing else is noted.
-
-    method: cutter and transition.
-    n_seams: seams measured.
-    seconds, velocity_jump, peak_speed, jerk_ratio: as in ``SeamMeasurement``.
-    arms_down: mean frames per seam.
-    whole: fraction of the seams that keep both strokes whole.
-    deep: fraction of the seams in which a hand lies more than ``seam.DEEP_M`` in the body; None without a body.
-    deepest: greatest depth, m; None without a body.
-    idle_peak, idle_fastest: of the seams with a hand that only goes to rest or comes from it, its highest speed, m/s:
-        the median and the greatest; None without a body, or where no seam has one.
-    dips, deep_dips: fraction of the seams whose ``dip`` is over ``seams.DIP_M``, and over ``seams.DEEP_DIP_M``.
-    stroke_dips, deep_stroke_dips: the same of ``stroke_dip``; None without a body.
-    deepest_dip: the greatest ``stroke_dip``, m; None without a body.
-    head_peak: as in ``SeamMeasurement``; None without a body.
-    elbow_steps: fraction of the seams whose ``elbow_step`` is over ``seams.ELBOW_STEP_M``; None without a body.
-    face_jumps, half_blinks: fraction of the seams with these faults.
-    """
-
-    method: str
-    n_seams: int
-    seconds: float
-    velocity_jump: float
-    peak_speed: float
-    jerk_ratio: float
-    arms_down: float
-    whole: float
-    deep: float | None
-    deepest: float | None
-    idle_peak: float | None
-    idle_fastest: float | None
-    dips: float | None
-    deep_dips: float | None
-    stroke_dips: float | None
-    deep_stroke_dips: float | None
-    deepest_dip: float | None
-    head_peak: float | None
-    elbow_steps: float | None
-    face_jumps: float
-    half_blinks: float
-
-
 FrameRange = tuple[int, int]
 
 AROUND = 8
@@ -308,6 +189,40 @@ ELBOW_STEP_M = 0.08
 STITCHER = "stitcher"
 
 
+def _fraction_over(least: float) -> Callable[[FloatArray], float]:
+    return lambda values: float(np.mean(values > least))
+
+
+MEASURES = (
+    Measure("method", "method"),
+    Measure("n_joins", function=len),
+    Measure("seconds", "seconds", "{:.2f}", function=over("seconds", np.nanmedian)),
+    Measure("velocity_jump", "velocity jump, m/s", "{:.2f}", function=over("velocity_jump", np.nanmedian)),
+    Measure("peak_speed", "peak, m/s", "{:.2f}", function=over("peak_speed", np.nanmedian)),
+    Measure("jerk_ratio", "jerk ratio", "{:.2f}", function=over("jerk_ratio", np.nanmedian)),
+    Measure("arms_down", "arms down, frames", "{:.1f}", function=over("arms_down", np.mean)),
+    percent("whole", "strokes whole", 0, over("whole", np.mean)),
+    percent("deep", "deep in the body", 1, over("depth", _fraction_over(DEEP_M))),
+    Measure("deepest", "deepest, mm", "{:.0f}", 1e3, over("depth", np.max)),
+    Measure("idle_peak", "idle hand, m/s", "{:.2f}", function=over("idle_peak", np.median)),
+    Measure("idle_fastest", "its fastest, m/s", "{:.2f}", function=over("idle_peak", np.max)),
+    percent("dips", "dips over 3 / 6 cm", 0, over("dip", _fraction_over(DIP_M))),
+    Measure("deep_dips", "dips over 3 / 6 cm", " / {:.0f} %", 100.0, over("dip", _fraction_over(DEEP_DIP_M))),
+    percent("stroke_dips", "stroke to stroke", 0, over("stroke_dip", _fraction_over(DIP_M))),
+    Measure(
+        "deep_stroke_dips", "stroke to stroke", " / {:.0f} %", 100.0, over("stroke_dip", _fraction_over(DEEP_DIP_M))
+    ),
+    Measure("deepest_dip", "deepest, cm", "{:.1f}", 1e2, over("stroke_dip", np.max)),
+    Measure("head_peak", "head, degrees/s", "{:.0f}", function=over("head_peak", np.median)),
+    percent("elbow_steps", "elbow steps over 8 cm", 1, over("elbow_step", _fraction_over(ELBOW_STEP_M))),
+    percent("face_jumps", "face jumps", 1, over("face_jumps", np.mean)),
+    percent("half_blinks", "half blinks", 1, over("half_blink", np.mean)),
+)
+"""Of a method over all seams: medians, but for the mean of ``arms_down``, the greatest where a name says so, and
+fractions of the seams. None where a method has no body, or no seam a hand that only goes to rest or comes from it.
+"""
+
+
 def signature(rest: str = HANGING) -> str:
     """The recipe of the numbers, with the signer's rest where it is not the usual one."""
     signer = "standard-signer" + ("" if rest == HANGING else f",rest:{rest}")
@@ -315,7 +230,7 @@ def signature(rest: str = HANGING) -> str:
         f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{metrics.VELOCITY_JUMP}|{metrics.JERK_RATIO}"
         f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
         f"|idle-hand:wrist,transition+rest,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
-        f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm|{SIGNATURE}"
+        f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm|{faces.SIGNATURE}"
     )
 
 
@@ -334,7 +249,7 @@ def word_pairs(
     drawn = [rng.choice(len(signs), 2, replace=False).tolist() for _ in range(n_pairs)]
     signer = replace(STANDARD, rest=rest)
     words = {k: planner.isolated(signs[k], signer) for k in sorted({k for pair in drawn for k in pair})}
-    words = {k: replace(word, clip=with_random_face(word.clip, k)) for k, word in words.items()}
+    words = {k: replace(word, clip=faces.with_random_face(word.clip, k)) for k, word in words.items()}
     return [(words[p], words[q]) for p, q in drawn]
 
 
@@ -366,10 +281,14 @@ def compare(
     words: Sequence[tuple[IsolatedWord, IsolatedWord]],
     methods: Mapping[str, SpliceOptions],
     progress: Progress | None = None,
-) -> list[SeamRow]:
+) -> list[Row]:
     """One row for each method, and one for the stitcher."""
     return [
-        _row(name, [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words])
+        row_of(
+            MEASURES,
+            [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words],
+            method=name,
+        )
         for name, options in counted([*methods.items(), (STITCHER, None)], progress)
     ]
 
@@ -399,7 +318,7 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     peak, dip = _idle_peak(wrists, rests, result.clip.fps), _dip(wrists, before.signer, *between)
     head = rotation.from_matrix(rotations[:, info.roles.joints["head"]])
     elbows = positions[:, [info.arm_joints[1], info.arm_joints[4]]] * info.sizes.unit.metres
-    jumps, half = faults(result.clip.face, (first, stop), before.clip, after.clip)
+    jumps, half = faces.faults(result.clip.face, (first, stop), before.clip, after.clip)
     return replace(
         measured,
         face_jumps=jumps,
@@ -437,8 +356,8 @@ def measure_stitched(before: IsolatedWord, after: IsolatedWord) -> SeamMeasureme
     kept = made.kept_before, made.kept_after
     measured = _measure(wrists, (made.first, made.stop), before, after, kept, None)
     cut, n_frames = Cut(kept[0][1] - 1, kept[1][0]), made.stop - made.first
-    face = straight(before.clip, after.clip, cut, n_frames)
-    jumps, half = faults(face, (cut.pre + 1, cut.pre + 1 + n_frames), before.clip, after.clip)
+    face = faces.straight(before.clip, after.clip, cut, n_frames)
+    jumps, half = faces.faults(face, (cut.pre + 1, cut.pre + 1 + n_frames), before.clip, after.clip)
     return replace(measured, face_jumps=jumps, half_blink=half)
 
 
@@ -485,67 +404,7 @@ def _are_down(motion: Arms) -> NDArray[np.bool_]:
     return np.asarray(height < rest + DOWN_FRACTION * (height.max() - rest))
 
 
-def _row(name: str, seams: Sequence[SeamMeasurement]) -> SeamRow:
-    depths = [seam.depth for seam in seams if seam.depth is not None]
-    idle_peaks = [seam.idle_peak for seam in seams if seam.idle_peak is not None]
-    stroke_dips = [seam.stroke_dip for seam in seams if seam.stroke_dip is not None]
-    heads = [seam.head_peak for seam in seams if seam.head_peak is not None]
-
-    def median(field: str) -> float:
-        return float(np.nanmedian([getattr(seam, field) for seam in seams]))
-
-    return SeamRow(
-        method=name,
-        n_seams=len(seams),
-        seconds=median("seconds"),
-        velocity_jump=median("velocity_jump"),
-        peak_speed=median("peak_speed"),
-        jerk_ratio=median("jerk_ratio"),
-        arms_down=float(np.mean([seam.arms_down for seam in seams])),
-        whole=float(np.mean([seam.whole for seam in seams])),
-        deep=_fraction_over(depths, DEEP_M),
-        deepest=max(depths, default=None),
-        idle_peak=float(np.median(idle_peaks)) if idle_peaks else None,
-        idle_fastest=max(idle_peaks, default=None),
-        dips=_fraction_over([seam.dip for seam in seams], DIP_M),
-        deep_dips=_fraction_over([seam.dip for seam in seams], DEEP_DIP_M),
-        stroke_dips=_fraction_over(stroke_dips, DIP_M),
-        deep_stroke_dips=_fraction_over(stroke_dips, DEEP_DIP_M),
-        deepest_dip=max(stroke_dips, default=None),
-        head_peak=float(np.median(heads)) if heads else None,
-        elbow_steps=_fraction_over([seam.elbow_step for seam in seams if seam.elbow_step is not None], ELBOW_STEP_M),
-        face_jumps=float(np.mean([seam.face_jumps for seam in seams])),
-        half_blinks=float(np.mean([seam.half_blink for seam in seams])),
-    )
-
-
-def _fraction_over(values: Sequence[float], least: float) -> float | None:
-    return float(np.mean(np.array(values) > least)) if values else None
-
-
-_COLUMNS: dict[str, Callable[[SeamRow], str]] = {
-    "method": lambda row: row.method,
-    "seconds": lambda row: f"{row.seconds:.2f}",
-    "velocity jump, m/s": lambda row: f"{row.velocity_jump:.2f}",
-    "peak, m/s": lambda row: f"{row.peak_speed:.2f}",
-    "jerk ratio": lambda row: f"{row.jerk_ratio:.2f}",
-    "arms down, frames": lambda row: f"{row.arms_down:.1f}",
-    "strokes whole": lambda row: percent(row.whole),
-    "deep in the body": lambda row: percent(row.deep, ".1f"),
-    "deepest, mm": lambda row: shown(row.deepest, ".0f", 1e3),
-    "idle hand, m/s": lambda row: shown(row.idle_peak, ".2f"),
-    "its fastest, m/s": lambda row: shown(row.idle_fastest, ".2f"),
-    "dips over 3 / 6 cm": lambda row: f"{percent(row.dips)} / {percent(row.deep_dips)}",
-    "stroke to stroke": lambda row: f"{percent(row.stroke_dips)} / {percent(row.deep_stroke_dips)}",
-    "deepest, cm": lambda row: shown(row.deepest_dip, ".1f", 1e2),
-    "head, degrees/s": lambda row: shown(row.head_peak, ".0f"),
-    "elbow steps over 8 cm": lambda row: percent(row.elbow_steps, ".1f"),
-    "face jumps": lambda row: percent(row.face_jumps, ".1f"),
-    "half blinks": lambda row: percent(row.half_blinks, ".1f"),
-}
-
-
-def table(rows: Sequence[SeamRow], rest: str = HANGING) -> list[str]:
+def table(rows: Sequence[Row], rest: str = HANGING) -> list[str]:
     """The rows as Markdown, with their signature."""
-    counted = f"{rows[0].n_seams} seams each." if rows else ""
-    return [f"`{signature(rest)}`", "", *markdown_columns(_COLUMNS, rows), "", counted]
+    counted = f"{rows[0].n_joins} seams each." if rows else ""
+    return [f"`{signature(rest)}`", "", *markdown_rows(MEASURES, rows), "", counted]

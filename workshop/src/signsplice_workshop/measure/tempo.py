@@ -24,7 +24,7 @@ from signsplice.synth.planner import IsolatedWord
 from signsplice.synth.rng import stream
 from signsplice.synth.signer import STANDARD, Signer, draw_signer
 from signsplice_workshop.measure.hands import keeps_stroke, output_frame, stroke, wrist_positions
-from signsplice_workshop.measure.measures import Progress, counted, markdown_columns, percent, shown
+from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, over, percent, row_of
 
 LENGTH = 7
 """Signs of a sentence; the first and the last are not measured, since rest is part of them."""
@@ -38,49 +38,18 @@ _STILL_M = 0.05
 
 
 @dataclass(frozen=True)
-class TempoRow:
-    """The signs of one lexicon at one tempo, first and last of each sentence left out.
-
-    words: whose they are.
-    tempo: the tempo.
-    n_signs: signs measured.
-    ratio: seconds a sign takes, its transition included, over ``RUNNING_S``; mean.
-    sign_seconds, transition_seconds: medians.
-    longest: 95 % of the signs are shorter, s.
-    peak, fastest: highest speed of a wrist within a sign, m/s: median and greatest.
-    peak_ratio: the same over the recorded sign's, median.
-    jerk_ratio: jerk of the faster wrist over the recorded sign's, both scaled to one duration; median: 1 where the
-        movement keeps its shape.
-    velocity_jump: at the ends of transitions, m/s, median.
-    transition_peak: highest speed of a wrist in 95 % of the transitions, m/s.
-    whole: fraction of the signs of which all movements are kept.
-    repetitions: fraction of the signs whose hands turn back no less often than recorded in their movements.
-    shortest_pass: shortest pass of a movement that was not as short as recorded, s; None where there is none.
-    contacts: fraction of the contacts that are seen in two frames or more.
-    """
-
-    words: str
-    tempo: str
-    n_signs: int
-    ratio: float
-    sign_seconds: float
-    transition_seconds: float
-    longest: float
-    peak: float
-    fastest: float
-    peak_ratio: float
-    jerk_ratio: float
-    velocity_jump: float
-    transition_peak: float
-    whole: float
-    repetitions: float
-    shortest_pass: float | None
-    contacts: float | None
-
-
-@dataclass(frozen=True)
 class _SignMeasurement:
-    """One sign of a sentence, as in ``TempoRow``; contacts: how many were recorded, and how many are seen."""
+    """One sign of a sentence.
+
+    seconds, transition: how long it takes, and the transition before it, s.
+    peak, peak_ratio: highest speed of a wrist within the sign, m/s, and over the recorded sign's.
+    jerk_ratio: jerk of the faster wrist over the recorded sign's, both scaled to one duration: 1 where the movement
+        keeps its shape.
+    whole: whether all its movements are kept.
+    repeats: whether hands turn back no less often than recorded in its movements.
+    passes: seconds of passes of movements that were not as short as recorded.
+    contacts: how many were recorded, and how many are seen in two frames or more.
+    """
 
     seconds: float
     transition: float
@@ -91,6 +60,65 @@ class _SignMeasurement:
     repeats: bool
     passes: tuple[float, ...]
     contacts: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """The signs of a lexicon at one tempo, first and last of each sentence left out, and all seams."""
+
+    signs: Sequence[_SignMeasurement]
+    seams: Sequence[Seam]
+
+
+def _sign(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[_Measured], float | None]:
+    return lambda of: over(field, statistic)(of.signs)
+
+
+def _seam(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[_Measured], float | None]:
+    return lambda of: over(field, statistic)(of.seams)
+
+
+def _percentile_95(values: FloatArray) -> float:
+    return float(np.quantile(values, 0.95))
+
+
+def _mean_ratio(of: _Measured) -> float:
+    return float(np.mean([sign.seconds + sign.transition for sign in of.signs])) / RUNNING_S
+
+
+def _shortest_pass(of: _Measured) -> float | None:
+    return min((seconds for sign in of.signs for seconds in sign.passes), default=None)
+
+
+def _kept_contacts(of: _Measured) -> float | None:
+    there, seen = np.sum([sign.contacts for sign in of.signs], axis=0).tolist()
+    return seen / there if there else None
+
+
+MEASURES = (
+    Measure("words", "words"),
+    Measure("tempo", "tempo"),
+    Measure("n_signs", "signs", function=lambda of: len(of.signs)),
+    Measure("ratio", "of running tempo", "{:.2f}", function=_mean_ratio),
+    Measure("sign_seconds", "sign, s", "{:.2f}", function=_sign("seconds", np.nanmedian)),
+    Measure("transition_seconds", "transition, s", "{:.2f}", function=_sign("transition", np.nanmedian)),
+    Measure("longest", "95 %", "{:.2f}", function=_sign("seconds", _percentile_95)),
+    Measure("peak", "peak, m/s", "{:.2f}", function=_sign("peak", np.nanmedian)),
+    Measure("fastest", "fastest", "{:.2f}", function=_sign("peak", np.max)),
+    Measure("peak_ratio", "peak ratio", "{:.2f}", function=_sign("peak_ratio", np.nanmedian)),
+    Measure("jerk_ratio", "jerk ratio", "{:.2f}", function=_sign("jerk_ratio", np.nanmedian)),
+    Measure("velocity_jump", "velocity jump, m/s", "{:.2f}", function=_seam("velocity_jump", np.median)),
+    Measure("transition_peak", "transition peak", "{:.2f}", function=_seam("peak_speed_m_s", _percentile_95)),
+    percent("whole", "strokes whole", 0, _sign("whole", np.mean)),
+    percent("repetitions", "turns kept", 0, _sign("repeats", np.mean)),
+    Measure("shortest_pass", "shortest pass, s", "{:.2f}", function=_shortest_pass),
+    percent("contacts", "contacts kept", 0, _kept_contacts),
+)
+"""Of a lexicon at a tempo: seconds a sign takes, its transition included, over ``RUNNING_S``; what signs and seams are;
+fraction of the contacts that are seen in two frames or more.
+"""
+_SHOWN = (*MEASURES[:5], MEASURES[6], MEASURES[5], *MEASURES[7:])
+"""In a table the longest signs stand beside the others."""
 
 
 def draw_words(n_words: int) -> dict[str, tuple[Signer, list[Sign]]]:
@@ -125,46 +153,28 @@ def compare(
     tempos: Sequence[str | float] = (CITATION, NATURAL),
     bundle: str | Path | None = None,
     progress: Progress | None = None,
-) -> list[TempoRow]:
+) -> list[Row]:
     """One row for each lexicon and tempo; every word is measured once."""
     return [
-        _row(name, own, SpliceOptions(tempo=tempo, bundle=bundle))
-        for (name, own), tempo in counted([*product(words.items(), tempos)], progress)
+        row_of(
+            MEASURES,
+            _measured(lexicon, SpliceOptions(tempo=tempo, bundle=bundle)),
+            words=name,
+            tempo=str(tempo),
+        )
+        for (name, lexicon), tempo in counted([*product(words.items(), tempos)], progress)
     ]
 
 
-def _row(name: str, words: Sequence[IsolatedWord], options: SpliceOptions) -> TempoRow:
-    measured: list[_SignMeasurement] = []
+def _measured(words: Sequence[IsolatedWord], options: SpliceOptions) -> _Measured:
+    """What became of every word in sentences of a lexicon's words."""
+    signs: list[_SignMeasurement] = []
     seams: list[Seam] = []
     for part in _sentences(words):
         result = splice([word.clip for word in part], options)
-        measured += list(_signs(result, part))
+        signs += list(_signs(result, part))
         seams += result.seams
-
-    def median(field: str) -> float:
-        return float(np.nanmedian([getattr(sign, field) for sign in measured]))
-
-    passes = [seconds for sign in measured for seconds in sign.passes]
-    there, seen = np.sum([sign.contacts for sign in measured], axis=0).tolist()
-    return TempoRow(
-        words=name,
-        tempo=str(options.tempo),
-        n_signs=len(measured),
-        ratio=float(np.mean([sign.seconds + sign.transition for sign in measured])) / RUNNING_S,
-        sign_seconds=median("seconds"),
-        transition_seconds=median("transition"),
-        longest=float(np.quantile([sign.seconds for sign in measured], 0.95)),
-        peak=median("peak"),
-        fastest=max(sign.peak for sign in measured),
-        peak_ratio=median("peak_ratio"),
-        jerk_ratio=median("jerk_ratio"),
-        velocity_jump=float(np.median([seam.velocity_jump for seam in seams])),
-        transition_peak=float(np.quantile([seam.peak_speed_m_s for seam in seams], 0.95)),
-        whole=float(np.mean([sign.whole for sign in measured])),
-        repetitions=float(np.mean([sign.repeats for sign in measured])),
-        shortest_pass=min(passes, default=None),
-        contacts=seen / there if there else None,
-    )
+    return _Measured(signs, seams)
 
 
 def _sentences(words: Sequence[IsolatedWord]) -> Iterator[list[IsolatedWord]]:
@@ -263,27 +273,6 @@ def _direction_changes(path: FloatArray, axis: FloatArray, least: float) -> int:
     return turns
 
 
-_COLUMNS: dict[str, Callable[[TempoRow], str]] = {
-    "words": lambda row: row.words,
-    "tempo": lambda row: row.tempo,
-    "signs": lambda row: str(row.n_signs),
-    "of running tempo": lambda row: f"{row.ratio:.2f}",
-    "sign, s": lambda row: f"{row.sign_seconds:.2f}",
-    "95 %": lambda row: f"{row.longest:.2f}",
-    "transition, s": lambda row: f"{row.transition_seconds:.2f}",
-    "peak, m/s": lambda row: f"{row.peak:.2f}",
-    "fastest": lambda row: f"{row.fastest:.2f}",
-    "peak ratio": lambda row: f"{row.peak_ratio:.2f}",
-    "jerk ratio": lambda row: f"{row.jerk_ratio:.2f}",
-    "velocity jump, m/s": lambda row: f"{row.velocity_jump:.2f}",
-    "transition peak": lambda row: f"{row.transition_peak:.2f}",
-    "strokes whole": lambda row: percent(row.whole),
-    "turns kept": lambda row: percent(row.repetitions),
-    "shortest pass, s": lambda row: shown(row.shortest_pass, ".2f"),
-    "contacts kept": lambda row: percent(row.contacts),
-}
-
-
 def signature(n_words: int) -> str:
     """The recipe of the numbers."""
     return (
@@ -292,6 +281,6 @@ def signature(n_words: int) -> str:
     )
 
 
-def table(rows: Sequence[TempoRow], n_words: int) -> list[str]:
+def table(rows: Sequence[Row], n_words: int) -> list[str]:
     """The rows as Markdown, with their signature."""
-    return [f"`{signature(n_words)}`", "", *markdown_columns(_COLUMNS, rows)]
+    return [f"`{signature(n_words)}`", "", *markdown_rows(_SHOWN, rows)]
