@@ -164,7 +164,7 @@ def seams(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
             5 mm in the body; dips: the
             strong wrist sinks by over 3/6 cm.
             The stitcher is that of spoken-to-signed 0.4.0, rebuilt from its description
-            (`evaluation/stitcher.py`).
+            (`measure/seams.py`).
         """),
         "",
         "## Signers who rest in other ways",
@@ -333,7 +333,7 @@ def bodies(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[objec
             (`body.retarget.fit_body`). The fit's weights were chosen on the bodies narrow, broad, child, chibi and long
             arms and on 17 words (`evaluation.bodies.TUNED_ON`). The bodies stout, youth and lanky and a third of the
             words, by the hash of their names, are kept aside. All words are of one synthetic signer. Bodies are the
-            words' own rig with bones stretched and capsules shaped anew (`evaluation/stretched_bodies.py`); small head
+            words' own rig with bones stretched and capsules shaped anew (`measure/bodies.py`); small head
             and belly differ in skin alone.
         """),
     ]
