@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from signsplice.motion.arrays import FloatArray
 from signsplice.motion.clip import Clip
 from signsplice.rig import metrics
 from signsplice.rig.arms import active_span, arms
@@ -24,36 +25,29 @@ from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.measure import corpus_checks
 from signsplice_workshop.measure.hands import strong_side, strong_wrist
-from signsplice_workshop.measure.measures import Progress, counted
+from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, row_of
 
 BY_WORD = "words known: the most frequent cut of each word"
 Rule = Callable[[int, int], tuple[int, int]]
 """(word before, word after) -> (last frame kept of the first, first frame kept of the second)."""
 
 
-@dataclass(frozen=True)
-class CutAccuracy:
-    """How often a cutter or rule finds the true cut, as fractions of the pairs.
-
-    rule: its name.
-    exact: both frames exact.
-    leave: the last frame kept of the word before exact.
-    enter: the first frame kept of the word after exact.
-    near: both within two frames.
-    distance: mean distance from the true frames, frames.
-    """
-
-    rule: str
-    exact: float
-    leave: float
-    enter: float
-    near: float
-    distance: float
+CUT_MEASURES = (
+    Measure("rule", "rule"),
+    Measure("exact", "both exact", "{:.1f}", 100.0, lambda distances: float((distances == 0).all(axis=1).mean())),
+    Measure("leave", "leave exact", "{:.1f}", 100.0, lambda distances: float((distances[:, 0] == 0).mean())),
+    Measure("enter", "enter exact", "{:.1f}", 100.0, lambda distances: float((distances[:, 1] == 0).mean())),
+    Measure("near", "both within 2", "{:.1f}", 100.0, lambda distances: float((distances <= 2).all(axis=1).mean())),
+    Measure("distance", "mean distance, frames", "{:.2f}", None, lambda distances: float(distances.mean())),
+)
+"""Of a cutter or rule, by distances (N, 2) of the frames left and entered from the true ones: fractions of the pairs
+whose frames are exact or within two, and the mean distance, frames.
+"""
 
 
 def score_cutters(
     pairs: Pairs, numbers: Sequence[int], train: Sequence[int], progress: Progress | None = None
-) -> list[CutAccuracy]:
+) -> list[Row]:
     """Accuracy of every classical cutter, and of simple rules.
 
     The rules know what no cutter knows, the events of both words. Two of them are fitted to the pairs ``train``: the
@@ -117,17 +111,10 @@ def _first_movement(events: Events) -> tuple[int, int]:
     return events.first or (events.start, events.end)
 
 
-def _accuracy(rule: str, cuts: Sequence[tuple[int, int]], true: Sequence[Sequence[int]]) -> CutAccuracy:
+def _accuracy(rule: str, cuts: Sequence[tuple[int, int]], true: Sequence[Sequence[int]]) -> Row:
     """Accuracy of cuts against rows (word before, word after, pre, post)."""
     distances = np.array([(abs(pre - t[2]), abs(post - t[3])) for (pre, post), t in zip(cuts, true, strict=True)])
-    return CutAccuracy(
-        rule,
-        exact=float((distances == 0).all(axis=1).mean()),
-        leave=float((distances[:, 0] == 0).mean()),
-        enter=float((distances[:, 1] == 0).mean()),
-        near=float((distances <= 2).all(axis=1).mean()),
-        distance=float(distances.mean()),
-    )
+    return row_of(CUT_MEASURES, distances, rule=rule)
 
 
 READING_ERRORS_CM = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
@@ -198,27 +185,26 @@ def _with_noise(word: planner.IsolatedWord, error: float, rng: np.random.Generat
     return replace(word, states=states, events=replace(word.events, gap_first_cm=gaps[0], gap_last_cm=gaps[1]))
 
 
-@dataclass(frozen=True)
-class TransitionScores:
-    """How near a transition comes at the true cuts and lengths.
+def _mean(column: int) -> Callable[[FloatArray], float]:
+    return lambda scores: float(np.nanmean(scores, axis=0)[column])
 
-    transition: its name.
-    position_error: mean joint position error, arm length / 1000.
-    motion_ratio: path of the fingertips over that of the true transition.
-    velocity_jump: median over the pairs of the largest velocity jump at a seam, m/s.
-    """
 
-    transition: str
-    position_error: float
-    motion_ratio: float
-    velocity_jump: float
+TRANSITION_MEASURES = (
+    Measure("transition", "transition"),
+    Measure("position_error", "position error, arm / 1000", "{:.1f}", None, _mean(0)),
+    Measure("motion_ratio", "motion ratio", "{:.2f}", None, _mean(1)),
+    Measure("velocity_jump", "velocity jump, m/s", "{:.2f}", None, lambda scores: float(np.median(scores[:, 2]))),
+)
+"""Of a transition at the true cuts and lengths, by scores (N, 3): mean joint position error, mean path of the
+fingertips over that of the true transition, and median of the largest velocity jump at a seam.
+"""
 
 
 def score_transitions(
     pairs: Pairs, numbers: Sequence[int], progress: Progress | None = None
-) -> tuple[list[TransitionScores], float]:
+) -> tuple[list[Row], float]:
     """Scores of every classical transition at the true cuts, and the true median velocity jump, m/s."""
-    rows: list[TransitionScores] = []
+    rows: list[Row] = []
     true_jumps: list[float] = []
     for transition in counted(TRANSITIONS.values(), progress):
         scores = []
@@ -233,10 +219,7 @@ def score_transitions(
             scores.append((metrics.position_error(made, part), metrics.motion_ratio(made, part), jump))
             if not rows:
                 true_jumps.append(_jump(true, part, pre, count, strong))
-        error, ratio = np.nanmean(scores, axis=0)[:2]
-        rows.append(
-            TransitionScores(transition.name, float(error), float(ratio), float(np.median([s[2] for s in scores])))
-        )
+        rows.append(row_of(TRANSITION_MEASURES, np.array(scores), transition=transition.name))
     return rows, float(np.median(true_jumps))
 
 

@@ -26,7 +26,7 @@ from signsplice_workshop.corpora import pseudo
 from signsplice_workshop.corpora.pairs import MADE_BY, VERSION, Pairs
 from signsplice_workshop.measure import corpus_checks, corpus_difficulty, corpus_pictures, corpus_realism, hands
 from signsplice_workshop.measure.corpus_checks import score_touches
-from signsplice_workshop.measure.corpus_difficulty import BY_WORD, RAD_PER_CM
+from signsplice_workshop.measure.corpus_difficulty import BY_WORD, CUT_MEASURES, RAD_PER_CM, TRANSITION_MEASURES
 from signsplice_workshop.measure.corpus_realism import MOVING, rms_jerk, speeds
 from signsplice_workshop.measure.hands import wrist_positions
 from signsplice_workshop.measure.hidden_frames import SHOWN
@@ -36,6 +36,7 @@ from signsplice_workshop.measure.measures import (
     TAILS_WITHIN,
     csv_text,
     markdown,
+    markdown_rows,
     number,
     percentiles,
     table,
@@ -317,28 +318,19 @@ def _difficulty(pairs: Pairs, signs: Mapping[str, Sign], advance: Progress | Non
     test = pairs.split("random", "test")[:N_TEST]
     cuts = corpus_difficulty.score_cutters(pairs, test, pairs.split("random", "train"), advance)
     transitions, true_jump = corpus_difficulty.score_transitions(pairs, test[:N_TRANSITIONS], advance)
-    scores = [
-        (t.transition, f"{t.position_error:.1f}", f"{t.motion_ratio:.2f}", f"{t.velocity_jump:.2f}")
-        for t in transitions
-    ]
     return [
         "### Difficulty",
         "",
         f"True cuts found in {len(test)} test pairs of the random split, % of the pairs:",
         "",
-        *markdown(
-            ("rule", "both exact", "leave exact", "enter exact", "both within 2", "mean distance, frames"),
-            [(c.rule, *_percents(c.exact, c.leave, c.enter, c.near), f"{c.distance:.2f}") for c in cuts],
-        ),
+        *markdown_rows(CUT_MEASURES, cuts),
         "",
         *_precision(pairs, test, signs),
         "",
         f"Transitions at the true cuts and lengths, {len(test[:N_TRANSITIONS])} of them:",
         "",
-        *markdown(
-            ("transition", "position error, arm / 1000", "motion ratio", "velocity jump, m/s"),
-            [*scores, ("(truth)", "0", "1", f"{true_jump:.2f}")],
-        ),
+        *markdown_rows(TRANSITION_MEASURES, transitions),
+        f"| (truth) | 0 | 1 | {true_jump:.2f} |",
     ]
 
 
