@@ -112,10 +112,10 @@ $(VENV)/.demo: pyproject.toml requirements/demo.lock | $(VENV)/bin/python
 	@touch $@
 
 # torch has a build for CPUs and builds for each CUDA, and which one comes depends on the index that pip is set to. So its
-# version is fixed, in workshop/pyproject.toml, and its hash is not. What it needs besides CUDA libraries is in the lock.
+# version is fixed, in pyproject.toml, and its hash is not. What it needs besides CUDA libraries is in the lock.
 $(VENV)/.dev: pyproject.toml workshop/pyproject.toml research/pyproject.toml requirements/dev.lock | $(VENV)/bin/python
 	$(LOCKED) requirements/dev.lock
-	$(PIP) $$(sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' workshop/pyproject.toml)
+	$(PIP) $$(sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 	$(ITSELF) --editable ./workshop --editable ./research
 	touch $@ $(VENV)/.demo
 
