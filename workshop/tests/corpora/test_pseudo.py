@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from signsplice.synth import locations, phonology, planner, pose
+from signsplice.synth import inflection, locations, phonology, planner, pose
 from signsplice.synth.avoidance import penetration
 from signsplice.synth.locations import WeakArm
 from signsplice.synth.phonology import Posture, Sign
@@ -91,18 +91,18 @@ def test_all_postures_are_within_reach_and_joint_limits(signs: list[Sign]) -> No
             assert low_side < wrist.deviation < high_side, sign.gloss
             assert low_bent < wrist.flexion < high_bent, sign.gloss
             assert abs(wrist.twist) < pose.FOREARM_LIMIT, sign.gloss
-            assert pseudo.easy(hand_state), sign.gloss
+            assert inflection.easy(hand_state), sign.gloss
 
 
 def test_far_or_bent_hands_are_not_easy() -> None:
     posture = Posture("B", "space", "palm", (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8))
     easy = locations.strong_hand(posture, WeakArm(STANDARD, np.zeros(27)))
-    assert pseudo.easy(easy)
+    assert inflection.easy(easy)
     far, bent = easy.copy(), easy.copy()
     far[2] += 40.0
     bent[4] += 1.5
-    assert not pseudo.easy(far)
-    assert not pseudo.easy(bent)
+    assert not inflection.easy(far)
+    assert not inflection.easy(bent)
 
 
 @pytest.mark.parametrize("seed", [0, 5, 11, 23, 42])

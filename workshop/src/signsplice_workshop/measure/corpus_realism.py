@@ -413,7 +413,7 @@ def rms_jerk(paths: Sequence[FloatArray], fps: float) -> float:
 
 def slerp_motion_ratio(clips: Sequence[Clip], n_frames: int = 18) -> float:
     """Path of the fingertips that slerp makes over hidden frames, over the true one."""
-    return hidden_frames(clips, [find_transition("slerp")], (n_frames,))[0].motion_ratio
+    return float(hidden_frames(clips, [find_transition("slerp")], (n_frames,))[0].motion_ratio)
 
 
 def forming(pairs: Pairs) -> FloatArray:
