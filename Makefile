@@ -10,7 +10,7 @@ PAGE_SOURCES := $(shell find viewer/src) $(wildcard viewer/*.json) viewer/build.
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 LOCKED := $(PIP) --only-binary :all: --require-hashes --requirement
 ITSELF := $(PIP) --no-deps --no-build-isolation --editable .
-PLACES := src tests attacks examples research viewer conftest.py
+PLACES := src tests examples workshop research viewer conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
@@ -38,10 +38,10 @@ player: $(NODE)                ## the package of <sign-player>, the web componen
 	cd viewer && npm run --silent player && npm pack --silent --pack-destination ../out
 
 wheel: $(VENV)/.dev $(PAGE)    ## wheel and source archive in out/dist, with their hashes and what they were made of
-	$(BIN)/python runs/release.py
+	$(BIN)/python workshop/runs/release.py
 
 try-wheel: wheel               ## the wheel used in a clean environment on every Python from 3.11 to 3.13 that is here
-	runs/try_wheel.sh
+	workshop/runs/try_wheel.sh
 
 lock: | $(VENV)/bin/python     ## requirements/*.lock anew from pyproject.toml; UPGRADE=1 for newer versions (needs an index)
 	$(BIN)/python -m venv $(VENV)/lock
@@ -58,28 +58,28 @@ unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests st
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
 
-attacks: $(VENV)/.dev $(PAGE)  ## the tables of docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
-	for attack in sockets flips formats rigs bombs outputs streams slow_readers floods worker_kills kills; do $(BIN)/python attacks/$$attack.py || exit; done
-	$(BIN)/python attacks/fuzz.py --cases 20000 --seed 18
+attacks: $(VENV)/.dev $(PAGE)  ## the tables of workshop/docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
+	for attack in sockets flips formats rigs bombs outputs streams slow_readers floods worker_kills kills; do $(BIN)/python workshop/attacks/$$attack.py || exit; done
+	$(BIN)/python workshop/attacks/fuzz.py --cases 20000 --seed 18
 
-fuzz: $(VENV)/.fuzz            ## every reader against mutated files for MINUTES=10; what is found stays in tests/fuzz_corpus
-	$(BIN)/python attacks/fuzz.py --minutes $(MINUTES)
+fuzz: $(VENV)/.fuzz            ## every reader against mutated files for MINUTES=10; what is found stays in workshop/tests/fuzz_corpus
+	$(BIN)/python workshop/attacks/fuzz.py --minutes $(MINUTES)
 
 words: $(VENV)/.dev            ## sign the words that ship anew, from their notation
 	mkdir -p out
 	$(BIN)/signsplice synth lexicon -o out/words
 	$(BIN)/signsplice lexicon build out/words -o src/signsplice/lexicon/words --compact
 
-corpus: $(VENV)/.dev           ## 10,000 true splices, and docs/measured/corpus.md and its pictures; REAL=DIR adds real clips, FRAMES=0:315 part of each
+corpus: $(VENV)/.dev           ## 10,000 true splices, and workshop/docs/measured/corpus.md and its pictures; REAL=DIR adds real clips, FRAMES=0:315 part of each
 	mkdir -p out
 	$(BIN)/signsplice synth pairs -o out/pairs
-	$(BIN)/signsplice evaluate corpus out/pairs --page docs/measured/corpus.md --images docs/images $(if $(REAL),--real $(REAL) --real-frames $(FRAMES))
+	$(BIN)/signsplice evaluate corpus out/pairs --page workshop/docs/measured/corpus.md --images workshop/docs/images $(if $(REAL),--real $(REAL) --real-frames $(FRAMES))
 
-measured: $(VENV)/.dev         ## every page of docs/measured but scale, from committed sources; REAL=DIR: clips of real signing. It continues
-	nice $(BIN)/python runs/measured.py $(if $(REAL),--real $(REAL))
+measured: $(VENV)/.dev         ## every page of workshop/docs/measured but scale, from committed sources; REAL=DIR: clips of real signing. It continues
+	nice $(BIN)/python workshop/runs/measured.py $(if $(REAL),--real $(REAL))
 
-measured-%: $(VENV)/.dev       ## one page of docs/measured: seams hidden-frames collisions bodies tempo bench corpus scale
-	nice $(BIN)/python runs/measured.py $* $(if $(REAL),--real $(REAL))
+measured-%: $(VENV)/.dev       ## one page of workshop/docs/measured: seams hidden-frames collisions bodies tempo bench corpus scale
+	nice $(BIN)/python workshop/runs/measured.py $* $(if $(REAL),--real $(REAL))
 
 smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a few thousand numbers: out/smoke
 	research/runs/smoke.sh
@@ -88,7 +88,7 @@ paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=pap
 	research/runs/paper.sh
 
 weights: $(VENV)/.dev          ## train networks of the shipped sizes into out/weights, not the shipped bytes: three hours
-	runs/weights.sh
+	workshop/runs/weights.sh
 
 clean:                         ## forget the environment and everything made
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis
@@ -113,10 +113,10 @@ $(VENV)/.demo: pyproject.toml requirements/demo.lock | $(VENV)/bin/python
 
 # torch has a build for CPUs and builds for each CUDA, and which one comes depends on the index that pip is set to. So its
 # version is fixed, in pyproject.toml, and its hash is not. What it needs besides CUDA libraries is in the lock.
-$(VENV)/.dev: pyproject.toml research/pyproject.toml requirements/dev.lock | $(VENV)/bin/python
+$(VENV)/.dev: pyproject.toml workshop/pyproject.toml research/pyproject.toml requirements/dev.lock | $(VENV)/bin/python
 	$(LOCKED) requirements/dev.lock
 	$(PIP) $$(sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
-	$(ITSELF) --editable ./research
+	$(ITSELF) --editable ./workshop --editable ./research
 	touch $@ $(VENV)/.demo
 
 $(VENV)/.fuzz: $(VENV)/.dev

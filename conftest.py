@@ -1,4 +1,4 @@
-"""Fixtures that the tests of both distributions share: generated motions, real clips where they are present, and
+"""Fixtures that the tests of all three distributions share: generated motions, real clips where they are present, and
 running services.
 """
 
@@ -6,19 +6,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-
-import httpx
-import numpy as np
-import pytest
 from hypothesis import settings
-from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
-
-from serving import http_client, wait_until_warm
+from pathlib import Path
+from serving import http_client
+from serving import wait_until_warm
 from signing import sign
 from signsplice.formats import load
 from signsplice.lexicon import shipped
-from signsplice.motion import Clip, EndSite, Skeleton, rotation
+from signsplice.motion import Clip
+from signsplice.motion import EndSite
+from signsplice.motion import Skeleton
+from signsplice.motion import rotation
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.corpora.pairs import Recipe
+from signsplice_workshop.corpora.pairs import write_pairs
+from typing import TYPE_CHECKING
+import httpx
+import numpy as np
+import pytest
+
+if TYPE_CHECKING:
+    from signsplice_workshop.corpora.pairs import Pairs
+
 
 ROOT = Path(__file__).resolve().parent
 REAL = ROOT.parent / "shared" / "data" / "bvh"
@@ -52,6 +61,8 @@ def sentence(words: dict[str, Clip]) -> list[Clip]:
 @pytest.fixture(scope="session")
 def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
     """A small corpus: all 25 ordered pairs of five signs by the first signer, and 3 by another."""
+    from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+
     recipe = Recipe(tuple(sign(gloss) for gloss in ("I", "MOTHER", "BOOK", "YES", "fs-A")), n_other=3)
     return Pairs(write_pairs(recipe, tmp_path_factory.mktemp("corpus") / "pairs", processes=1))
 

@@ -19,11 +19,10 @@ BILL = "signsplice.cdx.json"
 TOOLS = ("dev", "fuzz")
 """Extras of those who work on the package; no user asks for what is in them."""
 LICENCES = {
-    "Apache-2.0": ("onnx", "prometheus-client", "pyarrow", "python-multipart", "ray"),
-    "BSD-3-Clause": ("click", "numpy", "protobuf", "scipy", "torch", "uvicorn", "websockets"),
-    "MIT": ("fastapi", "filelock", "onnxruntime", "onnxscript", "pygltflib", "rapidfuzz", "rich"),
+    "Apache-2.0": ("prometheus-client", "pyarrow", "python-multipart", "ray"),
+    "BSD-3-Clause": ("click", "numpy", "protobuf", "scipy", "uvicorn", "websockets"),
+    "MIT": ("fastapi", "onnxruntime", "pygltflib", "rapidfuzz", "rich"),
     "MIT-CMU": ("pillow",),
-    "LicenseRef-matplotlib": ("matplotlib",),
 }
 """Licence -> packages that a wheel asks for, as docs/dependencies.md has them."""
 

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from signsplice_workshop.measure.bodies import BodyProportions, stretched
 
 from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
 from signsplice.lexicon import shipped
 from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.t_pose import posed_positions
+from signsplice_workshop.measure.bodies import BodyProportions, stretched
 
 BODIES = {
     "narrow": BodyProportions(0.7, 0.85, shape=BodyShape(trunk_width=0.8)),

@@ -13,12 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice.bench import parts as speed_learned
-from signsplice.bench import parts as speed_parts
 
 from other_rigs import on_other_rig, with_rest_pose
 from reference_poses import arms_out, with_pose
 from signsplice import demo, lexicon
+from signsplice.bench import parts
 from signsplice.cli import main
 from signsplice.cli.terminal import with_option_names
 from signsplice.formats import load, save
@@ -112,11 +111,9 @@ def test_splicing_options_change_the_result(folder: Path, signsplice: Call) -> N
     [
         ("--avoid-collisions", True),
         ("--no-avoid-collisions", False),
-        ("--body-sense", True),
-        ("--no-body-sense", False),
     ],
 )
-def test_collision_avoidance_by_its_name_and_its_former_name(
+def test_collision_avoidance_is_switched_by_its_option(
     option: str, avoids: bool, folder: Path, signsplice: Call
 ) -> None:
     methods = ("--cutter", "rest-trim", "--transition", "hermite")
@@ -131,7 +128,7 @@ def test_collision_avoidance_by_its_name_and_its_former_name(
 
 
 @pytest.mark.parametrize("command", ["splice", "sentence", "inbetween"])
-def test_help_shows_options_by_their_present_names_only(command: str, signsplice: Call) -> None:
+def test_help_shows_options_by_their_names(command: str, signsplice: Call) -> None:
     text = signsplice(command, "--help").stdout
     assert "--avoid-collisions / --no-avoid-collisions" in text
     assert "body" not in text
@@ -363,9 +360,9 @@ def test_evaluate_prints_json(signsplice: Call) -> None:
 
 
 def test_bench_prints_json(signsplice: Call, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed_parts, "N_LEXICON", 134)
-    monkeypatch.setattr(speed_parts, "N_LONG", 300)
-    monkeypatch.setattr(speed_learned, "N_STREAM", 20)
+    monkeypatch.setattr(parts, "N_LEXICON", 134)
+    monkeypatch.setattr(parts, "N_LONG", 300)
+    monkeypatch.setattr(parts, "N_STREAM", 20)
     figures = json.loads(signsplice("bench", "--repeats", "3", "--json").stdout)
     assert figures["joints"] == 53
     assert figures["memory"]["ratio"] < 2.0, "a splice allocates less than twice the size of its clips"
@@ -426,7 +423,7 @@ main()
 
 
 @pytest.mark.parametrize(
-    "module", ["signsplice.cli.commands", "click", "signsplice_workshop.cli.train", "signsplice.motion.clip"]
+    "module", ["signsplice.cli.commands", "click", "signsplice.cli.plugins", "signsplice.motion.clip"]
 )
 def test_an_interrupt_while_the_program_starts_shows_no_traceback(folder: Path, module: str) -> None:
     run = run_program("-c", INTERRUPTED_AT_START, "inspect", "SIGN.bvh", "--roles", module, cwd=folder)

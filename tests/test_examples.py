@@ -1,4 +1,4 @@
-"""The examples: each runs as a user runs it, is short, and leaves the files that it names."""
+"""The examples: each runs as a user runs it, with the product alone, is short, and leaves the files that it names."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import signsplice as ss
+from alone import environment
 from serving import PATIENCE_S, serving
 from signsplice.splicing import report
 
@@ -42,7 +43,13 @@ def printed(folder: Path) -> dict[str, str]:
 def test_an_example_runs_and_leaves_its_files(name: str, folder: Path, printed: dict[str, str]) -> None:
     command = [sys.executable, "-W", "error", str(EXAMPLES / name), str(folder)]
     with serving("serve", "--workers=1") if name == "06_service_client.py" else nullcontext() as address:
-        done = subprocess.run([*command, *filter(None, [address])], capture_output=True, text=True, timeout=PATIENCE_S)
+        done = subprocess.run(
+            [*command, *filter(None, [address])],
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+        )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     printed[name] = done.stdout

@@ -1,4 +1,4 @@
-"""The structure of both packages: which room may import which, unique class names, one cache, light imports."""
+"""The structure of all three packages: which room may import which, unique class names, one cache, light imports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 import signsplice
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = (ROOT / "src", ROOT / "research" / "src")
+SOURCES = (ROOT / "src", ROOT / "workshop" / "src", ROOT / "research" / "src")
 
 FLOORS = {
     "errors": 0,
@@ -26,19 +26,21 @@ FLOORS = {
     "body": 3,
     "formats": 4,
     "render": 5,
-    "signer": 5,
-    "written": 6,
-    "lexicon": 7,
-    "synth": 7,
-    "splicing": 8,
-    "evaluation": 9,
-    "service": 9,
-    "bulk": 9,
-    "train": 10,
-    "paper": 12,
-    "paper train": 13,
-    "paper cli": 14,
-    "paper __main__": 15,
+    "signer": 6,
+    "written": 7,
+    "lexicon": 8,
+    "splicing": 9,
+    "service": 10,
+    "bulk": 10,
+    "bench": 11,
+    "workshop corpora": 13,
+    "workshop measure": 14,
+    "workshop train": 15,
+    "workshop cli": 16,
+    "paper": 17,
+    "paper train": 18,
+    "paper cli": 19,
+    "paper __main__": 20,
 }
 """Imports run down only. What is not named here (the command line, the demo) lies on top of the product."""
 
@@ -49,17 +51,19 @@ SPLICING = (
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""
 
-TOP = 11
-PAPER = "signsplice_paper"
+TOP = 12
+OTHERS = ("signsplice_workshop", "signsplice_paper")
+PACKAGES = {"signsplice", *OTHERS}
 MODULES = sorted(path for source in SOURCES for path in source.rglob("*.py"))
 
 
 def room(module: str) -> str:
     """signsplice.motion.clip -> motion; signsplice_paper.train.tasks -> paper train; signsplice_paper.plan -> paper."""
-    parts = module.split(".")
-    if parts[0] == PAPER:
-        return f"paper {parts[1]}" if len(parts) > 1 and f"paper {parts[1]}" in FLOORS else "paper"
-    return parts[1] if len(parts) > 1 else ""
+    package, *parts = module.split(".")
+    if package not in OTHERS:
+        return parts[0] if parts else ""
+    short = package.removeprefix("signsplice_")
+    return f"{short} {parts[0]}" if parts and f"{short} {parts[0]}" in FLOORS else short
 
 
 def module_name(path: Path) -> str:
@@ -107,13 +111,13 @@ def test_imports_run_down(path: Path) -> None:
     if own == "signsplice":
         return
     for target in imports(path) | modules_in_strings(path):
-        if target.split(".")[0] in ("signsplice", PAPER):
+        if target.split(".")[0] in PACKAGES:
             same = room(target) == room(own) or (floor(own) == TOP and room(own) in ("cli", "__main__"))
             assert floor(target) < floor(own) or (same and floor(target) == floor(own)), f"{own} names {target}"
 
 
 def modules_in_strings(path: Path) -> set[str]:
-    """Modules of both packages that a file's strings name, docstrings apart; an import could follow from each."""
+    """Modules of all packages that a file's strings name, docstrings apart; an import could follow from each."""
     tree = ast.parse(path.read_text())
     alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     texts = [
@@ -121,8 +125,8 @@ def modules_in_strings(path: Path) -> set[str]:
         for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone
     ]
-    words = {word for text in texts for word in re.findall(r"[A-Za-z_]\w*(?:\.\w+)+|signsplice_paper", text)}
-    return {name for word in words for name in (word, f"signsplice.{word}") if name in NAMES}
+    words = {word for text in texts for word in re.findall(r"[A-Za-z_]\w*(?:\.\w+)+|signsplice_\w+", text)}
+    return {name for word in words for name in (word, *(f"{package}.{word}" for package in PACKAGES)) if name in NAMES}
 
 
 def test_strings_that_name_modules_are_found(tmp_path: Path) -> None:
@@ -208,39 +212,38 @@ def test_the_package_keeps_state_in_one_place() -> None:
     assert found == ["signsplice.motion.cache: CACHE = Cache()"]
 
 
-def test_other_rooms_need_only_declared_dependencies() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    names = {entry.split(">")[0].split("=")[0] for entry in project["dependencies"]}
+def dependencies(folder: str, extra: str = "") -> set[str]:
+    """Names of the packages that a distribution, or an extra of it, asks for."""
+    project = tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]
+    entries = project["optional-dependencies"][extra] if extra else project["dependencies"]
+    return {re.split(r"[\[>=]", entry)[0] for entry in entries}
+
+
+def test_rooms_need_only_declared_dependencies() -> None:
+    names = dependencies(".")
     assert names == {"numpy", "scipy", "onnxruntime", "protobuf", "click", "rich", "pygltflib", "rapidfuzz"}
+    assert dependencies("workshop") == {"signsplice"}
+    assert dependencies("research") == {"signsplice", "signsplice-workshop", "matplotlib", "pillow"}
     names |= {"google"}  # protobuf's module
     optional = {"PIL", "imageio_ffmpeg", "matplotlib", "pybvh"}  # imported inside functions, for those who have them
-    training = {"torch", "onnx", "onnxscript", "filelock"}
-    paper = tomllib.loads((ROOT / "research" / "pyproject.toml").read_text())["project"]
-    of_paper = {entry.split(">")[0] for entry in paper["dependencies"]}
-    assert of_paper == {"signsplice", "matplotlib", "pillow"}
-    reporting = {entry.split(">")[0] for entry in paper["optional-dependencies"]["report"]}
+    training = dependencies("workshop", "train")
     serving = {"fastapi", "starlette", "uvicorn", "pydantic", "prometheus_client", "python_multipart"}
     loading = {"httpx", "psutil", "websockets"}  # what calls the service to measure it
+    more = {
+        "signsplice.bench.service": loading,
+        "signsplice.bench.bulk": {"pyarrow"},
+        "signsplice.cli.bulk": {"pyarrow"},
+        "signsplice.cli.service": serving,
+        "signsplice_workshop.cli.train": training,
+        "signsplice_paper.cli.training": training,
+        "signsplice_paper.report": dependencies("research", "report"),
+    }
     for path in MODULES:
-        if room(module_name(path)) in ("train", "service", "bulk", "paper train"):
+        module = module_name(path)
+        if room(module) in ("service", "bulk", "workshop train", "paper train"):
             continue
-        ours = {"signsplice", PAPER} if room(module_name(path)).startswith("paper") else {"signsplice"}
-        outside = {t.split(".")[0] for t in imports(path)} - set(sys.stdlib_module_names) - ours
-        if path.parent.name == "cli":
-            assert not outside & training or path.name in ("train.py", "training.py"), path
-            outside -= training
-        if path.name == "report.py":
-            assert room(module_name(path)).startswith("paper") or not outside & reporting, path
-            outside -= reporting
-        if path.name == "service.py":
-            assert path.parent.name == "cli", path
-            outside -= serving
-        if path.name == "speed_service.py":
-            outside -= loading
-        if path.name == "bulk.py":
-            assert path.parent.name == "cli", path
-            outside -= {"pyarrow"}
-        assert outside <= names | optional, path
+        outside = {t.split(".")[0] for t in imports(path)} - set(sys.stdlib_module_names) - PACKAGES
+        assert outside <= names | optional | more.get(module, set()), path
         at_top = {t.split(".")[0] for t in imports(path, inside_functions=False)}
         assert not at_top & (optional | training | serving | loading), path
 
@@ -250,7 +253,7 @@ def test_only_the_service_imports_web_libraries() -> None:
     for path in MODULES:
         if room(module_name(path)) == "service":
             assert {t.split(".")[0] for t in imports(path)} <= allowed | set(sys.stdlib_module_names), path
-        elif path.name not in ("service.py", "speed_service.py") and room(module_name(path)) != "":
+        elif path.name != "service.py" and room(module_name(path)) != "":
             assert not any(t.startswith("signsplice.service") for t in imports(path)), path
 
 
@@ -265,18 +268,22 @@ def test_only_bulk_imports_parquet_and_ray() -> None:
 
 
 def test_only_training_imports_torch() -> None:
-    allowed = {"numpy", "torch", "filelock", "onnx", "onnxruntime", "onnxscript", "signsplice", PAPER}
+    allowed = {"numpy", "torch", "filelock", "onnx", "onnxruntime", "onnxscript", *PACKAGES}
     for path in MODULES:
-        if room(module_name(path)) in ("train", "paper train"):
+        if room(module_name(path)) in ("workshop train", "paper train"):
             assert {t.split(".")[0] for t in imports(path)} <= allowed | set(sys.stdlib_module_names), path
         else:
             at_top = imports(path, inside_functions=False)
-            assert not {t for t in at_top & NAMES if room(t) in ("train", "paper train")}, path
+            assert not {t for t in at_top & NAMES if room(t) in ("workshop train", "paper train")}, path
 
 
 def test_one_module_imports_onnxruntime() -> None:
     """It switches the library's telemetry off before the import, which is too late afterwards."""
-    others = [path for folder in ("src", "research", "attacks") for path in (ROOT / folder).rglob("*.py")]
+    others = [
+        path
+        for folder in ("src", "research", "workshop/src", "workshop/attacks")
+        for path in (ROOT / folder).rglob("*.py")
+    ]
     importing = {path.name for path in others if "onnxruntime" in {t.split(".")[0] for t in imports(path)}}
     assert importing == {"runtime.py"}
 

@@ -1,13 +1,15 @@
-"""What other distributions bring: systems by entry points; and the commands that moved to one."""
+"""What other distributions bring by entry points: systems and commands."""
 
 from __future__ import annotations
 
 import re
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
+from signsplice.cli import plugins
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.splicing import systems as whole_system
@@ -53,36 +55,40 @@ def test_a_system_that_nothing_opens_names_what_to_install(tmp_path: Path, monke
     assert str(result.exception) == line
 
 
-@pytest.mark.parametrize(
-    ("words", "command"),
-    [
-        ("paper tables --out x", "signsplice-paper tables"),
-        ("paper all --scale cpu extra", "signsplice-paper all"),
-        ("paper", "signsplice-paper"),
-        ("paper --help", "signsplice-paper"),
-        ("train paper --pairs out/pairs --system lpt --out b", "signsplice-paper train-system"),
-        ("publish a b -o c", "signsplice-paper publish"),
-        ("pairs build clips -o out", "signsplice-paper pairs build"),
-        ("pairs export out -o clips", "signsplice-paper pairs export"),
-        ("pairs -h", "signsplice-paper pairs"),
-    ],
-)
-def test_a_command_that_moved_names_the_new_one(words: str, command: str) -> None:
-    result = CliRunner().invoke(app, words.split())
+@pytest.mark.parametrize("words", plugins.ELSEWHERE)
+def test_a_command_that_is_not_installed_names_its_distribution(words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(name: str) -> None:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "distribution", nothing)
+    call, _ = plugins.ELSEWHERE[words]
+    name = call.split()[0]
+    typed = "synth lexicon -o out --pseudo 1" if words == plugins.PSEUDO else f"{words} --some option"
+    result = CliRunner().invoke(app, typed.split())
     assert isinstance(result.exception, InputError), result.output
-    assert str(result.exception).endswith(f"(pip install ./research) and run `{command}`")
+    folder = {"signsplice-workshop": "./workshop", "signsplice-paper": "./research"}[name]
+    line = f"`signsplice {words}` is in {name}: install it (pip install {folder})"
+    assert str(result.exception) == line + (f" and run `{call}`" if name == "signsplice-paper" else "")
 
 
-def test_a_command_that_moved_ends_in_one_line_with_status_2(tmp_path: Path) -> None:
+def test_a_word_of_the_paper_ends_in_one_line_with_status_2(tmp_path: Path) -> None:
     run = run_program("-m", "signsplice", "train", "paper", "--pairs", "x", cwd=tmp_path)
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr == (
-        "error: `signsplice train paper` moved: install signsplice-paper (pip install ./research) and run "
+        "error: `signsplice train paper` is in signsplice-paper: install it (pip install ./research) and run "
         "`signsplice-paper train-system`\n"
     )
 
 
-def test_commands_that_moved_are_not_in_the_help() -> None:
-    for call, moved in ((["-h"], "paper|pairs|publish"), (["train", "-h"], "paper")):
-        shown = CliRunner().invoke(app, call).output
-        assert not re.search(rf"^  ({moved}) ", shown, re.M), shown
+def test_the_help_lists_the_commands_that_are_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = {(): r"^  (evaluate|export|train) ", ("synth",): r"^  (pairs|endless|sentences|signing) "}
+    for group, pattern in listed.items():
+        assert re.search(pattern, CliRunner().invoke(app, [*group, "-h"]).output, re.M)
+    monkeypatch.setattr(plugins, "find_spec", lambda _: None)
+    for group, pattern in listed.items():
+        assert not re.search(pattern, CliRunner().invoke(app, [*group, "-h"]).output, re.M)
+
+
+def test_words_of_the_paper_are_not_in_the_help() -> None:
+    shown = CliRunner().invoke(app, ["-h"]).output
+    assert not re.search(r"^  (paper|pairs|publish) ", shown, re.M), shown

@@ -37,7 +37,7 @@ def module(path: str) -> Any:
     return loaded
 
 
-release = module("runs/release.py")
+release = module("workshop/runs/release.py")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 VIEWER_LOCK = json.loads((ROOT / "viewer/package-lock.json").read_text())["packages"]
 
@@ -73,6 +73,17 @@ def test_a_lock_has_what_the_package_asks_for_with_hashes(name: str, extra: str)
     assert all(hashes for _, hashes in pins.values())
     assert not [pin for pin in pins if re.match("torch$|triton|nvidia|cuda", pin)], "of one build of torch only"
     assert "://" not in (ROOT / "requirements" / name).read_text(), "an index's address"
+
+
+@pytest.mark.parametrize("folder", ["workshop", "research"])
+def test_the_lock_of_development_has_what_the_other_distributions_ask_for(folder: str) -> None:
+    pins, project = locked("dev.lock"), tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]
+    for text in sum(project["optional-dependencies"].values(), project["dependencies"]):
+        requirement = Requirement(text)
+        if requirement.name == "torch":  # installed apart
+            assert text in PROJECT["optional-dependencies"]["dev"]
+        elif not requirement.name.startswith("signsplice"):
+            assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)][0]), text
 
 
 @pytest.mark.parametrize("name", ["demo.lock", "serve.lock"])
@@ -119,8 +130,8 @@ def small_project(tmp_path: Path) -> Path:
 
 
 def released(project: Path, folder: Path) -> dict[str, bytes]:
-    """What ``runs/release.py`` makes of a project: file name -> content."""
-    program = [sys.executable, str(ROOT / "runs/release.py"), str(folder)]
+    """What ``workshop/runs/release.py`` makes of a project: file name -> content."""
+    program = [sys.executable, str(ROOT / "workshop/runs/release.py"), str(folder)]
     subprocess.run(program, cwd=project, check=True, timeout=120, capture_output=True)
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from signsplice_workshop.corpora import pseudo
 
 from signsplice.errors import InputError
 from signsplice.signer import notation, planner
@@ -18,6 +17,7 @@ from signsplice.signer.locations import ON_HEAD
 from signsplice.signer.phonology import Sign, in_space, on_arm
 from signsplice.written import files
 from signsplice.written.compiler import compile_sign
+from signsplice_workshop.corpora import pseudo
 
 N_PSEUDO = 400
 N_TIMED = 150

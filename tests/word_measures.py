@@ -13,7 +13,6 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from signsplice_workshop.corpora import sentences as running
 
 import signsplice as ss
 from signing import SIGNS
@@ -25,6 +24,7 @@ from signsplice.signer import planner, pose
 from signsplice.signer.phonology import IN_SPACE, Segment
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, STANDARD
+from signsplice_workshop.corpora import sentences
 
 MOVING_CM_S = 10.0
 """A frame moves where a wrist or a fingertip is faster from the chest than the first."""
@@ -195,7 +195,7 @@ def measure_seam(pair: tuple[str, str]) -> dict[str, float]:
     clip = result.clip[first[0] - 1 : first[1] + 1]
     head = kinematics.forward(clip, [JOINTS["Head"]])[0][:, 0]
     cosine = 0.5 * (np.einsum("tab,tab->t", head[1:], head[:-1]) - 1.0)
-    truth = running.utter(words, changes=False)
+    truth = sentences.utter(words, changes=False)
     signed = truth.clip[truth.stretches[1].start - 1 : truth.stretches[1].stop + 1]
     body = body_capsules(signed.skeleton)
     rotations, positions = kinematics.forward(signed)

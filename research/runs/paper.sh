@@ -22,7 +22,7 @@ BIN=.venv/bin
 
 [ -x "$BIN/python" ] || "$PYTHON" -m venv .venv
 "$BIN/python" -c 'import torch, signsplice_paper' 2>/dev/null ||
-    "$BIN/python" -m pip install --quiet --disable-pip-version-check --editable '.[train]' --editable ./research
+    "$BIN/python" -m pip install --quiet --disable-pip-version-check --editable . --editable './workshop[train]' --editable ./research
 
 [ -f "$PAIRS/corpus.json" ] || "$BIN/signsplice" synth pairs -o "$PAIRS" --truth "$TRUTH"
 "$BIN/signsplice-paper" all --scale "$SCALE" --workers "$WORKERS" --pairs "$PAIRS" --bundles "$BUNDLES" --out "$OUT" "$@"

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import GOLDEN
-from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 from signing import sign
 from signsplice_paper import protocol
 from signsplice_paper.prediction import Prediction
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 RECIPE = Recipe(tuple(map(sign, ("I", "MOTHER", "BOOK", "YES"))), fps=15.0, n_other=5, truth="word")
 

@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora import training_data
-from signsplice_workshop.corpora.pairs import FILES, Pairs
 
 from signsplice.cli.terminal import size
 from signsplice.errors import InputError
@@ -22,6 +20,8 @@ from signsplice_paper import clip_methods, own_words, pair_export, protocol
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.own_clips import ClipChoice
 from signsplice_paper.own_words import BuiltPairs, PairsPlan
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import FILES, Pairs
 from toys import GLOSSES, corpus
 
 pytest_plugins = ("own_words_toys",)

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice_paper import baselines, bias, protocol, viewed
 from signsplice_paper.baselines import Linear, Ridge, RidgeAnswers, WordCuts, fitted
 from signsplice_paper.extra_metrics import number_layout
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.splicers import NONE, POST, PRE
+from signsplice_workshop.corpora.pairs import Pairs
 from toys import corpus
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
-from signsplice_workshop.corpora.pairs import scaled_positions, signer_space
 
 import signsplice as ss
 from registration import registered  # noqa: F401
@@ -24,6 +23,7 @@ from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.contracts import Gap
 from signsplice_paper.systems.clips import ClipSplicer, open_clip_splicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
+from signsplice_workshop.corpora.pairs import scaled_positions, signer_space
 from test_paper_systems import Fakes, fake_system, tokens
 
 Array = NDArray[Any]

@@ -254,7 +254,7 @@ def test_training_without_torch_names_the_missing_extra(tmp_path: Path, monkeypa
     code, message = run("all", *folders, "--system", "lstm")
     assert code == 1
     assert "of the paper's systems are not trained yet, lstm-cpu-adamw-random first" in message
-    assert "pip install '.[train]'" in message
+    assert "pip install './workshop[train]'" in message
 
 
 def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

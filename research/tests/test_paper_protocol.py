@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice_paper import bundles, clip_methods, judging, kept_frames, metrics, protocol, published
@@ -19,6 +18,7 @@ from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import Results
 from signsplice_paper.systems import open_bundle
+from signsplice_workshop.corpora.pairs import Pairs
 from toys import GOLDEN, Fake, corpus, golden, write_bundle
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora import truth
 
 from signsplice.errors import InputError
 from signsplice.signer import notation
@@ -16,6 +15,7 @@ from signsplice.signer.signer import stream
 from signsplice_paper import margins, mean_transition, pair_samples, protocol
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.margins import cut_margins
+from signsplice_workshop.corpora import truth
 from toys import Fake, corpus
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 from signsplice.motion import FloatArray
 from signsplice.signer import notation
@@ -21,6 +20,7 @@ from signsplice_paper.configs import read_config
 from signsplice_paper.curve import Curve
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import ResultRow
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 GOLDEN = Path(__file__).parent / "golden"
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from signsplice_workshop.measure import avatars as avatar_measures
 
 import avatars
 import signsplice as ss
@@ -19,6 +18,7 @@ from signsplice.body.skin_surface import Relief, SkinPoints
 from signsplice.cli.commands import app
 from signsplice.lexicon import shipped
 from signsplice.rig.align import copy_rotations, reference
+from signsplice_workshop.measure import avatars as avatar_measures
 
 
 @pytest.fixture(scope="module")

@@ -7,21 +7,22 @@ from pathlib import Path
 
 import pytest
 
+from signsplice.bench import bulk
+
 pytest.importorskip("pyarrow")
 
-from signsplice.bench import bulk as bench
 
 MEASURED = Path(__file__).parents[2] / "docs" / "measured" / "scale.json"
 
 
 def test_the_page_in_the_docs_is_that_of_its_figures() -> None:
     found = json.loads(MEASURED.read_text(encoding="utf-8"))
-    assert bench.page(found) == MEASURED.with_suffix(".md").read_text(encoding="utf-8")
-    assert bench.core_hours(found) == found["core_hours"]
+    assert bulk.page(found) == MEASURED.with_suffix(".md").read_text(encoding="utf-8")
+    assert bulk.core_hours(found) == found["core_hours"]
 
 
 def test_core_hours_are_rows_times_milliseconds() -> None:
     one = {"frames_ms": 3.6, "frames_bytes": 1e6, "recipes_ms": 0.36, "recipes_bytes": 100.0}
-    hours = bench.core_hours({"pairs": one, "sentences": one})
+    hours = bulk.core_hours({"pairs": one, "sentences": one})
     assert hours["sentences_frames"] == {"rows": 1_000_000, "hours": pytest.approx(1.0), "tb": pytest.approx(1.0)}
     assert hours["pairs_recipes"]["hours"] == pytest.approx(4.4977142)

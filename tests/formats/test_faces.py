@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.faces import random_face, with_random_face
 
 import face_avatars
 import signsplice as ss
@@ -20,6 +19,7 @@ from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import ReadLimits
 from signsplice.motion import Clip, FloatArray
 from signsplice.motion.face import ARKIT_CHANNELS, Face, shape_of
+from signsplice_workshop.measure.faces import random_face, with_random_face
 
 HEAD = "Timecode,BlendshapeCount," + ",".join(name[0].upper() + name[1:] for name in ARKIT_CHANNELS)
 HEAD += "," + ",".join(live_link.ROTATIONS)

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.faces import random_face
 
 import face_avatars
 import signsplice as ss
 from signsplice.motion import Clip
+from signsplice_workshop.measure.faces import random_face
 
 VIEWER = Path(__file__).resolve().parents[2] / "viewer"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

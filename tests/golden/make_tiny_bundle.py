@@ -15,6 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import torch
+
 from signsplice_workshop.corpora import training_data
 from signsplice_workshop.train import training
 from signsplice_workshop.train.export import product_graphs

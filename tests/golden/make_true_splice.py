@@ -11,12 +11,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from signsplice_workshop.corpora import sentences as running
-from signsplice_workshop.corpora import truth
-
 from signsplice.motion import kinematics
 from signsplice.signer import notation, planner
 from signsplice.signer.signer import JOINTS, draw_signer
+from signsplice_workshop.corpora import sentences, truth
 
 HERE = Path(__file__).parent
 WORDS = ("MOTHER", "LEARN")
@@ -28,7 +26,7 @@ def signed() -> dict[str, Any]:
     """Two words, their splice, and the positions of some joints in some frames."""
     words = [planner.isolated(notation.everyday()[gloss], draw_signer(SEED)) for gloss in WORDS]
     true = truth.splice(words[0], words[1])
-    sentence = running.utter(words, changes=False).clip
+    sentence = sentences.utter(words, changes=False).clip
     frames = (0, 20, 30, true.pre, true.pre + 1, true.pre + len(true.states), true.pre + len(true.states) + 1)
     positions = kinematics.forward(sentence, [JOINTS[name] for name in SHOWN])[1]
     golden = {

@@ -9,12 +9,12 @@ import pytest
 from conftest import random_clip
 from hypothesis import given
 from hypothesis import strategies as st
-from signsplice_workshop.measure.faces import with_random_face
 
 from signsplice.errors import InputError
 from signsplice.lexicon.frames import FORMS, Shape, decode, encode
 from signsplice.motion import Clip, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
+from signsplice_workshop.measure.faces import with_random_face
 
 
 def round_trip(clip: Clip, form: str) -> Clip:

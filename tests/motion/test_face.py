@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import random_clip
-from signsplice_workshop.measure.faces import random_face, with_random_face
 
 from signsplice.errors import InputError
 from signsplice.motion import concatenate, resample, sampled, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, PRESETS, VISEMES, Face, face_from, shape_of, target_weights
+from signsplice_workshop.measure.faces import random_face, with_random_face
 
 
 @pytest.mark.parametrize(

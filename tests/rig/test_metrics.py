@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
-from signsplice_workshop.measure.hidden_frames import hidden_frames, table
 
 from signing import word
 from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, resample, rotation
@@ -17,6 +16,7 @@ from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
+from signsplice_workshop.measure.hidden_frames import hidden_frames, table
 
 
 def points(x: list[float]) -> FloatArray:
@@ -138,7 +138,7 @@ def test_hidden_frames_counts_gaps_interpolated_between_keys() -> None:
     signed = word("MOTHER").clip
     interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
     rows = [hidden_frames([clip], [find_transition("hermite")], [5])[0] for clip in (interpolated, signed)]
-    assert [row.keyframed for row in rows] == [1.0, 0.0]
+    assert [row.drawn for row in rows] == [1.0, 0.0]
     assert ["100 % of 5 frames" in "\n".join(table([row])) for row in rows] == [True, False]
 
 

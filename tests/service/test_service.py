@@ -16,7 +16,6 @@ import httpx
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
-from signsplice_workshop.measure.faces import with_random_face
 from websockets.sync.client import ClientConnection
 
 import generate
@@ -35,6 +34,7 @@ from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.seam import Number
+from signsplice_workshop.measure.faces import with_random_face
 
 GLOSSES = ["HELLO", "DEAF", "FRIEND"]
 SCRIPT_START = '<script type="application/json" id="signsplice">'

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.faces import with_random_face
 
 import signsplice as ss
 from signing import marked
@@ -14,6 +13,7 @@ from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
 from signsplice.splicing.faces import BLINKS, BROWS, CHANNELS, FURROWED, RAISED, RULES
+from signsplice_workshop.measure.faces import with_random_face
 
 OPTIONS = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed", face_rules=RULES)
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 
 import signsplice as ss
 from signing import marked
@@ -16,6 +15,7 @@ from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.faces import LIDS, eased, largest_step
+from signsplice_workshop.measure.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 
 PLAIN = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed")
 

@@ -10,7 +10,6 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import random_clip
-from signsplice_workshop.measure.hands import wrist_positions
 
 import signsplice as ss
 from other_rigs import mirror
@@ -30,6 +29,7 @@ from signsplice.splicing.contracts import Cut
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.idle_hands import FASTEST_M_S, NATURAL, FreeHands, idle_hands, is_approached
 from signsplice.splicing.sentence import Sentence
+from signsplice_workshop.measure.hands import wrist_positions
 
 LINES = ("HORSE TEACH I", "BOOK I HELP YOU", "CRY COLOR HOUSE TOMORROW", "RAIN SEE HAT LANGUAGE")
 LEFT, RIGHT = 0, 1

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from signsplice_workshop.measure.hidden_frames import hidden_frames
 
 from signsplice.formats import bvh
 from signsplice.motion import Clip, kinematics, resample, rotation
 from signsplice.motion.euler import ROTATIONS
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.engine import splice
+from signsplice_workshop.measure.hidden_frames import hidden_frames
 
 
 def test_real_clips_of_two_rigs_are_spliced_without_a_jump(real_clips: dict[str, Clip]) -> None:

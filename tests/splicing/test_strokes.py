@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.hands import keeps_stroke, stroke
 
 from made_words import KINDS, made_words
 from signing import SIGNS, sign, word
@@ -16,6 +15,7 @@ from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.options import open_learned
+from signsplice_workshop.measure.hands import keeps_stroke, stroke
 
 CUTTER = open_learned().cutters["learned"]
 

@@ -14,8 +14,6 @@ from conftest import random_clip
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import find_peaks
-from signsplice_workshop.measure.hands import wrist_positions
-from signsplice_workshop.measure.tempo import compare, draw_words, table
 
 from reference_poses import arms_out, with_pose
 from signing import word
@@ -33,16 +31,10 @@ from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, spli
 from signsplice.splicing.passes import LengthenGaps, Refill
 from signsplice.splicing.result import measured_tempo
 from signsplice.splicing.seam import SIGNS, Seam
-from signsplice.splicing.tempo import (
-    CONTACT_S,
-    MOST,
-    PEAKS,
-    contact_frames,
-    pace,
-    prominent_peaks,
-    retimed,
-)
+from signsplice.splicing.tempo import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retimed
 from signsplice.splicing.word import AlignedWord, FrameMap
+from signsplice_workshop.measure.hands import wrist_positions
+from signsplice_workshop.measure.tempo import compare, draw_words, table
 
 CUTTER = CUTTERS["pose-velocity"]
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import seen_from_chest, sign, word, wrists
 from signsplice.body import capsules, collision
@@ -17,6 +16,7 @@ from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.phonology import Posture, Segment, Sign
 from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import JOINTS, RESTS, STANDARD, draw_signer
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 STRONG, WEAK = 1, 0
 """Columns of left and right hand for a right-handed signer."""

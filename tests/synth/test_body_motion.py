@@ -7,8 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora import truth
-from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import mirror, sign, signer_of
 from signsplice.body import capsules, collision
@@ -17,6 +15,8 @@ from signsplice.signer import planner, pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, PLAIN, STANDARD, USUAL, Manner, Signer
+from signsplice_workshop.corpora import truth
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 TURNING = Manner(body_motion=1.0)
 MEETING = Manner(head_to_hand=1.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from signsplice_workshop.measure.corpus_checks import skin_distance
 
 from signing import made, word
 from signsplice.rig.roles import SIDES
@@ -11,6 +10,7 @@ from signsplice.signer.collisions import TOUCH_CM, skin_clearances, touching_sid
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import STANDARD, draw_signer
+from signsplice_workshop.measure.corpus_checks import skin_distance
 
 LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
 

@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora import truth
 
 from signing import sign, signer_of
 from signsplice.body import capsules, collision, swivel
@@ -17,6 +16,7 @@ from signsplice.signer.figure import posed_signer
 from signsplice.signer.notation import parse
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import USUAL, Manner
+from signsplice_workshop.corpora import truth
 from word_measures import arm_in_arm, finger_in_thumb, swivel_steps
 
 

@@ -1,9 +1,8 @@
-"""Folders of the synthetic signer: words as BVH with a table, sentences with the ground truth that rebuilds them."""
+"""Lexicons of the synthetic signer: words as BVH with a table."""
 
 from __future__ import annotations
 
 import csv
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -11,21 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora import sentences as running
-from signsplice_workshop.corpora.pairs import Recipe
 
-from signing import sign, word
+from signing import sign
 from signsplice.errors import InputError
 from signsplice.formats import load
 from signsplice.motion import Clip, kinematics
-from signsplice.signer import planner
-from signsplice.signer.signer import STANDARD, draw_signer, read_signer
-from signsplice.synth import folders
+from signsplice.signer import folders, planner
+from signsplice.signer.signer import STANDARD, draw_signer
 
 BVH_CM = 0.01
 """Error of positions by BVH's rounding, cm."""
 SIGNS = tuple(sign(gloss) for gloss in ("I", "MOTHER", "BOOK", "YOU", "fs-A"))
-RECIPE = Recipe(SIGNS, seed=0)
 
 
 def positions_of(clip: Clip) -> Any:
@@ -85,8 +80,6 @@ def test_two_glosses_of_one_file_name_are_refused(tmp_path: Path) -> None:
     twice = [replace(SIGNS[0], gloss=gloss) for gloss in ("A/B", "A|B")]
     with pytest.raises(InputError, match=r"A/B and A\|B would both be A_B.bvh"):
         folders.write_lexicon(twice, STANDARD, tmp_path / "l")
-    with pytest.raises(InputError, match="would both be"):
-        folders.write_sentences(Recipe(tuple(twice)), 1, tmp_path / "s")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -106,9 +99,6 @@ def test_an_interrupted_call_leaves_no_part_of_a_folder(tmp_path: Path, monkeypa
     monkeypatch.setattr(planner, "isolated", failing)
     with pytest.raises(KeyboardInterrupt):
         folders.write_lexicon(SIGNS, STANDARD, old)
-    calls = 0
-    with pytest.raises(KeyboardInterrupt):
-        folders.write_sentences(RECIPE, 2, tmp_path / "s")
     assert [path.name for path in tmp_path.iterdir()] == ["l"]
     assert {path.name: path.read_bytes() for path in old.iterdir()} == before
 
@@ -119,8 +109,6 @@ def test_a_folder_of_something_else_stays_as_it_is(tmp_path: Path) -> None:
     (mine / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"mine: is there already and has no glosses\.csv"):
         folders.write_lexicon(SIGNS[:1], STANDARD, mine)
-    with pytest.raises(InputError, match=r"mine: is there already and has no truth\.json"):
-        folders.write_sentences(RECIPE, 1, mine)
     assert [path.name for path in mine.iterdir()] == ["notes.txt"]
 
 
@@ -133,9 +121,6 @@ def test_own_output_is_replaced(lexicon: Path, tmp_path: Path) -> None:
         folders.write_lexicon(SIGNS[:2], signer, tmp_path / "l")
     folders.write_lexicon(SIGNS, STANDARD, tmp_path / "l")
     assert contents(tmp_path / "l") == contents(lexicon)
-    for count in (2, 1):
-        folders.write_sentences(RECIPE, count, tmp_path / "s")
-    assert len(list((tmp_path / "s").glob("sentence-*.bvh"))) == 1
 
 
 COLUMNS = "file,gloss,synonyms,signer,source,checked,kind\n"
@@ -176,96 +161,3 @@ def test_a_recording_in_the_place_of_a_synthetic_word_stays(lexicon: Path, tmp_p
     with pytest.raises(InputError, match=r"BOOK\.bvh: is on another skeleton than signer standard"):
         folders.write_lexicon(SIGNS, STANDARD, mine)
     assert contents(mine) == before
-
-
-@pytest.mark.parametrize("truth", ["[]", "{}", '{"sentences": [{"file": 1, "glosses": []}]}', '{"sentences": [3]}'])
-def test_another_truth_stays(truth: str, tmp_path: Path) -> None:
-    (tmp_path / "truth.json").write_text(truth)
-    with pytest.raises(InputError, match=r"truth\.json: is no truth of `synth sentences`"):
-        folders.write_sentences(RECIPE, 1, tmp_path)
-    assert contents(tmp_path) == {"truth.json": truth.encode()}
-
-
-# --- sentences
-
-
-@pytest.fixture(scope="module")
-def sentences(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("folders") / "sentences"
-    folders.write_sentences(RECIPE, 4, folder)
-    return folder
-
-
-def test_notes_beside_sentences_stay(sentences: Path, tmp_path: Path) -> None:
-    shutil.copytree(sentences, tmp_path / "s")
-    (tmp_path / "s" / "words" / "notes.txt").write_text("mine")
-    before = contents(tmp_path / "s")
-    with pytest.raises(InputError, match=r"holds words.notes\.txt beside its truth\.json, which would be lost"):
-        folders.write_sentences(RECIPE, 1, tmp_path / "s")
-    assert contents(tmp_path / "s") == before
-
-
-def truth_of(folder: Path) -> dict[str, Any]:
-    return dict(json.loads((folder / "truth.json").read_text()))
-
-
-def rebuild(sentence: dict[str, Any], folder: Path) -> None:
-    """Check that spans cover the file, that unchanged words are their own frames, and that seams agree with spans."""
-    signed = load(folder / sentence["file"])
-    assert len(signed) == sentence["frames"]
-    spans = sentence["spans"]
-    assert [span["output"][0] for span in spans] == [0, *(span["output"][1] for span in spans[:-1])]
-    assert spans[-1]["output"][1] == len(signed)
-    assert [span["name"] for span in spans if span["kind"] == "sign"] == sentence["glosses"]
-    positions = positions_of(signed)
-    for span in spans[::2]:
-        isolated = positions_of(load(folder / "words" / f"{folders.file_name(span['name'])}.bvh"))
-        part, source = positions[slice(*span["output"])], isolated[slice(*span["source"])]
-        assert part.shape == source.shape
-        if not span["changed"]:
-            assert np.abs(part - source).max() < BVH_CM
-        else:
-            assert np.abs(part - source).max() > 0.1
-    for seam, before, between, after in zip(sentence["seams"], spans[:-2:2], spans[1::2], spans[2::2], strict=True):
-        assert (seam["before"], seam["after"]) == (before["name"], after["name"])
-        assert seam["pre_frame"] == before["source"][1] - 1
-        assert seam["post_frame"] == after["source"][0]
-        assert seam["n_transition"] == between["output"][1] - between["output"][0]
-        assert (between["kind"], between["name"], between["source"]) == ("transition", None, None)
-
-
-def test_the_ground_truth_rebuilds_every_sentence(sentences: Path) -> None:
-    truth = truth_of(sentences)
-    assert [s["file"] for s in truth["sentences"]] == [f"sentence-{n:04d}.bvh" for n in range(4)]
-    for sentence in truth["sentences"]:
-        assert 3 <= len(sentence["glosses"]) <= 12
-        assert all(a != b for a, b in zip(sentence["glosses"][:-1], sentence["glosses"][1:], strict=True))
-        rebuild(sentence, sentences)
-    used = {gloss for sentence in truth["sentences"] for gloss in sentence["glosses"]}
-    assert {path.stem for path in (sentences / "words").iterdir()} == used
-    assert any(span["changed"] for s in truth["sentences"] for span in s["spans"])
-    assert read_signer(truth["signer"]) == STANDARD
-    assert (truth["hash"], truth["seed"], truth["fps"]) == (RECIPE.hash, 0, 30.0)
-
-
-def test_exact_sentences_change_no_word(tmp_path: Path) -> None:
-    folders.write_sentences(RECIPE, 2, tmp_path / "s", changes=False)
-    for sentence in truth_of(tmp_path / "s")["sentences"]:
-        assert all(span["changed"] == [] for span in sentence["spans"])
-        rebuild(sentence, tmp_path / "s")
-
-
-def test_sentences_are_drawn_by_seed(tmp_path: Path, sentences: Path) -> None:
-    folders.write_sentences(RECIPE, 4, tmp_path / "again")
-    for path in sentences.rglob("*.*"):
-        assert (tmp_path / "again" / path.relative_to(sentences)).read_bytes() == path.read_bytes()
-    folders.write_sentences(replace(RECIPE, seed=5), 1, tmp_path / "other")
-    assert truth_of(tmp_path / "other")["sentences"][0]["glosses"] != truth_of(sentences)["sentences"][0]["glosses"]
-
-
-def test_a_description_names_changes_and_counts_frames() -> None:
-    sentence = running.utter([word("BOOK"), word("YOU"), word("BOOK")])
-    described = folders.describe(sentence, "x.bvh")
-    assert described["frames"] == len(sentence.clip)
-    assert described["spans"][2]["changed"] == ["weak", "fingers"]
-    assert [seam["n_transition"] for seam in described["seams"]] == [len(seam.states) for seam in sentence.seams]

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.faces import random_face
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.motion.face import VISEMES
 from signsplice.written.nonmanual import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing
+from signsplice_workshop.measure.faces import random_face
 
 
 def test_sounds_are_read_with_the_longest_symbol_first() -> None:

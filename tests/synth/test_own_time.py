@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from signsplice_workshop.corpora import truth
 
 from signing import sign, signer_of
 from signsplice.motion import FloatArray
@@ -16,6 +15,7 @@ from signsplice.signer.collisions import TOUCH_CM, hand_clearances, penetration
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer, only
+from signsplice_workshop.corpora import truth
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 

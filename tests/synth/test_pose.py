@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import mirror, seen_from_chest, signer_of, word
 from signsplice.motion import FloatArray, kinematics, rotation
@@ -14,6 +13,7 @@ from signsplice.signer import hand, locations, pose
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import resting
 from signsplice.signer.signer import FOREARM, JOINTS, STANDARD, UPPER_ARM, Signer, draw_signer, skeleton
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 SEEDS = (None, 0, 3, 7)
 HANDS = ("RightHand", "LeftHand")

@@ -9,9 +9,6 @@ from pathlib import Path
 import make_plain_words
 import numpy as np
 import pytest
-from signsplice_workshop.corpora import pseudo, truth
-from signsplice_workshop.corpora import sentences as running
-from signsplice_workshop.measure.corpus_checks import over_limit
 
 from signing import SIGNS, sign, signer_of, word, wrists
 from signsplice.motion import FloatArray
@@ -21,6 +18,8 @@ from signsplice.signer.planner import IsolatedWord, SegmentPlan
 from signsplice.signer.signer import PLAIN, STANDARD, Manner, draw_signer
 from signsplice.signer.timing import Events
 from signsplice.signer.trajectory import Knot, low_passed
+from signsplice_workshop.corpora import pseudo, sentences, truth
+from signsplice_workshop.measure.corpus_checks import over_limit
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
 
@@ -244,13 +243,13 @@ def test_sentences_hesitate_rarely_and_the_truth_of_a_pair_never() -> None:
     seen, paused = 0, 0
     for k in range(24):
         order = np.random.default_rng(k).permutation(4)
-        sentence = running.utter([words[n] for n in order])
+        sentence = sentences.utter([words[n] for n in order])
         for part in sentence.stretches[1::2]:
             seen += 1
             if part.changed:
                 assert part.changed == ("pause",)
                 paused += 1
-        exact = running.utter([words[n] for n in order], changes=False)
+        exact = sentences.utter([words[n] for n in order], changes=False)
         for p, q, seam in zip(exact.words[:-1], exact.words[1:], exact.seams, strict=True):
             assert len(seam.states) == len(truth.splice(p, q).states)
     assert 1 <= paused < 0.25 * seen

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 import signsplice as ss
 from signsplice.motion import FloatArray
@@ -24,6 +23,7 @@ from signsplice_paper.culling import cull
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.published import BEST_FR
+from signsplice_workshop.corpora.pairs import Pairs
 
 RESAMPLED = 10
 REGULARISERS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)

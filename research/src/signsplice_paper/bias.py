@@ -6,10 +6,10 @@ It needs no training, and moves no position.
 from __future__ import annotations
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.motion import FloatArray
 from signsplice_paper.systems.splicers import NONE, POST, PRE, PaperSystem
+from signsplice_workshop.corpora.pairs import Pairs
 
 EMITTED = 0.999
 """Fraction of validation pairs for which both tokens must be emitted."""

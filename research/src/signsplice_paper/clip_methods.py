@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from signsplice_workshop.corpora.pairs import Pairs
-
 from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
@@ -30,6 +28,7 @@ from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.splicing.options import Methods, choose, open_learned
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import GIVEN
+from signsplice_workshop.corpora.pairs import Pairs
 
 TRANSITIONS = ("slerp", "hermite")
 TRUE_POSITIONS = "true-positions"

@@ -9,8 +9,6 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from signsplice_workshop.corpora.pairs import Pairs
-
 from signsplice.errors import InputError
 from signsplice_paper import (
     assembled,
@@ -34,6 +32,7 @@ from signsplice_paper.mean_transition import MeanAnswers
 from signsplice_paper.protocol import Answer, Protocol
 from signsplice_paper.results import CLASSICAL, CORPUS_TRAINED, FITTED, MEAN, SHIPPED, ResultRow, Results
 from signsplice_paper.systems import open_bundle
+from signsplice_workshop.corpora.pairs import Pairs
 
 ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
 """Title -> a context that yields a callback (done, total), or None."""

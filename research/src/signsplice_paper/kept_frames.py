@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
@@ -19,6 +18,7 @@ from signsplice.motion import FloatArray
 from signsplice.signer.signer import stream
 from signsplice_paper.protocol import Answer, Protocol
 from signsplice_paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic
+from signsplice_workshop.corpora.pairs import Pairs
 
 FILE = "frames.npz"
 COUNT = 3

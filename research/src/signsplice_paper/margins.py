@@ -8,14 +8,13 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from signsplice_workshop.corpora import truth
-from signsplice_workshop.corpora.pairs import VERSION, Pairs
-
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import read_bytes
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
+from signsplice_workshop.corpora import truth
+from signsplice_workshop.corpora.pairs import VERSION, Pairs
 
 FILE = "margins.json"
 DIGITS = 4

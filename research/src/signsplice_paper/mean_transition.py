@@ -6,11 +6,11 @@ It looks at neither word and finds no position. A system whose Accuracy is below
 from __future__ import annotations
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.motion import FloatArray
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.prediction import Prediction
+from signsplice_workshop.corpora.pairs import Pairs
 
 NAME = "mean-transition"
 

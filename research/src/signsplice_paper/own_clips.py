@@ -10,7 +10,6 @@ from pathlib import Path
 from shlex import quote
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import EXTENT
 
 from signsplice.errors import InputError
 from signsplice.formats import load
@@ -23,6 +22,7 @@ from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
 from signsplice.signer.signer import stream
+from signsplice_workshop.corpora.pairs import EXTENT
 
 Progress = Callable[[int, int], None]
 

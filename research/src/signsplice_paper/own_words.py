@@ -12,17 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import (
-    FILES,
-    HEAD,
-    KINDS,
-    StoredRow,
-    draw_splits,
-    save_row,
-    write_transitions,
-    write_words,
-)
-from signsplice_workshop.corpora.pool import is_whole
 
 from signsplice.errors import InputError
 from signsplice.formats import skeletons
@@ -43,6 +32,17 @@ from signsplice_paper.own_clips import (
     space_around,
 )
 from signsplice_paper.own_truth import FileTruth, MethodTruth, TrueSplice, TruthSource, read_positions
+from signsplice_workshop.corpora.pairs import (
+    FILES,
+    HEAD,
+    KINDS,
+    StoredRow,
+    draw_splits,
+    save_row,
+    write_transitions,
+    write_words,
+)
+from signsplice_workshop.corpora.pool import is_whole
 
 ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] | None]]
 """Title -> a context that yields a callback (done, total), or None."""

@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.lexicon.recordings import TABLE
 from signsplice.motion import concatenate
-from signsplice.synth.folders import file_name
+from signsplice.signer.folders import file_name
 from signsplice_paper.own_truth import read_positions
+from signsplice_workshop.corpora.pairs import Pairs
 
 Progress = Callable[[int, int], None]
 

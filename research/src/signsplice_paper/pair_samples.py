@@ -11,9 +11,8 @@ import math
 from collections.abc import Mapping
 from itertools import pairwise
 
-from signsplice_workshop.corpora.pairs import Pairs
-
 from signsplice.signer.signer import stream
+from signsplice_workshop.corpora.pairs import Pairs
 
 N_TAUGHT = 500
 N_VALID = 256

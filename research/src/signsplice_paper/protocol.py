@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice.motion import FloatArray
 from signsplice.signer.signer import stream
 from signsplice_paper import extra_metrics, metrics, viewed
 from signsplice_paper.prediction import Prediction, System
+from signsplice_workshop.corpora.pairs import Pairs
 
 Answer = Callable[[int], Prediction]
 """A pair's number -> a system's prediction."""

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.errors import InputError
 from signsplice_paper import bundles, published
 from signsplice_paper.configs import PaperConfig
 from signsplice_paper.systems import PaperSystem
+from signsplice_workshop.corpora.pairs import Pairs
 
 PAGE = "README.md"
 _HEAD = """# Trained systems

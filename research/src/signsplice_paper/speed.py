@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.formats.atomic import replacing
 from signsplice.splicing.learned import FLUENT
@@ -29,6 +28,7 @@ from signsplice_paper.environment import environment, machine
 from signsplice_paper.layout import Table
 from signsplice_paper.protocol import Protocol
 from signsplice_paper.systems import DECODINGS, PaperSystem, open_bundle
+from signsplice_workshop.corpora.pairs import Pairs
 
 WRITES = ("transition", "utterance")
 SYSTEMS = ("lpt", "transformer", "lstm", "conv-s2s")

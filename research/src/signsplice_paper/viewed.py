@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import Pairs
 
 from signsplice.motion import FloatArray, rotation
 from signsplice.rig import metrics
@@ -18,6 +17,7 @@ from signsplice.rig.info import rig_info
 from signsplice_paper.extra_metrics import NumberLayout, velocity_error
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.from_positions import rotations_from_positions
+from signsplice_workshop.corpora.pairs import Pairs
 
 JUMP_DEG = 60.0
 """A larger rotation of a joint from one frame to the next is a jump."""

@@ -20,11 +20,10 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))
 
-from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs  # noqa: E402
-
 import reference  # noqa: E402
 from signsplice.signer import notation  # noqa: E402
 from signsplice_paper import clip_methods  # noqa: E402
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs  # noqa: E402
 
 GLOSSES = ("HELLO", "DEAF")
 TOLERANCE = 1e-4

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from signsplice_workshop.train.tasks import Task
 
 from signsplice.splicing.bundle import write_bundle
 from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle
@@ -19,6 +18,7 @@ from signsplice_paper.train.networks.generator import Generator, generate
 from signsplice_paper.train.pairs_data import Batch
 from signsplice_paper.train.scales import SystemPart
 from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, positions
+from signsplice_workshop.train.tasks import Task
 from system_toys import CONFIGS, data, toy
 from training_toys import corpus
 

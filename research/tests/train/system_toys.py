@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cache
 
 import torch
-from signsplice_workshop.train.prefetch import Dataset
-from signsplice_workshop.train.tasks import Task
 
 from signsplice.signer.signer import STANDARD, skeleton
 from signsplice_paper.train.networks.cam_stitch import CamStitchConfig
@@ -21,6 +19,8 @@ from signsplice_paper.train.networks.spsn import SpsnConfig
 from signsplice_paper.train.networks.tfgn import TransformerConfig
 from signsplice_paper.train.pairs_data import PairsData
 from signsplice_paper.train.scales import Config, SystemPart, task
+from signsplice_workshop.train.prefetch import Dataset
+from signsplice_workshop.train.tasks import Task
 from training_toys import corpus
 
 FR = 3

@@ -15,7 +15,6 @@ import pytest
 pytest.importorskip("torch")
 
 import torch
-from signsplice_workshop.train.loop import train
 
 from signsplice.errors import InputError
 from signsplice_paper import bundles, curve
@@ -27,6 +26,7 @@ from signsplice_paper.train.networks.generator import Generator
 from signsplice_paper.train.scales import SYSTEMS, SystemPart
 from signsplice_paper.train.stopping import PaperLoop
 from signsplice_paper.train.tasks import MOST_FRAMES
+from signsplice_workshop.train.loop import train
 from system_toys import CONFIGS, data, toy
 from training_toys import ALONE, corpus
 

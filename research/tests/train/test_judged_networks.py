@@ -8,9 +8,6 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
-from signsplice_workshop.corpora import training_data
-from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
-from signsplice_workshop.train import training
 
 from signsplice.signer import notation
 from signsplice.splicing import word_features as features
@@ -19,6 +16,9 @@ from signsplice_paper.bundles import read_all
 from signsplice_paper.evaluation import corpus_trained_methods
 from signsplice_paper.judging import Judge
 from signsplice_paper.results import CORPUS_TRAINED, Results
+from signsplice_workshop.corpora import training_data
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+from signsplice_workshop.train import training
 from training_toys import ALONE, GLOSSES
 
 pytest.importorskip("torch")

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
-from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.train.processes import Processes
 
 from signing import word
 from signsplice.formats import save
@@ -21,6 +19,8 @@ from signsplice_paper.cli.commands import app
 from signsplice_paper.own_clips import ClipChoice
 from signsplice_paper.train import scales, training
 from signsplice_paper.train.tasks import MOST_FRAMES
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train.processes import Processes
 
 ONE = Processes(0, 1, torch.device("cpu"))
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE", "MOTHER", "BOOK", "YES", "I", "NO")

@@ -6,11 +6,10 @@ import pytest
 
 pytest.importorskip("torch")
 
-from signsplice_workshop.train.tasks import Task
-
 from exported_bundles import bundle, cached_operators, check_predictions, exports  # noqa: F401
 from signsplice_paper.systems import PaperSystem
 from signsplice_paper.train import scales
+from signsplice_workshop.train.tasks import Task
 
 SYSTEMS = [name for name in scales.SYSTEMS if not name.startswith("lpt")]
 

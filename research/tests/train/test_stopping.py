@@ -14,20 +14,23 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice_workshop.train import checkpoint, loop  # noqa: E402
-from signsplice_workshop.train import records as log
-from signsplice_workshop.train.loop import train  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
 from signsplice_paper.train import stopping  # noqa: E402
 from signsplice_paper.train.stopping import DeadlineError, PaperLoop  # noqa: E402
+from signsplice_workshop.train import (  # noqa: E402
+    checkpoint,
+    loop,
+    records,
+)
+from signsplice_workshop.train.loop import train  # noqa: E402
 from training_toys import ALONE, product_toy  # noqa: E402
 
 
 def losses(folder: Path) -> dict[int, float]:
     """The losses in a training's log by step."""
-    return {line["step"]: line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line}
+    return {line["step"]: line["loss"] for line in records.lines(folder / records.LOG_FILE) if "loss" in line}
 
 
 def clocks(**changed: Callable[[], float]) -> SimpleNamespace:
@@ -88,7 +91,7 @@ def test_a_training_ends_when_its_processor_time_is_spent(tmp_path: Path, monkey
     assert steps < 60
     assert stopping.reason(tmp_path / "a", 60, 4) == (steps, stopping.TIME)
     assert checkpoint.read(tmp_path / "a")["step"] == steps, "validated and kept"
-    assert any("both" in line for line in log.lines(tmp_path / "a" / log.NAME) if line["step"] == steps)
+    assert any("both" in line for line in records.lines(tmp_path / "a" / records.LOG_FILE) if line["step"] == steps)
     assert stopping_training(tmp_path / "a", most_cpu_s=7.0)[0] == steps
     assert stopping_training(tmp_path / "a")[0] == 60
     assert stopping.reason(tmp_path / "a", 60, 4) == (60, stopping.STEPS)
@@ -96,7 +99,7 @@ def test_a_training_ends_when_its_processor_time_is_spent(tmp_path: Path, monkey
 
 def test_the_validation_loss_is_judged_where_it_decides(tmp_path: Path) -> None:
     stopping_training(tmp_path / "a", patience=30)
-    found = [line[stopping.LOSS] for line in log.lines(tmp_path / "a" / log.NAME) if stopping.LOSS in line]
+    found = [line[stopping.LOSS] for line in records.lines(tmp_path / "a" / records.LOG_FILE) if stopping.LOSS in line]
     assert len(found) == 30
     assert all(math.isfinite(loss) and loss > 0.0 for loss in found)
     assert stopping.losses(tmp_path / "a", 20) == found[:10]

@@ -12,7 +12,6 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from click.testing import CliRunner  # noqa: E402
-from signsplice_workshop.train import export  # noqa: E402
 
 from exported_bundles import cached_operators  # noqa: E402, F401
 from signsplice.errors import InputError, SignspliceError  # noqa: E402
@@ -20,6 +19,7 @@ from signsplice_paper import speed  # noqa: E402
 from signsplice_paper.cli.commands import app  # noqa: E402
 from signsplice_paper.systems import open_bundle  # noqa: E402
 from signsplice_paper.train import graphs  # noqa: E402
+from signsplice_workshop.train import export  # noqa: E402
 from system_toys import toy  # noqa: E402
 from training_toys import corpus  # noqa: E402
 

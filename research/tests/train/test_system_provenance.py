@@ -10,12 +10,10 @@ import pytest
 
 pytest.importorskip("torch")
 
-from signsplice_workshop.train import checkpoint
-from signsplice_workshop.train import records as provenance
-
 from signsplice.errors import InputError
 from signsplice_paper.configs import read_config
 from signsplice_paper.train import training
+from signsplice_workshop.train import checkpoint, records
 from training_toys import ALONE, corpus
 
 
@@ -30,7 +28,7 @@ def test_a_paper_bundle_names_its_command_and_its_arrays(tmp_path: Path, monkeyp
         *("--optimiser", "adamw", "--split", "random", "--steps", "0", "--seed", "0"),
     ]
     assert set(stored["data"]) == {path.name for path in pairs.folder.iterdir()}
-    assert stored["data"]["pairs.npy"] == provenance.sha256(pairs.folder / "pairs.npy")
+    assert stored["data"]["pairs.npy"] == records.sha256(pairs.folder / "pairs.npy")
 
 
 def test_a_corpus_of_equal_recipe_and_other_bytes_is_refused(tmp_path: Path) -> None:

@@ -11,9 +11,6 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice_workshop.corpora.pairs import Pairs  # noqa: E402
-from signsplice_workshop.train import records as log  # noqa: E402
-from signsplice_workshop.train.loop import train  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
@@ -24,6 +21,9 @@ from signsplice_paper.train.networks.convs2s import ConvS2SConfig  # noqa: E402
 from signsplice_paper.train.networks.tfgn import TransformerConfig  # noqa: E402
 from signsplice_paper.train.pairs_data import PairsData  # noqa: E402
 from signsplice_paper.train.stopping import PaperLoop  # noqa: E402
+from signsplice_workshop.corpora.pairs import Pairs  # noqa: E402
+from signsplice_workshop.train import records  # noqa: E402
+from signsplice_workshop.train.loop import train  # noqa: E402
 from system_toys import CONFIGS, FR, data, toy  # noqa: E402
 from training_toys import ALONE, corpus  # noqa: E402
 
@@ -41,7 +41,7 @@ def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: 
 
 def losses(folder: Path) -> dict[int, float]:
     """The losses in a training's log by step."""
-    return {line["step"]: line["loss"] for line in log.lines(folder / log.NAME) if "loss" in line}
+    return {line["step"]: line["loss"] for line in records.lines(folder / records.LOG_FILE) if "loss" in line}
 
 
 @pytest.mark.parametrize(("name", "optimiser"), [("spsn", "adamw"), ("tfgn", "sgd"), ("lstm", "adamw")])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,14 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.aliases import moved
-from signsplice.cli.bench import bench
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, DROP_FUNCTION_WORDS, LEXICON, LEXICONS, SEED, added, preset
-from signsplice.cli.terminal import note, require, size, warn
+from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEED, added, preset
+from signsplice.cli.terminal import require, size, warn
 from signsplice.errors import InputError
-from signsplice.formats import atomic
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -217,33 +213,6 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
     formats.check_suffix(output)
     check_outputs(output, report, [folder])
     print(alone(remake, folder, row, output, report))
-
-
-@bench.command("bulk")
-@LEXICON
-@preset("--count", 200, "N", "Sentences of each timing.")
-@preset("--memory", 10_000, "N", "Sentences made for memory.")
-@SEED
-@click.option("-o", "--output", metavar="R.json", help="File of the figures; tables of them go to R.md beside it.")
-@AS_JSON
-def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str | None, as_json: bool) -> None:
-    """Measure sentences in bulk: time a core, growth with workers, memory and bytes; and what they come to."""
-    if count < 40 or memory < 10 or (output is not None and not output.endswith(".json")):
-        raise InputError("--count 40 or more, --memory 10 or more and -o R.json expected")
-    for path in () if output is None else (Path(output), Path(output).with_suffix(".md")):
-        atomic.check_writable(path)
-    _require_extra()
-    from signsplice.bench import bulk as benches
-    from signsplice.lexicon.lexicon import SHIPPED
-
-    found = benches.measure(lexicon or str(SHIPPED), count, memory, lambda what: note([f"measuring {what}"]), seed)
-    figures, page = json.dumps(found, indent=2) + "\n", benches.page(found)
-    for path, text in () if output is None else ((Path(output), figures), (Path(output).with_suffix(".md"), page)):
-        atomic.write(path, text)
-    print(figures if as_json else page, end="")
-
-
-bulk.add_command(moved("bulk bench", in_bulk, "bench bulk"))
 
 
 def _run(

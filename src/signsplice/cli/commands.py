@@ -8,10 +8,9 @@ import sys
 from contextlib import suppress
 
 import click
-from signsplice_workshop.cli import evaluate as evaluation
-from signsplice_workshop.cli import train
 
-from signsplice.cli import aliases, bulk, files, lexicon, service, splicing, synth
+from signsplice.cli import bench, bulk, files, lexicon, service, splicing, synth
+from signsplice.cli.plugins import OpenGroup
 from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
 
@@ -19,13 +18,13 @@ _OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBAD
 """Errors of writing without a file's name: those of files that commands write are ``InputError``."""
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(cls=OpenGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(package_name="signsplice")
 def app() -> None:
     """Splice mocap clips of sign-language words into one fluent animation."""
 
 
-for _room in (splicing, evaluation, files, lexicon, synth, bulk, train, service, aliases):
+for _room in (splicing, bench, files, lexicon, synth, bulk, service):
     for _command in _room.COMMANDS:
         app.add_command(_command)
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.aliases import former_names
 from signsplice.cli.clips import (
     OUTPUT_SUFFIXES,
     SKIN,
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
     from signsplice.body.capsules import Avatar
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
     from signsplice.splicing.systems import WholeSystem
-
-_SETTINGS = former_names({"body-sense": "avoid-collisions", "no-body-sense": "no-avoid-collisions"})
 
 _joining_options = added(
     click.option("-o", "--output", required=True, metavar="OUT", help=f"File to write: {' '.join(OUTPUT_SUFFIXES)}"),
@@ -99,7 +96,7 @@ _splicing_options = added(
 """Options that ``splice`` and ``sentence`` share."""
 
 
-@click.command(context_settings=_SETTINGS)
+@click.command()
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
 @reads_faces
 @_splicing_options
@@ -130,7 +127,7 @@ def splice(
     deliver(result, output, report, load_ms, signer)
 
 
-@click.command(context_settings=_SETTINGS)
+@click.command()
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICONS
 @click.option("--fallback", metavar="FILE", help="Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
@@ -286,7 +283,7 @@ def deliver(
     print(told)
 
 
-@click.command(context_settings=_SETTINGS)
+@click.command()
 @click.argument("clip", metavar="CLIP")
 @click.option(
     "--gap", "gaps", multiple=True, required=True, metavar="A:B", help="Frames A..B-1 to make anew; may be repeated."

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from signsplice.lexicon.sentence import SentenceToken
     from signsplice.splicing.engine import Span
     from signsplice.splicing.result import Pause, ReachedTempo, Remade
-    from signsplice.splicing.seam import SeamScore as Seam
+    from signsplice.splicing.seam import SeamScore
 
     Format = str
     AnswerFile = str
@@ -66,7 +66,7 @@ else:
     Remade = json_type(result.Remade)
     Pause = json_type(result.Pause)
     Span = json_type(engine.Span)
-    Seam = json_type(seam.SeamScore, "Seam")
+    SeamScore = json_type(seam.SeamScore, "SeamScore")
     ReachedTempo = json_type(result.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
     AnswerFile = Literal[(*FORMAT_NAMES, *PICTURES)]
@@ -182,7 +182,7 @@ class Report:
     transition: str
     bundle: str | None
     spans: list[Span]
-    seams: list[Seam]
+    seams: list[SeamScore]
     warnings: list[str]
     tempo: ReachedTempo
     timing_ms: dict[str, float]
@@ -403,7 +403,7 @@ class SeamMessage:
     """The seam before the span that follows."""
 
     type: Literal["seam"]
-    seam: Seam
+    seam: SeamScore
 
 
 @dataclass(frozen=True)

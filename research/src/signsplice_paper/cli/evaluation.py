@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from signsplice_workshop.cli.train import check_extra
 
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
@@ -24,12 +23,14 @@ from signsplice_paper.cli.options import (
     PaperCall,
     option,
     takes,
-)  # fmt: skip
+)
 from signsplice_paper.cli.pages import write_all
 from signsplice_paper.cli.training import train_missing, write_curves
+from signsplice_workshop.cli.train import check_extra
 
 if TYPE_CHECKING:
     from signsplice_paper.plan import Run
+
 
 N_TIMED = 20
 _TIMED = option("--limit", type=int, metavar="N", default=N_TIMED, help="Time N pairs.")
@@ -71,10 +72,9 @@ def speed(**options: Any) -> None:
     """Time untrained systems of the scale's sizes."""
     call = PaperCall(**options)
     check_extra()
-    from signsplice_workshop.corpora.pairs import Pairs
-
     from signsplice_paper import protocol, speed
     from signsplice_paper.train import schedule
+    from signsplice_workshop.corpora.pairs import Pairs
 
     def finished(run: Run, bundle: Path) -> None:
         click.echo(f"{bundle}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}", err=True)
@@ -95,10 +95,9 @@ def speed(**options: Any) -> None:
 @click.option("-o", "--output", required=True, metavar="DIR", type=click.Path(path_type=Path), help="Folder to make.")
 def predict(bundle: Path, pairs: Path, split: str, output: Path) -> None:
     """Write a trained system's predictions for the test part, as the benchmark's scorer reads them."""
-    from signsplice_workshop.corpora.pairs import Pairs
-
     from signsplice_paper import predictions, protocol
     from signsplice_paper.systems import open_bundle
+    from signsplice_workshop.corpora.pairs import Pairs
 
     corpus, system = Pairs(pairs), open_bundle(bundle)
     chosen = protocol.choose(corpus, split)
@@ -124,9 +123,8 @@ def merge(sources: tuple[str, ...], **options: Any) -> None:
 
 
 def _judge(call: PaperCall) -> None:
-    from signsplice_workshop.corpora.pairs import Pairs
-
     from signsplice_paper import evaluation, judging, results
+    from signsplice_workshop.corpora.pairs import Pairs
 
     folder, corpus = call.made_folder(), Pairs(call.pairs)
     file, choice = folder / results.FILE, call.choice

@@ -77,9 +77,8 @@ def build(
 @click.option("--signer", type=int, default=1, show_default=True, metavar="N", help="Whose words.")
 def export(corpus: str, output: str, signer: int) -> None:
     """Write a corpus of pairs as BVH: words, true transitions, and the file of positions."""
-    from signsplice_workshop.corpora.pairs import Pairs
-
     from signsplice_paper.pair_export import export as write
+    from signsplice_workshop.corpora.pairs import Pairs
 
     check_apart(output, [corpus])
     with progress("writing words and transitions") as advance:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from signsplice_workshop.cli.train import check_extra, progress_printer
 
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, MissingExtraError
@@ -27,7 +26,8 @@ from signsplice_paper.cli.options import (
     deadline_in,
     option,
     takes,
-)  # fmt: skip
+)
+from signsplice_workshop.cli.train import check_extra, progress_printer
 
 if TYPE_CHECKING:
     from signsplice_paper.plan import Run
@@ -105,11 +105,10 @@ def train_system(
     Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice_paper train-system ...
     """
     check_extra()
-    from signsplice_workshop.corpora.pairs import Pairs
-    from signsplice_workshop.train import processes
-
     from signsplice_paper.train import scales, training
     from signsplice_paper.train.stopping import DeadlineError
+    from signsplice_workshop.corpora.pairs import Pairs
+    from signsplice_workshop.train import processes
 
     systems = list(scales.SYSTEMS) if system == "all" else [system]
     with processes.joined(device) as process:
@@ -147,9 +146,8 @@ def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> No
     if limit < 1:
         raise InputError(f"--limit {limit}, expected at least 1")
     check_extra()
-    from signsplice_workshop.corpora.pairs import Pairs
-
     from signsplice_paper.train import publishing
+    from signsplice_workshop.corpora.pairs import Pairs
 
     for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
         print(line)
@@ -161,9 +159,8 @@ def train_missing(call: PaperCall) -> list[Run]:
     The plan is asked again after every round, because the best rival is known only when all are trained. Raises
     ``InputError`` for a choice that fits nothing in it.
     """
-    from signsplice_workshop.corpora.pairs import Pairs
-
     from signsplice_paper import plan
+    from signsplice_workshop.corpora.pairs import Pairs
 
     corpus = Pairs(call.pairs)
 
@@ -192,7 +189,7 @@ def _train(todo: Sequence[Run], call: PaperCall) -> None:
     if importlib.util.find_spec("torch") is None:
         raise MissingExtraError(
             f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first, and training needs torch: "
-            "pip install '.[train]' in signsplice's folder; `signsplice-paper evaluate` judges what is there"
+            "pip install './workshop[train]' in signsplice's folder; `signsplice-paper evaluate` judges what is there"
         )
     check_extra()
     from signsplice_paper.train import schedule
@@ -218,12 +215,11 @@ def write_curves(call: PaperCall, required: bool) -> None:
     if not required and importlib.util.find_spec("torch") is None:
         return
     check_extra()
-    from signsplice_workshop.corpora.pairs import Pairs
-    from signsplice_workshop.train.processes import pick_device
-
     from signsplice_paper.bundles import read_all
     from signsplice_paper.train.curves import CurveJudge
     from signsplice_paper.train.schedule import PARTS
+    from signsplice_workshop.corpora.pairs import Pairs
+    from signsplice_workshop.train.processes import pick_device
 
     every = read_all(call.bundles)
     configs = [c for c in every if c.scale == call.scale and (not call.systems or c.system in call.systems)]

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from signsplice_workshop.corpora.pairs import EXTENT
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, bone_translations, kinematics, rotation
@@ -28,6 +27,7 @@ from signsplice.splicing.word import AlignedWord
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_paper.systems.splicers import PaperSystem, TwoNetworkSystem
+from signsplice_workshop.corpora.pairs import EXTENT
 
 _ANKLES = np.array([0.0, 7.0, -1.0])
 """Where the standard synthetic signer's ankles stand, cm; others scale it."""

@@ -14,9 +14,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.train import records as logs
-from signsplice_workshop.train.tasks import Task
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
@@ -31,6 +28,9 @@ from signsplice_paper.train import scales
 from signsplice_paper.train.batch_prediction import BatchPredictor, Words
 from signsplice_paper.train.networks.layers import Normaliser
 from signsplice_paper.train.stopping import SNAPSHOTS
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train import records
+from signsplice_workshop.train.tasks import Task
 
 SPLIT = "random"
 """The split whose curves are drawn."""
@@ -59,7 +59,8 @@ class TrainedPart:
 
     def core_minutes(self, step: int) -> float | None:
         """Processor minutes of the first steps, None where they were not logged."""
-        lines = [line for line in logs.lines(self.folder / logs.NAME) if line["step"] <= step and "cpu_s" in line]
+        logged = records.lines(self.folder / records.LOG_FILE)
+        lines = [line for line in logged if line["step"] <= step and "cpu_s" in line]
         return lines[-1]["cpu_s"] / 60.0 if lines else None
 
 
@@ -116,7 +117,11 @@ def trained_parts(config: PaperConfig, parts: Path) -> list[TrainedPart]:
     for name, facts in config.stored["parts"].items():
         path = config.path.parent / f"{name}.jsonl"
         log = read_bytes(path) if path.is_file() else b""
-        same = [path.parent for path in sorted(parts.glob(f"{name}-*/{logs.NAME}")) if log and read_bytes(path) == log]
+        same = [
+            path.parent
+            for path in sorted(parts.glob(f"{name}-*/{records.LOG_FILE}"))
+            if log and read_bytes(path) == log
+        ]
         files = [path for folder in same[:1] for path in (folder / SNAPSHOTS).glob("*.pt") if path.stem.isdecimal()]
         if not files:
             return []

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from signsplice_workshop.train.export import ExportGraph, exported
 from torch import Tensor, nn
 
 from signsplice.errors import SignspliceError
@@ -20,6 +19,7 @@ from signsplice_paper.train.networks.filling import Filler
 from signsplice_paper.train.networks.generator import FRAME, START, Encoded, Generator
 from signsplice_paper.train.networks.spsn import Spsn
 from signsplice_paper.train.pairs_data import splice_marks
+from signsplice_workshop.train.export import ExportGraph, exported
 
 
 def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:

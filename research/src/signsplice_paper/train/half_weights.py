@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
-from signsplice_workshop.train.export import check_bundle_folder
 
 from signsplice.errors import InputError
 from signsplice.splicing.bundle import bundle_sha256, read_file, write_bundle
 from signsplice_paper.configs import PaperConfig, read_config
+from signsplice_workshop.train.export import check_bundle_folder
 
 FLOAT16 = "float16"
 _LEAST = 1024

@@ -12,13 +12,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from signsplice_workshop.corpora.pairs import Pairs
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.signer.signer import stream
 from signsplice_paper.culling import cull
 from signsplice_paper.train.networks.layers import Normaliser
+from signsplice_workshop.corpora.pairs import Pairs
 
 DEVIATION_FLOOR = 0.01
 """Smallest deviation of a number, so that joints that hardly move are not amplified."""

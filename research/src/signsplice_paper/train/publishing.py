@@ -6,14 +6,13 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from signsplice_workshop.corpora.pairs import Pairs
-
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice_paper import protocol, published_bundles
 from signsplice_paper.configs import read_config
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.train.half_weights import halve_bundle
+from signsplice_workshop.corpora.pairs import Pairs
 
 
 def publish(sources: Sequence[Path], out: Path, pairs: Pairs, n_pairs: int) -> list[str]:

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from signsplice_workshop.train.tasks import Task
 from torch import nn
 
 from signsplice.errors import InputError
@@ -32,6 +31,7 @@ from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig, S
 from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
 from signsplice_paper.train.networks.tfgn import Transformer, TransformerConfig
 from signsplice_paper.train.tasks import FillTask, FrameTask, MixtureTask, TokenTask
+from signsplice_workshop.train.tasks import Task
 
 FR = BEST_FR
 """Frames that Culling keeps on each side: the paper's choice after its sweep."""

@@ -12,15 +12,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.train import processes
-from signsplice_workshop.train.loop import ProgressCallback
-
 from signsplice.children import killed_with_parent
 from signsplice.errors import SignspliceError
 from signsplice_paper.plan import Run
 from signsplice_paper.train import training
 from signsplice_paper.train.stopping import DeadlineError
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train import processes
+from signsplice_workshop.train.loop import ProgressCallback
 
 Started = Callable[[int, Run], None]
 """Called with a run's number, from 1, and the run, before it is trained."""

@@ -16,10 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.corpora.pool import Pool
-from signsplice_workshop.train import checkpoint, processes
-from signsplice_workshop.train import records as logs
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
@@ -29,6 +25,9 @@ from signsplice_paper.train import training
 from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts
 from signsplice_paper.train.stopping import SNAPSHOTS, DeadlineError
 from signsplice_paper.train.training import Training
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.corpora.pool import Pool
+from signsplice_workshop.train import checkpoint, processes, records
 
 FILE, PAGE = "search.json", "search.md"
 VERSION = 1
@@ -177,7 +176,7 @@ def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) ->
             task = training.trained(part, config, pairs, folder, process)
     except DeadlineError:
         return None
-    lines = logs.lines(folder / logs.NAME)
+    lines = records.lines(folder / records.LOG_FILE)
     judged = [line for line in lines if set(JUDGED) & set(line)]
     scores = {k: v for k, v in judged[-1].items() if k not in ("step", "cpu_s")} if judged else {}
     spent = max((line.get("cpu_s", 0.0) for line in lines), default=0.0)

@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from signsplice_workshop.train import records as logs
-from signsplice_workshop.train.loop import LoopConfig
-from signsplice_workshop.train.processes import Processes
-from signsplice_workshop.train.tasks import Task
 from torch import nn
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import replacing
+from signsplice_workshop.train import records
+from signsplice_workshop.train.loop import LoopConfig
+from signsplice_workshop.train.processes import Processes
+from signsplice_workshop.train.tasks import Task
 
 OPTIMISERS = ("adamw", "sgd", "sgd-momentum")
 SGD_RATE = 1e-3
@@ -122,13 +122,13 @@ def on_plateau(losses: Sequence[float], patience: int) -> bool:
 
 def losses(folder: Path, step: int) -> list[float]:
     """The validation losses in a training's log up to a step."""
-    return [line[LOSS] for line in logs.lines(folder / logs.NAME) if LOSS in line and line["step"] <= step]
+    return [line[LOSS] for line in records.lines(folder / records.LOG_FILE) if LOSS in line and line["step"] <= step]
 
 
 def has_ended(folder: Path, step: int, patience: int | None, most_cpu_s: float | None) -> bool:
     """Whether a training has ended, at ``step``, before its last step."""
     if most_cpu_s is not None:
-        trained = [line for line in logs.lines(folder / logs.NAME) if line["step"] == step and "loss" in line]
+        trained = [line for line in records.lines(folder / records.LOG_FILE) if line["step"] == step and "loss" in line]
         if any(line.get("cpu_s", 0.0) >= most_cpu_s for line in trained):
             return True
     return patience is not None and on_plateau(losses(folder, step), patience)
@@ -136,7 +136,7 @@ def has_ended(folder: Path, step: int, patience: int | None, most_cpu_s: float |
 
 def reason(folder: Path, steps: int, patience: int | None) -> tuple[int, str]:
     """How many steps a finished training of at most ``steps`` took, and why it ended."""
-    step = max((line["step"] for line in logs.lines(folder / logs.NAME)), default=0)
+    step = max((line["step"] for line in records.lines(folder / records.LOG_FILE)), default=0)
     if step >= steps:
         return step, STEPS
     plateau = patience is not None and on_plateau(losses(folder, step), patience)

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from signsplice_workshop.train.tasks import Task
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
@@ -29,6 +28,7 @@ from signsplice_paper.train.networks.layers import Normaliser
 from signsplice_paper.train.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
 from signsplice_paper.train.networks.spsn import NONE, POST, PRE, Spsn
 from signsplice_paper.train.pairs_data import Batch, PairsData
+from signsplice_workshop.train.tasks import Task
 
 NOISE = 0.1
 """Deviation of the noise on frames fed to a decoder, in deviations of the training pairs."""

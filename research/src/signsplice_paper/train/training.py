@@ -12,15 +12,6 @@ from typing import Any
 
 import onnx
 import torch
-from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.train import checkpoint
-from signsplice_workshop.train import records as logs
-from signsplice_workshop.train import records as provenance
-from signsplice_workshop.train.export import check_bundle_folder
-from signsplice_workshop.train.loop import ProgressCallback, train
-from signsplice_workshop.train.prefetch import prefetched
-from signsplice_workshop.train.processes import Processes, only_one
-from signsplice_workshop.train.tasks import Task
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
@@ -35,6 +26,13 @@ from signsplice_paper.train.pairs_data import PairsData
 from signsplice_paper.train.scales import MOST_SGD_CPU_S, SGD_PATIENCE, UNBIASED, SystemPart, parts, task
 from signsplice_paper.train.stopping import PaperLoop, highest_rate
 from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train import checkpoint, records
+from signsplice_workshop.train.export import check_bundle_folder
+from signsplice_workshop.train.loop import ProgressCallback, train
+from signsplice_workshop.train.prefetch import prefetched
+from signsplice_workshop.train.processes import Processes, only_one
+from signsplice_workshop.train.tasks import Task
 
 GRAPHS = "graphs"
 """Folder of a part's graphs, next to its checkpoint."""
@@ -178,7 +176,8 @@ def _write(
     if training.steps != 0 and training.system not in UNBIASED:
         contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
     logged = {
-        f"{part.name}.jsonl": read_bytes(folder / logs.NAME) for part, folder in zip(chosen, folders, strict=True)
+        f"{part.name}.jsonl": read_bytes(folder / records.LOG_FILE)
+        for part, folder in zip(chosen, folders, strict=True)
     }
     write_bundle(out, contents, files, logged)
 
@@ -189,7 +188,7 @@ def corpus_data(corpus: Path, folder: Path) -> dict[str, str] | None:
     None where the folder's checkpoint is older than such records, so that its data are unknown. Raises ``InputError``
     where the folder records other data.
     """
-    data = provenance.folder_sha256(corpus, "corpus.json", "*.npy")
+    data = records.folder_sha256(corpus, "corpus.json", "*.npy")
     path = folder / DATA_FILE
     if path.exists():
         recorded: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
@@ -202,22 +201,22 @@ def corpus_data(corpus: Path, folder: Path) -> dict[str, str] | None:
         return data
     if (folder / checkpoint.NAME).exists():
         return None
-    provenance.write_json(path, data)
+    records.write_json(path, data)
     return data
 
 
 def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[str, Any]:
     """The command that makes a bundle, and the sha256 of its data; None where a part's data are unknown."""
-    options: dict[str, provenance.Option] = {
+    options: dict[str, records.Option] = {
         "pairs": pairs.folder, "system": training.system, "scale": training.scale, "optimiser": training.optimiser,
         "split": training.split, "fr": training.fr, "steps": training.steps, "seed": training.seed,
         "bf16": training.bf16,
     }  # fmt: skip
     data = [corpus_data(pairs.folder, folder) for folder in folders]
     return {
-        "command": provenance.command(["train-system"], options, "signsplice-paper"),
+        "command": records.command(["train-system"], options, "signsplice-paper"),
         "data": None if None in data else data[0],
-        "signsplice": provenance.software(),
+        "signsplice": records.software(),
     }
 
 
@@ -295,5 +294,5 @@ def _rig(pairs: Pairs) -> dict[str, Any]:
 
 def _last_scores(folder: Path) -> dict[str, float]:
     """The last scores of a part on validation pairs."""
-    judged = [line for line in logs.lines(folder / logs.NAME) if {"accuracy", "pta"} & set(line)]
+    judged = [line for line in records.lines(folder / records.LOG_FILE) if {"accuracy", "pta"} & set(line)]
     return {k: v for k, v in judged[-1].items() if k != "step"} if judged else {}

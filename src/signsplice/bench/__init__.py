@@ -1,0 +1,1 @@
+"""How fast every part is, the service under load, and sentences in bulk."""

@@ -1,0 +1,380 @@
+"""The speed of every part beside its baselines, and of the networks that ship: seams, sentences and streams.
+
+Machines differ and share their cores, so what counts are medians over repeats and the ratios of two calls that
+alternate. The skeleton has 53 joints; the motions are made here, so that the benchmark needs no file.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import cycle, islice
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from signsplice.formats import bvh, load, save
+from signsplice.lexicon import building, open_lexicon, shipped
+from signsplice.motion import Clip, concatenate, kinematics, resample, rotation
+from signsplice.motion.cache import CACHE
+from signsplice.progress import Progress, counted
+from signsplice.rig.info import active_span, arms
+from signsplice.splicing.contracts import Cut, Cutter, Gap
+from signsplice.splicing.curves import TRANSITIONS
+from signsplice.splicing.cutters import CUTTERS, search_window
+from signsplice.splicing.engine import SpliceOptions, splice, stream
+from signsplice.splicing.learned import LearnedCutter
+from signsplice.splicing.options import choose
+from signsplice.splicing.word_features import WordReader
+
+
+def milliseconds(run: Callable[[], object]) -> float:
+    """Wall-clock time of one call, ms."""
+    start = time.perf_counter()
+    run()
+    return 1e3 * (time.perf_counter() - start)
+
+
+def median_milliseconds(repeats: int, *runs: Callable[[], object]) -> list[float]:
+    """Median time of each call, ms. The calls alternate, so that a change of the machine's speed affects all alike."""
+    for run in runs:
+        run()
+    times = [[milliseconds(run) for run in runs] for _ in range(repeats)]
+    return [median(column) for column in zip(*times, strict=True)]
+
+
+def forget(clips: Iterable[Clip], reader: WordReader | None = None) -> None:
+    """Clear what is cached of clips, so that the next call computes it again."""
+    clips = list(clips)
+    CACHE.forget(*clips)
+    if reader is not None:
+        reader.forget(*clips)
+
+
+N_STREAM = 1000
+"""Words of a long stream; fewer with few repeats."""
+N_WARM_UP = 20
+"""Seams before the first that is timed."""
+
+
+def seams(repeats: int) -> dict[str, Any]:
+    """Times of whole seams (features, cut, duration, transition, collision avoidance, join, scores), of the part that
+    the networks take, and of a sentence of ten words; a different pair of the words that ship each time.
+    """
+    cutter = choose().cutter
+    if not isinstance(cutter, LearnedCutter):
+        return {"networks": "none to be read"}
+    reader = cutter.reader
+    with shipped() as words:
+        clips = [words.clip(gloss) for gloss in words]
+    rng = np.random.default_rng(0)
+    times, inside = [], []  # ms of the whole call and of the networks in it
+    for n in range(20 * repeats + N_WARM_UP):
+        pair = [clips[k] for k in rng.choice(len(clips), 2, replace=False)]
+        forget(pair, reader)
+        seconds = reader.sessions.seconds
+        took = milliseconds(partial(splice, pair))
+        if n >= N_WARM_UP:
+            times.append(took)
+            inside.append(1e3 * (reader.sessions.seconds - seconds))
+    sentences = []
+    for _ in range(repeats + 2):
+        words_of_sentence = [clips[k] for k in rng.choice(len(clips), 10, replace=False)]
+        forget(words_of_sentence, reader)
+        sentences.append(milliseconds(partial(splice, words_of_sentence)))
+    return {
+        "seam, p50, ms": float(np.percentile(times, 50)),
+        "seam, p99, ms": float(np.percentile(times, 99)),
+        "of it networks, ms": median(inside),
+        "by the networks alone": median(times) / median(inside),
+        "sentence of 10 words, ms": median(sentences[2:]),
+    }
+
+
+def streams(repeats: int) -> dict[str, Any]:
+    """Time from the moment the second word is known to the first piece; and of a long stream the time per word and its
+    second half over its first, in time and in peak memory.
+    """
+    cutter = choose().cutter
+    reader = cutter.reader if isinstance(cutter, LearnedCutter) else None
+    with shipped() as words:
+        clips = [words.clip(gloss) for gloss in words]
+
+    def first_piece() -> float:
+        start = 0.0
+
+        def two_words() -> Iterator[Clip]:
+            nonlocal start
+            yield clips[0]
+            start = time.perf_counter()
+            yield clips[1]
+
+        forget(clips[:2], reader)
+        next(stream(two_words()))
+        return 1e3 * (time.perf_counter() - start)
+
+    def unread(count: int) -> Iterator[Clip]:
+        """Words in turn, each as if it were new."""
+        for n in range(count):
+            forget([clips[n % len(clips)]], reader)
+            yield clips[n % len(clips)]
+
+    n_words = min(N_STREAM, 40 * repeats)
+    firsts = [first_piece() for _ in range(repeats + 3)][3:]
+    peaks, seconds = [], []
+    for traced in (False, True):
+        pieces = stream(unread(n_words))
+        for _ in range(2):
+            if traced:
+                tracemalloc.start()
+            half = islice(pieces, n_words)  # a word makes two pieces
+            seconds.append(1e-3 * milliseconds(partial(deque, half, maxlen=0)))
+            if traced:
+                peaks.append(tracemalloc.get_traced_memory()[1])
+                tracemalloc.stop()
+    return {
+        "first piece, ms": median(firsts),
+        f"{n_words} words, a word, ms": 1e3 * (seconds[0] + seconds[1]) / n_words,
+        "second half by first, time": seconds[1] / seconds[0],
+        "second half by first, memory": peaks[1] / peaks[0],
+    }
+
+
+N_LONG = 3000
+N_WORD = 150
+N_LEXICON = 6707
+"""Number of words of the dictionary in the paper."""
+
+
+def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, Any]:
+    """Part -> figure with its unit -> median over ``repeats`` runs; ratios to the baselines are among the figures."""
+    parts: list[tuple[str, Callable[[int], dict[str, Any]]]] = [
+        ("read", _reading),
+        ("kinematics", _kinematics),
+        ("search", _search),
+        ("transition", _transitions),
+        ("seam", _seam),
+        ("learned", seams),
+        ("stream", streams),
+        ("lexicon", _lexicon),
+        ("memory", lambda _: _memory()),
+        ("start", _start),
+    ]
+    figures: dict[str, Any] = {"joints": len(_demo_words()[0].skeleton), "repeats": repeats}
+    for name, part in counted(parts, progress):
+        figures[name] = part(repeats)
+    return figures
+
+
+def table(figures: dict[str, Any]) -> str:
+    """The figures as lines of text."""
+    lines = [f"{figures['joints']} joints, medians of {figures['repeats']} runs"]
+    for part, values in figures.items():
+        if isinstance(values, dict):
+            lines += [f"{part:11} {name:34} {_shown(value)}" for name, value in values.items()]
+    return "\n".join(lines)
+
+
+def _shown(value: object) -> str:
+    return f"{value:10.3f}" if isinstance(value, float) else f"{value!s:>10}"
+
+
+def _demo_words() -> list[Clip]:
+    with shipped() as words:
+        return [words.clip(gloss) for gloss in ("HELLO", "I", "DEAF", "THANK-YOU", "SIGN")]
+
+
+def _long_clip(n_frames: int) -> Clip:
+    """The demo words again and again, each time resampled so that no frames are the same."""
+    parts: list[Clip] = []
+    for word in cycle(_demo_words()):
+        if sum(map(len, parts)) >= n_frames:
+            break
+        parts.append(resample(word, word.fps, 0.9 + 0.01 * (len(parts) % 20)))
+    return concatenate(parts)[:n_frames]
+
+
+def _word_clips() -> tuple[Clip, Clip]:
+    """Two words slowed down to exactly 150 frames."""
+    a, b = _demo_words()[2:4]
+    clips = [resample(clip, clip.fps, (len(clip) - 1) / (N_WORD - 0.5)) for clip in (a, b)]
+    return clips[0][:N_WORD], clips[1][:N_WORD]
+
+
+def _reading(repeats: int) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.bvh"
+        clip = _long_clip(N_LONG)
+        values = bvh.parse(bvh.encode(clip))
+        text = bvh.encode(values).decode().splitlines()
+        first = text.index("MOTION") + 3
+        rows = [" ".join(f"{float(x):.6f}" for x in row.split()) for row in text[first:]]  # as exporters write them
+        path.write_text("\n".join([*text[:first], *rows]) + "\n")
+        try:
+            import pybvh
+        except ImportError:
+            (ours,) = median_milliseconds(repeats, lambda: load(path))
+            return {"3000 frames, ms": ours, "pybvh": "not installed"}
+        ours, other = median_milliseconds(repeats, lambda: load(path), lambda: pybvh.read_bvh_file(path, world_up="+y"))
+    return {"3000 frames, ms": ours, "pybvh 0.9.0, ms": other, "ratio to pybvh": ours / other}
+
+
+def _kinematics(repeats: int) -> dict[str, Any]:
+    clip = _long_clip(N_LONG)
+    few = clip[:60]
+    ours, loop = median_milliseconds(repeats, lambda: kinematics.forward(clip), lambda: _forward_by_frame(few))
+    scaled = loop * N_LONG / len(few)
+    return {"3000 frames, ms": ours, "frame by frame, ms": scaled, "times faster": scaled / ours}
+
+
+def _forward_by_frame(clip: Clip) -> None:
+    """Forward kinematics one frame and one joint at a time: the baseline."""
+    for frame in range(len(clip)):
+        rotations = list(rotation.to_matrix(clip.local_rotations[frame]))
+        positions = [clip.root_positions[frame]] * len(rotations)
+        for joint in range(1, len(rotations)):
+            parent = clip.skeleton.parents[joint]
+            positions[joint] = positions[parent] + rotations[parent] @ clip.skeleton.offsets[joint]
+            rotations[joint] = rotations[parent] @ rotations[joint]
+
+
+def _search(repeats: int) -> dict[str, Any]:
+    before, after = _word_clips()
+
+    def cut_anew(cutter: Cutter) -> Cut:
+        forget([before, after])
+        return cutter.cut(before, after)
+
+    def search_anew() -> Cut:
+        forget([before, after])
+        return _plain_search(before, after)
+
+    runs = [partial(cut_anew, cutter) for cutter in CUTTERS.values()]
+    plain = CUTTERS["hand-distance"].cut(before, after), _plain_search(before, after)
+    if plain[0] != plain[1]:
+        raise AssertionError(f"the plain search found {plain[1]}, the cutter {plain[0]}, expected the same")
+    times = median_milliseconds(10 * repeats, *runs)
+    (pairwise,) = median_milliseconds(repeats, search_anew)
+    out = {f"{name}, ms": ms for name, ms in zip(CUTTERS, times, strict=True)}
+    ours = out["hand-distance, ms"]
+    return out | {"hand-distance pair by pair, ms": pairwise, "times faster": pairwise / ours}
+
+
+def _plain_search(before: Clip, after: Clip) -> Cut:
+    """The hand-distance search one pair of frames at a time: the baseline."""
+    p, q = arms(before), arms(after)
+    (p_start, p_stop), (q_start, q_stop) = active_span(p), active_span(q)
+    best, found = float("inf"), Cut(0, 0)
+    for i in range(p_stop - search_window(p_stop - p_start, p.fps), p_stop):
+        for j in range(q_start, q_start + search_window(q_stop - q_start, q.fps)):
+            cost = 0.0
+            for hand in range(2):
+                distance = float(np.linalg.norm(p.wrists[i, hand] - q.wrists[j, hand]))
+                delta_quat = rotation.from_matrix(p.hand_rotations[i, hand].T @ q.hand_rotations[j, hand])
+                cost += distance / p.shoulder_width + float(np.linalg.norm(rotation.log(delta_quat))) / np.pi
+            if cost < best:
+                best, found = cost, Cut(i, j)
+    return found
+
+
+def _transitions(repeats: int) -> dict[str, Any]:
+    before, after = _word_clips()
+    before, after = before[:90], after[40:]
+    runs = [lambda method=method: method.between(Gap(before, after, 10)) for method in TRANSITIONS.values()]
+    times = median_milliseconds(10 * repeats, *runs)
+    return {f"{name}, 10 frames, ms": ms for name, ms in zip(TRANSITIONS, times, strict=True)}
+
+
+def _seam(repeats: int) -> dict[str, Any]:
+    """A whole seam of two 150-frame clips with the same placement: cut, transition, and join with its scores."""
+    clips = _word_clips()
+    out: dict[str, Any] = {}
+    for name in CUTTERS:
+        parts: dict[str, list[float]] = {"cut": [], "transition": [], "join": []}
+        for _ in range(10 * repeats):
+            forget(clips)
+            timing = splice(clips, SpliceOptions(name, "hermite", "tempo")).timing_ms
+            for part, rows in parts.items():
+                rows.append(timing[part])
+        out[f"{name} + hermite, ms"] = median(sum(row) for row in zip(*parts.values(), strict=True))
+        if name == "rest-trim":
+            out |= {f"of it {part}, ms": median(rows) for part, rows in parts.items()}
+    return out
+
+
+def _lexicon(repeats: int) -> dict[str, Any]:
+    """A lexicon of 6,707 words opened and closed, a different word of 150 frames read from it each time, and a BVH file
+    of as many frames read. All other words are short, so that the benchmark writes little.
+    """
+    clips = _word_clips()
+    short = [clip[start : start + 10] for clip in clips for start in range(0, 140, 20)]
+    with tempfile.TemporaryDirectory() as folder:
+        path, file = Path(folder) / "lexicon", Path(folder) / "word.bvh"
+        save(clips[0], file)
+        with building(path) as builder:
+            for n in range(N_LEXICON):
+                builder.add(short[n % len(short)] if n % 67 else clips[n // 67 % 2], f"WORD-{n}")
+        with open_lexicon(path) as lexicon:
+            glosses = cycle(f"WORD-{n}" for n in range(0, N_LEXICON, 67))
+            opened, read, file_read = median_milliseconds(
+                repeats,
+                lambda: open_lexicon(path).close(),
+                lambda: lexicon.clip(next(glosses)),
+                lambda: load(file),
+            )
+            (nearest,) = median_milliseconds(repeats, lambda: lexicon.nearest("WROD-4711"))
+    return {
+        "6707 words opened, ms": opened,
+        "one word of 150 frames, ms": read,
+        "the same from a BVH file, ms": file_read,
+        "times faster": file_read / read,
+        "nearest glosses, ms": nearest,
+    }
+
+
+def _memory() -> dict[str, Any]:
+    """Peak of a splice's allocations, its result included, over the size of its clips, as read from files.
+
+    The clips are eight with the same placement and, the worst case, eight with different placements that are kept
+    whole.
+    """
+    together = [_from_file(clip) for clip in _word_clips() * 4]
+    apart = [
+        _from_file(replace(clip, root_positions=clip.root_positions + 7.0 * n, channels=None))
+        for n, clip in enumerate(together)
+    ]
+    out: dict[str, Any] = {"clips, MB": sum(clip.nbytes for clip in together) / 1e6}
+    for name, clips, cutter in (("ratio", together, "pose-velocity"), ("ratio at worst", apart, "ends")):
+        options = SpliceOptions(cutter, "hermite", "tempo")
+        splice(clips, options)
+        tracemalloc.start()
+        splice(clips, options)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        out[name] = peak / sum(clip.nbytes for clip in clips)
+    return out
+
+
+def _from_file(clip: Clip) -> Clip:
+    return bvh.parse(bvh.encode(clip), clip.name)
+
+
+def _start(repeats: int) -> dict[str, Any]:
+    """Whole processes: the help, and a bare interpreter as the baseline."""
+    help_run = [sys.executable, "-m", "signsplice", "--help"]
+    bare_run = [sys.executable, "-c", "pass"]
+    ours, bare = median_milliseconds(
+        min(repeats, 9),
+        lambda: subprocess.run(help_run, capture_output=True, check=True),
+        lambda: subprocess.run(bare_run, capture_output=True, check=True),
+    )
+    return {"signsplice --help, ms": ours, "bare python, ms": bare, "ratio": ours / bare}

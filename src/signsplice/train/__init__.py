@@ -1,1 +1,0 @@
-"""Training: networks, data, loop, checkpoints and export. The only room that imports torch."""

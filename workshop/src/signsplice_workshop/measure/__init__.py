@@ -1,0 +1,1 @@
+"""What methods, bodies, tempo and the corpus are worth, in numbers."""

@@ -1,0 +1,76 @@
+"""A picture of words on several bodies side by side, each at the frame in which most touches, from front and side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
+from signsplice.body.contacts import posed_body
+from signsplice.body.retarget import fit_body, signing
+from signsplice.formats.atomic import replacing
+from signsplice.motion import Clip
+from signsplice.progress import Progress, counted
+from signsplice.render.picture import Image, draw, make_scene
+from signsplice.render.sheet import INK, PAPER, pillow, write_line
+from signsplice.rig.align import Reference, copy_rotations, placement
+from signsplice_workshop.measure.bodies import BODIES, TOUCH_M, stretched
+
+WORDS = ("NAME", "MOTHER", "APPLE", "FAMILY", "PLEASE", "DEAF", "FRIEND", "HAT")
+SHOWN = ("narrow", "broad", "child", "chibi", "long arms")
+_VIEWS = ("front", "side")
+_CELL, _LABEL = 180, 20
+_FULL = 1.4
+"""Height of a drawing over its width; the lower part is cut off, since hands are above."""
+
+
+def write_pictures(words: Sequence[Clip], path: Path, progress: Progress | None = None) -> None:
+    """Write a page as PNG: a row for each word; the source, the first of ``SHOWN`` with rotations alone, and the
+    bodies of ``SHOWN``, fitted.
+    """
+    image_ = pillow("Image")
+    heads = ("source", f"{SHOWN[0]}, rotations alone", *SHOWN)
+    wide = _CELL * len(_VIEWS)
+    sheet = image_.new("RGB", (wide * len(heads), _LABEL + len(words) * (_CELL + _LABEL)), PAPER)
+    pen = pillow("ImageDraw").Draw(sheet)
+    for k, head in enumerate(heads):
+        write_line(pen, head, (k + 0.5) * wide, 2, wide, INK, 14)
+    for n, word in enumerate(counted(words, progress)):
+        top = _LABEL + n * (_CELL + _LABEL)
+        write_line(pen, word.name, 0.5 * wide, top + 1, wide, INK, 14)
+        for k, picture in enumerate(_row(word)):
+            sheet.paste(image_.fromarray(picture), (k * wide, top + _LABEL))
+    with replacing(path) as temporary:
+        sheet.quantize(64, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
+
+
+def _row(word: Clip) -> list[Image]:
+    body = shaped_capsules(word.skeleton, BodyShape())
+    frame = _touching_frame(word, body)
+    pictures = [_both_views(word, body, frame)]
+    for name in SHOWN:
+        skeleton = stretched(word.skeleton, BODIES[name])
+        other = shaped_capsules(skeleton, BODIES[name].shape)
+        to = Reference(skeleton, word.fps, placement(word), word.local_rotations[0], name)
+        carried = copy_rotations(word, to)[0]
+        if name == SHOWN[0]:
+            pictures.append(_both_views(carried, other, frame))
+        pictures.append(_both_views(fit_body(word, body, carried, other).clip, other, frame))
+    return pictures
+
+
+def _touching_frame(clip: Clip, body: BodyCapsules) -> int:
+    """The frame in which most pairs of skins touch while the clip signs."""
+    posed, pairs = posed_body(clip, body), skin_pairs(body, frozenset(body.keys))
+    frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, TOUCH_M)
+    clearance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
+    signs = signing(clip)[frames, pairs.own_side[k]] > 0.5
+    return int(np.bincount(frames[signs & (clearance < TOUCH_M)], minlength=len(clip)).argmax())
+
+
+def _both_views(clip: Clip, body: BodyCapsules, frame: int) -> Image:
+    size = _CELL, int(_FULL * _CELL)
+    return np.concatenate([draw(make_scene(clip, view, body), frame, *size)[:_CELL] for view in _VIEWS], axis=1)

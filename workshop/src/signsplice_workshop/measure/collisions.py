@@ -1,0 +1,68 @@
+"""How deep transitions lead a hand into head, trunk or the other hand, over the pairs of a corpus.
+
+Each transition joins each pair at its true cut with its true number of frames, with and without collision avoidance.
+Depth that the two ends of a gap already have does not count (``passes.collision_avoidance.depths``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from signsplice.motion import FloatArray
+from signsplice.splicing.collisions import TOLERANCE_M, depths, fill
+from signsplice.splicing.contracts import Cut, Transition, gap_at
+from signsplice.splicing.curves import TRANSITIONS
+from signsplice.splicing.seam import DEEP_M
+from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, percent, row_of
+
+SIGNATURE = f"intrusion|hands-in:head,trunk,hand|beyond-ends:{1e3 * TOLERANCE_M:g}mm|deep:{1e3 * DEEP_M:g}mm"
+
+
+MEASURES = (
+    Measure("transition", "transition"),
+    Measure("body_sense", "collision avoidance"),
+    Measure("n_gaps", function=len),
+    Measure("n_frames", function=lambda gaps: len(np.concatenate(gaps))),
+    percent("deep_gaps", "transitions deep", 1, lambda gaps: float(np.mean([gap.max() > DEEP_M for gap in gaps]))),
+    percent("deep_frames", "frames deep", 1, lambda gaps: float(np.mean(np.concatenate(gaps) > DEEP_M))),
+    Measure("deepest", "deepest, mm", "{:.1f}", 1e3, lambda gaps: float(np.concatenate(gaps).max())),
+)
+"""Of a transition, by depths (n_frames,) in every gap, m: whether it avoids collisions, gaps, new frames in all;
+fraction of the gaps with a deep frame, and of the frames, with a hand more than ``DEEP_M`` in the body; greatest depth,
+m.
+"""
+
+
+def compared_transitions(learned: Transition | None = None) -> list[tuple[Transition, bool]]:
+    """Transitions to compare, each with whether it avoids collisions."""
+    out: list[tuple[Transition, bool]] = [*((t, False) for t in TRANSITIONS.values()), (TRANSITIONS["hermite"], True)]
+    return out if learned is None else [*out, (learned, False), (learned, True)]
+
+
+def compare(
+    pairs: Pairs,
+    numbers: Sequence[int],
+    methods: Sequence[tuple[Transition, bool]],
+    progress: Progress | None = None,
+) -> list[Row]:
+    """One row for each method, measured on the pairs of these numbers."""
+    clips = {int(p): pairs.word_clip(int(p)) for p in np.unique(pairs.index[list(numbers), :2])}
+    found: list[list[FloatArray]] = [[] for _ in methods]  # depths (n_frames,) of every gap, for each method
+    for number in counted(numbers, progress):
+        p, q, pre, post, _, count = pairs.index[number].tolist()
+        gap = gap_at(clips[p], clips[q], Cut(pre, post), count)
+        for row, (transition, avoid) in zip(found, methods, strict=True):
+            row.append(depths(fill(transition, [gap], avoid)[0], gap.before, gap.after))
+    return [
+        row_of(MEASURES, gaps, transition=transition.name, body_sense=avoid)
+        for (transition, avoid), gaps in zip(methods, found, strict=True)
+    ]
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """The rows as Markdown, with their signature."""
+    counted = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
+    return [f"`{SIGNATURE}`", "", *markdown_rows(MEASURES, rows), "", counted]

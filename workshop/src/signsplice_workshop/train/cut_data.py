@@ -1,0 +1,256 @@
+"""Training data of the network that cuts and times.
+
+A draw is a few words of one signer, and all pairs of them are trained on. Some words are noisy, as captures are, and
+some are sampled between the frames at which they were generated. A batch depends on the seed and the step alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
+
+from signsplice.motion import FloatArray, rotation
+from signsplice.rig.info import FEATURE_FPS, ROLES
+from signsplice.signer.signer import stream
+from signsplice.splicing import word_features as features
+from signsplice.splicing.word_features import PHASES, CanonicalTrajectory
+from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, opened_signing
+
+Int = NDArray[np.int64]
+
+WORDS_PER_DRAW = 12
+NOISE_PROBABILITY = 0.25
+"""Fraction of the words that are noisy."""
+NOISE = (0.001, 0.006)
+"""Range of the noise's standard deviation: of numbers of the 6D rotations, and of positions in arm lengths."""
+OFFSET_PROBABILITY = 0.35
+"""Fraction of the draws in which every joint has a constant extra rotation: bodies differ in markers and rigs."""
+OFFSET_RAD = 0.2
+"""Largest standard deviation of that rotation."""
+SUBFRAME_PROBABILITY = 0.25
+"""Fraction of the words that are sampled between two frames."""
+NEARBY_PROBABILITY = 0.5
+"""Fraction of the pairs whose duration is trained between two frames near the true ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class SignerWords:
+    """A signer's W words with their truth.
+
+    - trajectories: the words on the canonical humanoid
+    - phases: (T,) for each word, indices into ``PHASES``
+    - true_cuts: (W, W, 3) for word before and word after: last frame kept, first frame kept, number of transition
+      frames; -1 where a pair has no truth
+    - nearby_cuts: (W, W, 3) the same for two frames near those; equal to ``true_cuts`` where the file has none
+    """
+
+    trajectories: tuple[CanonicalTrajectory, ...]
+    phases: tuple[Int, ...]
+    true_cuts: Int
+    nearby_cuts: Int
+
+
+def read_words(path: Path) -> SignerWords:
+    """The words of a signer's file, as ``synth.training_data`` writes it."""
+    has_role = np.ones(len(ROLES), bool)
+    trajectories, phases = [], []
+    with opened_signing(path) as stored:
+        packed_quats, positions, events, true_cuts = (stored[key] for key in ("turns", "places", "events", "pairs"))
+        for (first, n_frames), word_events in zip(stored["words"].tolist(), events.tolist(), strict=True):
+            frames = slice(first, first + n_frames)
+            rotations_6d = rotation.to_6d(rotation.normalize(packed_quats[frames] / 32767.0))
+            trajectories.append(CanonicalTrajectory(rotations_6d, positions[frames], has_role))
+            phases.append(frame_phases(np.arange(n_frames), word_events))
+        nearby_cuts = stored.get("asides", true_cuts)
+    return SignerWords(tuple(trajectories), tuple(phases), true_cuts.astype(np.int64), nearby_cuts.astype(np.int64))
+
+
+def frame_phases(at: Int, events: Sequence[int]) -> Int:
+    """Indices (T,) into ``PHASES`` of frames ``at`` (T,) of a word with the events (8,) of ``synth.training_data``."""
+    up, start, end, down, begin, _, _, stop = events
+    in_stroke = (at >= begin) & (at <= stop) & (begin >= 0)
+    rest, preparation, hold, stroke, retraction = range(len(PHASES))
+    conditions = [at <= up, at < start, in_stroke, at <= end, at < down]
+    return np.select(conditions, [rest, preparation, stroke, hold, retraction], rest)
+
+
+@dataclass(frozen=True)
+class CutBatch:
+    """G draws of W words each, padded to T frames; pairs are indexed by word before, word after.
+
+    - tokens: (G, W, T, N_WORD)
+    - mask: (G, W, T), False at padding
+    - phases: (G, W, T), indices into ``PHASES``
+    - pre, post: (G, W, W), last frame kept of the word before, first frame kept of the word after
+    - timed_pre, timed_post: (G, W, W), the same two frames or two near them, whose duration is trained
+    - seconds: (G, W, W), duration from ``timed_pre`` to ``timed_post``
+    - has_truth: (G, W, W), False where the four frames and the duration are meaningless
+    - step: the training step, for messages
+    """
+
+    tokens: Tensor
+    mask: Tensor
+    phases: Tensor
+    pre: Tensor
+    post: Tensor
+    timed_pre: Tensor
+    timed_post: Tensor
+    seconds: Tensor
+    has_truth: Tensor
+    step: int = 0
+
+    def to(self, device: torch.device) -> CutBatch:
+        """The batch on a device."""
+        moved = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
+        return CutBatch(**moved, step=self.step)
+
+
+@dataclass(frozen=True, eq=False)
+class CutDraw:
+    """W words of one signer, with the truth of every pair: the fields of ``CutBatch`` for one draw.
+
+    - words: tokens (T, N_WORD) and phases (T,) of each word
+    - others: (W, W), as in ``CutBatch``
+    """
+
+    words: list[tuple[NDArray[np.float32], Int]]
+    pre: Int
+    post: Int
+    timed_pre: Int
+    timed_post: Int
+    seconds: NDArray[np.float32]
+    has_truth: NDArray[np.bool_]
+
+
+class CutDataset:
+    """Draws of words from signers' files; every folder has the same probability.
+
+    - signers: words of every signer, by folder
+    - seed: all draws depend on it and on their number alone
+    - n_fixed: the number of draws, always the same ones, for validation; None: draws without end
+    - clean: no augmentation; validation data are always clean
+    - n_words: words in a draw
+    """
+
+    def __init__(self, paths: Sequence[Path], seed: int = 0, n_fixed: int | None = None, clean: bool = False) -> None:
+        self.signers = [[read_words(path) for path in folder] for folder in group_by_folder(paths)]
+        self.seed, self.n_fixed, self.clean = seed, n_fixed, clean or n_fixed is not None
+        self.n_words = min(WORDS_PER_DRAW, *(len(signer.trajectories) for signer in chain(*self.signers)))
+
+    def __len__(self) -> int:
+        if self.n_fixed is not None:
+            return self.n_fixed
+        return sum(len(signer.trajectories) ** 2 for signer in chain(*self.signers))
+
+    def rows(self, step: int, size: int, seed: int) -> Int:
+        """Numbers of the draws of a step."""
+        return np.arange(step * size, (step + 1) * size)
+
+    def batch(self, rows: Sequence[int] | Int, step: int = 0) -> CutBatch:
+        """The draws with these numbers, padded to one length."""
+        draws = [self.draw(int(row)) for row in rows]
+        words = [word for draw in draws for word in draw.words]
+        shape = len(draws), self.n_words
+
+        def padded(arrays: Sequence[NDArray[Any]]) -> Tensor:
+            whole = pad_sequence([torch.from_numpy(array) for array in arrays], batch_first=True)
+            return whole.reshape(*shape, *whole.shape[1:])
+
+        pair_fields = [f.name for f in fields(CutDraw) if f.name != "words"]
+        return CutBatch(
+            tokens=padded([tokens for tokens, _ in words]),
+            mask=padded([np.ones(len(tokens), bool) for tokens, _ in words]),
+            phases=padded([phases for _, phases in words]),
+            **{name: torch.from_numpy(np.stack([getattr(draw, name) for draw in draws])) for name in pair_fields},
+            step=step,
+        )
+
+    def draw(self, number: int) -> CutDraw:
+        """The draw of a number."""
+        rng = stream("cut", self.seed, "fixed" if self.n_fixed is not None else "endless", number)
+        signer = draw_from_folders(self.signers, rng)
+        chosen = rng.choice(len(signer.trajectories), self.n_words, replace=False)
+        words, delays = self._words(signer, chosen, rng)
+        lengths = np.array([min(len(trajectory), features.WORD_FRAMES) for trajectory, _ in words])
+        pairs = np.ix_(chosen, chosen)
+        truth = timed = signer.true_cuts[pairs]
+        if not self.clean:
+            nearby = rng.random(truth.shape[:2])[..., None] < NEARBY_PROBABILITY
+            timed = np.where(nearby, signer.nearby_cuts[pairs], truth)
+        pre, post = _shifted_frames(truth, delays, lengths)
+        timed_pre, timed_post = _shifted_frames(timed, delays, lengths)
+        has_truth = truth[..., 2] >= 0
+        seconds = np.where(has_truth, timed[..., 2] + 1, 1) / FEATURE_FPS
+        return CutDraw(
+            [_tokens(trajectory, phases) for trajectory, phases in words],
+            pre, post, timed_pre, timed_post, seconds.astype(np.float32), has_truth,
+        )  # fmt: skip
+
+    def _words(
+        self, signer: SignerWords, chosen: Int, rng: np.random.Generator
+    ) -> tuple[list[tuple[CanonicalTrajectory, Int]], FloatArray]:
+        """The chosen words, augmented, with their phases; and by how many frames (W,) each is sampled later."""
+        delays = np.zeros(len(chosen))
+        words = []
+        offsets = None
+        if not self.clean and rng.random() < OFFSET_PROBABILITY:
+            rotvecs = rng.normal(0.0, rng.uniform(0.0, OFFSET_RAD), (len(ROLES), 3))
+            offsets = rotation.to_matrix(rotation.exp(rotvecs))  # (R, 3, 3)
+        for k, word in enumerate(chosen):
+            trajectory, phases = signer.trajectories[word], signer.phases[word]
+            if offsets is not None:
+                matrices = rotation.matrix_from_6d(trajectory.rotations_6d) @ offsets
+                trajectory = CanonicalTrajectory(
+                    rotation.matrix_to_6d(matrices), trajectory.positions, trajectory.has_role
+                )
+            if not self.clean:
+                if rng.random() < SUBFRAME_PROBABILITY:
+                    delays[k] = rng.random()
+                    trajectory, phases = _delayed(trajectory, float(delays[k])), phases[: len(phases) - 1]
+                if rng.random() < NOISE_PROBABILITY:
+                    trajectory = _with_noise(trajectory, float(rng.uniform(*NOISE)), rng)
+            words.append((trajectory, phases[: features.WORD_FRAMES]))
+        # One hand is dominant in all words of a signer, so all words together decide whether it is the left one.
+        if features.left_hand_busier(*(trajectory for trajectory, _ in words)):
+            words = [(features.mirrored(trajectory), phases) for trajectory, phases in words]
+        return words, delays
+
+
+def _shifted_frames(cuts: Int, delays: FloatArray, lengths: Int) -> tuple[Int, Int]:
+    """Frames (W, W) to leave and to enter at, of cuts (W, W, 3), in words that are sampled ``delays`` (W,) later."""
+    pre, post = np.rint(cuts[..., 0] - delays[:, None]), np.rint(cuts[..., 1] - delays)
+    clipped = np.clip(pre, 0, lengths[:, None] - 1), np.clip(post, 0, lengths - 1)
+    return clipped[0].astype(np.int64), clipped[1].astype(np.int64)
+
+
+def _tokens(trajectory: CanonicalTrajectory, phases: Int) -> tuple[NDArray[np.float32], Int]:
+    """What the network sees of a word, an even number of frames, and their phases."""
+    tokens = features.word_tokens(trajectory)[: features.WORD_FRAMES]
+    return tokens, np.concatenate([phases, phases[-1:]])[: len(tokens)]
+
+
+def _delayed(trajectory: CanonicalTrajectory, delay: float) -> CanonicalTrajectory:
+    """The trajectory sampled ``delay`` frames after each of its frames but the last, 0 to 1."""
+    rotations_6d = (1.0 - delay) * trajectory.rotations_6d[:-1] + delay * trajectory.rotations_6d[1:]
+    positions = (1.0 - delay) * trajectory.positions[:-1] + delay * trajectory.positions[1:]
+    return _from_inexact(rotations_6d, positions, trajectory)
+
+
+def _with_noise(trajectory: CanonicalTrajectory, deviation: float, rng: np.random.Generator) -> CanonicalTrajectory:
+    rotations_6d = trajectory.rotations_6d + rng.normal(0.0, deviation, trajectory.rotations_6d.shape)
+    positions = trajectory.positions + rng.normal(0.0, deviation, trajectory.positions.shape)
+    return _from_inexact(rotations_6d, positions, trajectory)
+
+
+def _from_inexact(rotations_6d: FloatArray, positions: FloatArray, like: CanonicalTrajectory) -> CanonicalTrajectory:
+    """A trajectory with orthonormalised rotations."""
+    return CanonicalTrajectory(rotation.matrix_to_6d(rotation.matrix_from_6d(rotations_6d)), positions, like.has_role)

@@ -1,0 +1,274 @@
+"""The two networks that ship: one makes transitions, one cuts words and times transitions.
+
+**Transitions** (``Bridge``): one pass over the sign before, a classical transition, and the sign after. It is a
+Transformer encoder with pre-layer normalisation and rotary positions (Su et al. 2021), because what matters is how far
+apart two frames are. Its answer is a rotation vector for every joint at every frame of the gap, weighted by a window
+that is flat at both ends (``gap_features.delta_rotvecs``) and added to the classical transition. The last layer is
+initialised with zeros, so that an untrained network is the classical method.
+
+**Cuts and durations** (``Cutting``): where to leave a word depends little on the next word: on how far and in which
+direction the hands have to go, and on whether the handshape changes. So a Transformer encoder with rotary positions
+reads every word alone and once (``networks.features.word_tokens``), two frames to a token. It yields a state for each
+frame and two summaries, one for leaving the word and one for entering it; a summary is made by a few learned attention
+queries. For a pair of words, the two summaries and their difference form a condition, and every frame's score follows
+from its state and the condition. One reading of a word serves both of its seams in any sentence. The network also
+classifies every frame by its phase (Kita et al. 1998), so that its states mark where movements begin.
+
+Names of attributes that hold weights are stored in checkpoints and in ONNX graphs, from which training can continue:
+do not rename them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812
+
+from signsplice.rig.info import ROLES
+from signsplice.splicing.gap_features import N_CONTEXT, N_TOKEN
+from signsplice.splicing.word_features import N_FRAME, N_WORD, PHASES
+
+MAX_DEVIATIONS = 5.0
+"""Inputs are clamped to this many standard deviations from the mean."""
+
+
+@dataclass(frozen=True)
+class BridgeConfig:
+    """Sizes of a transition network.
+
+    - width: numbers of a state
+    - n_heads: attention heads, which divide ``width``
+    - n_layers: encoder layers
+    - inner: units of a feed-forward layer
+    - dropout: probability
+    """
+
+    width: int = 256
+    n_heads: int = 8
+    n_layers: int = 4
+    inner: int = 1024
+    dropout: float = 0.0
+
+
+def rope_angles(n_frames: int, width: int, like: Tensor) -> tuple[Tensor, Tensor]:
+    """Cosines and signed sines (S, W) with which ``rotary`` rotates queries and keys of S frames and W numbers."""
+    half = width // 2
+    rates = 100.0 ** (-torch.arange(half, device=like.device, dtype=torch.float32) / half)
+    angles = torch.arange(n_frames, device=like.device)[:, None].float() * rates  # (S, W / 2)
+    cos, sin = angles.cos().to(like.dtype), angles.sin().to(like.dtype)
+    return torch.cat([cos, cos], dim=-1), torch.cat([-sin, sin], dim=-1)
+
+
+def rotary(x: Tensor, rope: tuple[Tensor, Tensor]) -> Tensor:
+    """Queries or keys (..., S, W) in which number k and number k + W / 2 are rotated by the frame's ``rope_angles``."""
+    a, b = x.chunk(2, dim=-1)
+    return x * rope[0] + torch.cat([b, a], dim=-1) * rope[1]
+
+
+def standardised(x: Tensor, mean: Tensor, deviation: Tensor) -> Tensor:
+    """Numbers (..., N) minus their mean, divided by their standard deviation, at most ``MAX_DEVIATIONS``: captures may
+    hold values that were never trained on.
+    """
+    return ((x - mean) / deviation).clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS)
+
+
+class RotaryLayer(nn.Module):
+    """Self-attention and a feed-forward layer, each with a residual connection."""
+
+    def __init__(self, config: BridgeConfig) -> None:
+        super().__init__()
+        width = config.width
+        self.n_heads = config.n_heads
+        self.before, self.between = nn.LayerNorm(width), nn.LayerNorm(width)
+        self.mixed, self.out = nn.Linear(width, 3 * width), nn.Linear(width, width)
+        self.first, self.second = nn.Linear(width, config.inner), nn.Linear(config.inner, width)
+        self.dropout = nn.Dropout(config.dropout)
+
+    def forward(self, x: Tensor, rope: tuple[Tensor, Tensor], allowed: Tensor | None) -> Tensor:
+        """States (B, S, D) after the layer. rope: ``rope_angles`` of a head. allowed: (B, 1, 1, S), which frames may be
+        attended to.
+        """
+        n_batch, n_frames, width = x.shape
+        # (3, B, H, S, D / H): queries, keys and values
+        qkv = self.mixed(self.before(x)).reshape(n_batch, n_frames, 3, self.n_heads, -1).permute(2, 0, 3, 1, 4)
+        rotated = rotary(qkv[:2], rope)
+        attended = F.scaled_dot_product_attention(rotated[0], rotated[1], qkv[2], attn_mask=allowed)
+        x = x + self.dropout(self.out(attended.transpose(1, 2).reshape(n_batch, n_frames, width)))
+        inner = F.gelu(self.first(self.between(x)), approximate="tanh")
+        out: Tensor = x + self.dropout(self.second(inner))
+        return out
+
+
+class Bridge(nn.Module):
+    """The transition network.
+
+    - config: its sizes
+    - mean, deviation: (N_TOKEN,) of the tokens that it was trained on
+    """
+
+    mean: Tensor
+    deviation: Tensor
+
+    def __init__(self, config: BridgeConfig, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
+        super().__init__()
+        self.config = config
+        self.register_buffer("mean", torch.zeros(N_TOKEN) if mean is None else mean)
+        self.register_buffer("deviation", torch.ones(N_TOKEN) if deviation is None else deviation)
+        self.embedding = nn.Linear(N_TOKEN, config.width)
+        self.layers = nn.ModuleList(RotaryLayer(config) for _ in range(config.n_layers))
+        self.norm = nn.LayerNorm(config.width)
+        self.out = nn.Linear(config.width, 3 * len(ROLES))
+        nn.init.zeros_(self.out.weight)
+        nn.init.zeros_(self.out.bias)
+
+    def forward(self, tokens: Tensor, mask: Tensor | None = None) -> Tensor:
+        """Rotation vectors (B, S - 2 N_CONTEXT, R, 3) for the frames of the gap.
+
+        tokens: (B, S, N_TOKEN), padded at the end. mask: (B, S), False at padding, whose answers are meaningless.
+        """
+        states = self.embedding(standardised(tokens, self.mean, self.deviation))
+        allowed = None if mask is None else mask[:, None, None]
+        rope = rope_angles(states.shape[1], self.config.width // self.config.n_heads, states)
+        for layer in self.layers:
+            states = layer(states, rope, allowed)
+        gap = self.norm(states[:, N_CONTEXT : states.shape[1] - N_CONTEXT])
+        out: Tensor = self.out(gap)
+        return out.reshape(*out.shape[:2], len(ROLES), 3)
+
+
+@dataclass(frozen=True)
+class CuttingConfig:
+    """Sizes of a cutting network.
+
+    - width: numbers of a state
+    - n_heads: attention heads, which divide ``width``
+    - n_layers: encoder layers
+    - inner: units of a feed-forward layer
+    - n_looks, look: a summary is made of ``n_looks`` attention queries with ``look`` numbers each
+    - hidden: units of the layers that make a condition, a score and a duration
+    - dropout: probability
+    """
+
+    width: int = 128
+    n_heads: int = 8
+    n_layers: int = 4
+    inner: int = 512
+    n_looks: int = 4
+    look: int = 48
+    hidden: int = 96
+    dropout: float = 0.0
+
+
+class Cutting(nn.Module):
+    """The cutting and timing network.
+
+    - config: its sizes
+    - mean, deviation: (N_WORD,) of the tokens that it was trained on
+    """
+
+    mean: Tensor
+    deviation: Tensor
+
+    def __init__(self, config: CuttingConfig, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
+        super().__init__()
+        self.config = config
+        self.register_buffer("mean", torch.zeros(N_WORD) if mean is None else mean)
+        self.register_buffer("deviation", torch.ones(N_WORD) if deviation is None else deviation)
+        width, hidden, summary = config.width, config.hidden, config.n_looks * config.look
+        self.embedding = nn.Linear(2 * N_WORD, width)
+        self.apart, self.own = nn.Linear(width, 2 * width), nn.Linear(N_WORD, width)
+        sizes = BridgeConfig(width, config.n_heads, config.n_layers, config.inner, config.dropout)
+        self.layers = nn.ModuleList(RotaryLayer(sizes) for _ in range(config.n_layers))
+        self.norm = nn.LayerNorm(width)
+        self.phase = nn.Linear(width, len(PHASES))
+        self.looks = nn.Linear(width, 2 * config.n_looks)
+        self.look = nn.Linear(width + N_WORD, config.look)
+        self.relation = nn.Sequential(nn.Linear(3 * summary, hidden), nn.GELU(), nn.Linear(hidden, hidden), nn.GELU())
+        self.leaving = _FrameScores(width, hidden)
+        self.entering = _FrameScores(width, hidden)
+        self.timing = nn.Sequential(
+            nn.Linear(3 * N_FRAME + 2 * summary, hidden), nn.GELU(), nn.Linear(hidden, hidden), nn.GELU(),
+            nn.Linear(hidden, 1),
+        )  # fmt: skip
+
+    def read(self, tokens: Tensor, mask: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """States (B, T, D) of frames, summaries (B, S) for leaving and for entering, and logits (B, T, 5) of phases.
+
+        tokens: (B, T, N_WORD), with T even. mask: (B, T), False at padding.
+        """
+        numbers = standardised(tokens, self.mean, self.deviation)
+        n_words, n_frames, width = *numbers.shape[:2], self.config.width
+        pairs = self.embedding(numbers.reshape(n_words, n_frames // 2, 2 * N_WORD))  # (B, T / 2, D)
+        allowed = None if mask is None else mask[:, None, None, ::2]
+        rope = rope_angles(pairs.shape[1], width // self.config.n_heads, pairs)
+        for layer in self.layers:
+            pairs = layer(pairs, rope, allowed)
+        states = self.norm(self.apart(pairs).reshape(n_words, n_frames, width) + self.own(numbers))  # (B, T, D)
+        weights = self.looks(states)  # (B, T, 2 n_looks)
+        if mask is not None:
+            weights = weights.masked_fill(~mask[..., None], -1e4)
+        pooled = weights.softmax(dim=1).transpose(1, 2) @ self.look(torch.cat([states, numbers], dim=-1))
+        leave, enter = pooled.flatten(1).chunk(2, dim=-1)
+        return states, leave, enter, self.phase(states)
+
+    def condition(self, leave: Tensor, enter: Tensor) -> Tensor:
+        """The condition (..., H) of a pair, from the summaries (..., S) for leaving one word and entering the other."""
+        out: Tensor = self.relation(torch.cat([leave, enter, enter - leave], dim=-1))
+        return out
+
+    def seconds(self, leaving: Tensor, entering: Tensor, leave: Tensor, enter: Tensor) -> Tensor:
+        """Seconds (...,) of the transition between two frames (..., N_FRAME) of two words with the given summaries
+        (..., S).
+        """
+        a, b = (standardised(x, self.mean[:N_FRAME], self.deviation[:N_FRAME]) for x in (leaving, entering))
+        out: Tensor = self.timing(torch.cat([a, b, b - a, leave, enter], dim=-1))[..., 0]
+        return F.softplus(out - 1.2)
+
+
+class _FrameScores(nn.Module):
+    """Scores of a word's frames under a condition."""
+
+    def __init__(self, width: int, hidden: int) -> None:
+        super().__init__()
+        self.state, self.under = nn.Linear(width, hidden), nn.Linear(hidden, hidden)
+        self.out = nn.Linear(hidden, 1)
+
+    def forward(self, states: Tensor, condition: Tensor) -> Tensor:
+        """Scores (..., T) of states (..., T, D) under a condition (..., H)."""
+        out: Tensor = self.out(F.gelu(self.state(states) + self.under(condition)[..., None, :]))[..., 0]
+        return out
+
+
+class _Graph(nn.Module):
+    """A part of the network, for export."""
+
+    def __init__(self, network: Cutting) -> None:
+        super().__init__()
+        self.network = network
+
+
+class ReadGraph(_Graph):
+    """The part of the network that reads one word."""
+
+    def forward(self, tokens: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """States, both summaries and logits of the phases, of one word (1, T, N_WORD)."""
+        return self.network.read(tokens)
+
+
+class ChooseGraph(_Graph):
+    """The part of the network that scores a pair's frames."""
+
+    def forward(self, before: Tensor, leave: Tensor, after: Tensor, enter: Tensor) -> tuple[Tensor, Tensor]:
+        """Scores of leaving (1, P) and of entering (1, Q), from states (1, P, D) and (1, Q, D) and summaries (1, S)."""
+        condition = self.network.condition(leave, enter)
+        return self.network.leaving(before, condition), self.network.entering(after, condition)
+
+
+class TimeGraph(_Graph):
+    """The part of the network that times a pair."""
+
+    def forward(self, leaving: Tensor, entering: Tensor, leave: Tensor, enter: Tensor) -> Tensor:
+        """Seconds (1,) of the transition between two frames (1, N_FRAME) of two words with summaries (1, S)."""
+        return self.network.seconds(leaving, entering, leave, enter)

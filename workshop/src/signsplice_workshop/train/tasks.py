@@ -1,0 +1,223 @@
+"""What the training loop trains: a network with its loss and its scores, for both networks that ship.
+
+The loss of the network that makes transitions is the mean distance of elbow, wrist and finger joints from their true
+positions, in arm lengths, which is also the score that it is judged by (``rig.metrics.position_error``), plus a smaller
+term for the rotations, since positions depend little on twists.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F  # noqa: N812
+
+from signsplice.rig.info import FEATURE_FPS, ROLES, TRUNK
+from signsplice.splicing import word_features as features
+from signsplice_workshop.train.cut_data import CutBatch
+from signsplice_workshop.train.gap_data import GapBatch
+from signsplice_workshop.train.networks import Bridge, Cutting
+from signsplice_workshop.train.processes import mean_counts
+
+
+class Task(nn.Module, ABC):
+    """A network with its loss; ``forward`` returns the loss, so that ``DistributedDataParallel`` can wrap a task.
+
+    - network: the module that is trained and exported
+    """
+
+    network: nn.Module
+
+    @abstractmethod
+    def forward(self, batch: Any) -> Tensor:
+        """The loss () of a batch."""
+
+    @abstractmethod
+    def judge(self, batch: Any) -> dict[str, float]:
+        """Scores of a batch by name, means over its pairs."""
+
+
+ROTATION_WEIGHT = 0.1
+SCORED_ROLES = [k for k, role in enumerate(ROLES) if role not in TRUNK and not role.endswith(("Shoulder", "UpperArm"))]
+"""Rows of elbows, wrists and fingers in ``ROLES``."""
+
+
+def to_matrices(quats: Tensor) -> Tensor:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), x y z w."""
+    x, y, z, w = quats.unbind(-1)
+    rows = (
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return torch.stack(rows, dim=-1).reshape(*quats.shape[:-1], 3, 3)
+
+
+def rotate(quats: Tensor, rotvecs: Tensor) -> Tensor:
+    """Quats exp(rotvecs), quaternions (..., 4), of quaternions (..., 4) and rotation vectors (..., 3)."""
+    half = 0.5 * (rotvecs.square().sum(-1, keepdim=True) + 1e-12).sqrt()
+    v, w = rotvecs * (0.5 * torch.sinc(half / torch.pi)), half.cos()
+    qv, qw = quats[..., :3], quats[..., 3:]
+    return torch.cat([qw * v + w * qv + torch.linalg.cross(qv, v), qw * w - (qv * v).sum(-1, keepdim=True)], dim=-1)
+
+
+def joint_positions(rotations: Tensor, bones: Tensor, role_parents: Sequence[int]) -> Tensor:
+    """Joint positions (..., R, 3) relative to the hips, arm lengths, by forward kinematics.
+
+    rotations: matrices (..., R, 3, 3). bones: (..., R, 3). role_parents: the row above each role, -1 for the hips.
+    """
+    global_rotations: list[Tensor] = []
+    positions: list[Tensor] = []
+    for role, parent in enumerate(role_parents):
+        local, bone = rotations[..., role, :, :], bones[..., role, :]
+        if parent < 0:
+            positions.append(bone.expand(local.shape[:-1]))
+            global_rotations.append(local)
+        else:
+            positions.append(positions[parent] + (global_rotations[parent] @ bone[..., None])[..., 0])
+            global_rotations.append(global_rotations[parent] @ local)
+    return torch.stack(positions, dim=-2)
+
+
+class BridgeTask(Task):
+    """The network that fills gaps, with its loss.
+
+    - network: maps a gap's tokens to rotation vectors that are added to the classical transition
+    - role_parents: the row above each role of ``ROLES``, -1 for the hips
+    """
+
+    def __init__(self, network: Bridge, role_parents: Sequence[int]) -> None:
+        super().__init__()
+        self.network: Bridge = network
+        self.role_parents = tuple(int(row) for row in role_parents)
+
+    def forward(self, batch: GapBatch) -> Tensor:
+        """The loss () of a batch: mean over its gaps."""
+        position_errors, rotation_errors = self.errors(batch, self.filled(batch))
+        return 10.0 * position_errors.mean() + ROTATION_WEIGHT * rotation_errors.mean()
+
+    def filled(self, batch: GapBatch) -> Tensor:
+        """The network's transitions, quaternions (B, T, R, 4)."""
+        # The gap's frames come first in the network's answer, whatever the length of the padded window.
+        answer = self.network(batch.tokens, batch.mask)[:, : batch.weights.shape[1]].float()  # (B, T, R, 3)
+        return rotate(batch.base, answer * batch.weights[..., None])
+
+    def errors(self, batch: GapBatch, quats: Tensor) -> tuple[Tensor, Tensor]:
+        """Errors of transitions ``quats`` (B, T, R, 4): mean distance (B,) of the scored joints, arm lengths, and mean
+        squared sine (B,) of half the angle to the true rotation.
+        """
+        bones = batch.bones[:, None].expand(-1, quats.shape[1], -1, -1)
+        with torch.autocast(quats.device.type, enabled=False):  # bfloat16 moves joints by 0.002
+            found, true = (joint_positions(to_matrices(q), bones, self.role_parents) for q in (quats, batch.true))
+        distances = (found - true)[..., SCORED_ROLES, :].square().sum(-1).add(1e-10).sqrt().mean(-1)  # (B, T)
+        sines = (1.0 - (quats * batch.true).sum(-1).square()).clamp(min=0.0).mean(-1)  # (B, T)
+        n_frames = batch.real.sum(1)
+        return (distances * batch.real).sum(1) / n_frames, (sines * batch.real).sum(1) / n_frames
+
+    def judge(self, batch: GapBatch) -> dict[str, float]:
+        """Mean position error, arm length / 1000, of the network (``_error``) and of the classical transition
+        (``_base``), for true transitions (``seam``) and for other hidden stretches (``stretch``).
+        """
+        errors, base_errors = self.errors(batch, self.filled(batch))[0], self.errors(batch, batch.base)[0]
+        scores = {}
+        for name, rows in (("seam", batch.seam), ("stretch", ~batch.seam)):
+            if rows.any():
+                scores[f"{name}_error"] = 1000.0 * errors[rows].mean().item()
+                scores[f"{name}_base"] = 1000.0 * base_errors[rows].mean().item()
+        return scores
+
+
+PHASE_WEIGHT = 0.5
+TIME_WEIGHT = 0.5
+_IMPOSSIBLE = -1e4
+"""Score of a frame of padding."""
+
+
+@dataclass(frozen=True)
+class CutPrediction:
+    """The network's answers for a batch.
+
+    - leave_scores, enter_scores: (G, W, W, T), very low at padding
+    - seconds: (G, W, W), from ``timed_pre`` to ``timed_post`` of the batch
+    - phase_logits: (G, W, T, 5)
+    """
+
+    leave_scores: Tensor
+    enter_scores: Tensor
+    seconds: Tensor
+    phase_logits: Tensor
+
+
+class CuttingTask(Task):
+    """The network that cuts and times, with its loss: cross-entropy of both frames of every pair and of the phases,
+    plus the mean absolute error of the logarithm of the seconds, so that short and long transitions count alike.
+    """
+
+    def __init__(self, network: Cutting) -> None:
+        super().__init__()
+        self.network: Cutting = network
+
+    def predict(self, batch: CutBatch) -> CutPrediction:
+        """The network's answers for all words and pairs of a batch."""
+        n_draws, n_words = batch.mask.shape[:2]
+        states, leave, enter, phase_logits = (
+            part.float().reshape(n_draws, n_words, *part.shape[1:])
+            for part in self.network.read(batch.tokens.flatten(0, 1), batch.mask.flatten(0, 1))
+        )
+        leave = leave[:, :, None].expand(-1, -1, n_words, -1)  # (G, W, W, S)
+        enter = enter[:, None].expand(-1, n_words, -1, -1)
+        condition = self.network.condition(leave, enter)  # (G, W, W, H)
+        leave_scores = self.network.leaving(states[:, :, None], condition)
+        enter_scores = self.network.entering(states[:, None], condition)
+        numbers = batch.tokens[..., : features.N_FRAME]
+        draw = torch.arange(n_draws, device=numbers.device)[:, None, None]
+        word = torch.arange(n_words, device=numbers.device)
+        left, entered = numbers[draw, word[:, None], batch.timed_pre], numbers[draw, word[None], batch.timed_post]
+        return CutPrediction(
+            leave_scores.masked_fill(~batch.mask[:, :, None], _IMPOSSIBLE),
+            enter_scores.masked_fill(~batch.mask[:, None], _IMPOSSIBLE),
+            self.network.seconds(left, entered, leave, enter).float(),
+            phase_logits,
+        )
+
+    def forward(self, batch: CutBatch) -> Tensor:
+        """The loss () of a batch."""
+        found, known = self.predict(batch), batch.has_truth
+        counts = torch.stack([known.sum(), batch.mask.sum()])
+        n_known, n_frames = mean_counts(counts) if self.training else counts.clamp(min=1)
+        cut_loss = F.cross_entropy(found.leave_scores[known], batch.pre[known], reduction="sum")
+        cut_loss = cut_loss + F.cross_entropy(found.enter_scores[known], batch.post[known], reduction="sum")
+        each = F.cross_entropy(found.phase_logits.flatten(0, 2), batch.phases.flatten(), reduction="none")
+        phase_loss = (each * batch.mask.flatten()).sum() / n_frames
+        time_loss = (found.seconds[known].log() - batch.seconds[known].log()).abs().sum() / n_known
+        loss: Tensor = cut_loss / n_known + PHASE_WEIGHT * phase_loss + TIME_WEIGHT * time_loss
+        return loss
+
+    def judge(self, batch: CutBatch) -> dict[str, float]:
+        """Scores over the pairs with a truth; empty where there is none.
+
+        ``pre``, ``post``, ``both``: fractions of exact frames. ``within_2``: fraction with both frames within two.
+        ``error_ms``, ``length``: mean error of the durations, and fraction with the exact number of frames, both
+        between the true frames.
+        """
+        known = batch.has_truth
+        if not bool(known.any()):
+            return {}
+        found = self.predict(batch)
+        pre, post = found.leave_scores.argmax(-1), found.enter_scores.argmax(-1)  # (G, W, W)
+        off = torch.stack([pre - batch.pre, post - batch.post], dim=-1).abs()[known]  # (pairs, 2)
+        exact = off == 0
+        seconds, true_seconds = found.seconds[known], batch.seconds[known]
+        same_length = (seconds * FEATURE_FPS).round() == (true_seconds * FEATURE_FPS).round()
+        return {
+            "pre": exact[..., 0].float().mean().item(),
+            "post": exact[..., 1].float().mean().item(),
+            "both": exact.all(-1).float().mean().item(),
+            "within_2": (off <= 2).all(-1).float().mean().item(),
+            "error_ms": 1e3 * (seconds - true_seconds).abs().mean().item(),
+            "length": same_length.float().mean().item(),
+        }

@@ -1,0 +1,335 @@
+"""Training of the two networks that ship, from synthetic signing to a bundle.
+
+One network cuts and times, the other makes transitions. Each is trained alone, in a folder of its own in ``parts``
+beside the bundle, and exported into the bundle when it is done; a bundle may hold one or both. The folder's name ends
+in a hash of everything that the training depends on, the content of its data included, so that the same call continues
+an interrupted training and no other.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import onnx
+import torch
+
+from signsplice.errors import InputError
+from signsplice.formats import atomic
+from signsplice.rig.info import FEATURE_FPS
+from signsplice.splicing import word_features as features
+from signsplice.splicing.bundle import write_bundle
+from signsplice.splicing.learned import SYSTEM
+from signsplice.splicing.runtime import onnxruntime
+from signsplice_workshop.train import records, warm_start
+from signsplice_workshop.train.cut_data import CutDataset
+from signsplice_workshop.train.export import check_bundle_folder, product_graphs
+from signsplice_workshop.train.gap_data import GapDataset
+from signsplice_workshop.train.loop import LoopConfig, ProgressCallback, judge, train
+from signsplice_workshop.train.networks import Bridge, BridgeConfig, Cutting, CuttingConfig
+from signsplice_workshop.train.prefetch import Dataset, group_by_folder, opened_signing, prefetched
+from signsplice_workshop.train.processes import Processes, only_one
+from signsplice_workshop.train.tasks import BridgeTask, CuttingTask, Task
+from signsplice_workshop.train.warm_start import WarmStart
+
+FILES = {"cutter": ("word.onnx", "cut.onnx", "duration.onnx"), "transition": ("bridge.onnx",)}
+NETWORKS = tuple(FILES)
+HELD_BACK = 0.1
+"""Fraction of the signers of each folder, at least one, that are kept for validation."""
+_STATISTICS_BATCHES = 8
+"""Batches from which the mean and the deviation of a network's inputs are computed."""
+_CONTINUED_SCALES = ("more", "corpus")
+"""Scales that need an earlier training to start from."""
+_MIN_DEVIATION = 0.1
+"""Inputs that hardly vary in synthetic signing may vary much in a capture, and must not become huge there."""
+
+
+@dataclass(frozen=True)
+class TrainingSchedule:
+    """A network's sizes and how long it is trained.
+
+    - config: sizes
+    - steps: number of steps
+    - batch: draws in a batch
+    - rate: highest learning rate
+    - n_judged: validation draws
+    - clean: whether the data are used without augmentation
+    - n_checks: how often it is validated, and its checkpoint kept, on the way
+    """
+
+    config: CuttingConfig | BridgeConfig
+    steps: int
+    batch: int
+    rate: float
+    n_judged: int
+    clean: bool = False
+    n_checks: int = 40
+
+
+SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
+    ("cutter", "smoke"): TrainingSchedule(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
+    ("cutter", "ship"): TrainingSchedule(CuttingConfig(), 12_000, 2, 1e-3, 24),
+    ("cutter", "more"): TrainingSchedule(CuttingConfig(), 5_000, 2, 5e-4, 24),
+    ("cutter", "corpus"): TrainingSchedule(CuttingConfig(), 8_000, 2, 5e-4, 24, clean=True),
+    ("transition", "smoke"): TrainingSchedule(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
+    ("transition", "small"): TrainingSchedule(BridgeConfig(96, 4, 4, 384), 600, 32, 1e-3, 64, n_checks=2),
+    ("transition", "ship"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 6_000, 32, 8e-4, 512),
+    ("transition", "more"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512),
+    ("transition", "corpus"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512, clean=True),
+}
+"""Each network at each scale. ``small`` compares data. ``more`` continues an earlier training, on
+other data; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
+"""
+
+
+@dataclass(frozen=True)
+class ProductTraining:
+    """What to train; its fields are stored in bundle.json.
+
+    - network: one of ``NETWORKS``
+    - scale: one of the scales of ``SCHEDULES``
+    - seed: of weights, batches and dropout
+    - steps, batch: number of steps and draws in a batch, None: the scale's
+    - begins_with: recipe of the earlier training that it starts from, those of several joined by +
+    """
+
+    network: str
+    scale: str = "ship"
+    seed: int = 0
+    steps: int | None = None
+    begins_with: str | None = None
+    batch: int | None = None
+
+    @property
+    def schedule(self) -> TrainingSchedule:
+        """Sizes and how long it is trained. Raises ``InputError`` for an unknown network or scale."""
+        if (self.network, self.scale) not in SCHEDULES:
+            raise InputError(
+                f"no network {self.network!r} at scale {self.scale!r}, expected one of {', '.join(NETWORKS)} at "
+                f"{' or '.join(dict.fromkeys(scale for _, scale in SCHEDULES))}"
+            )
+        schedule = SCHEDULES[self.network, self.scale]
+        return schedule if self.batch is None else replace(schedule, batch=self.batch)
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps."""
+        return self.schedule.steps if self.steps is None else self.steps
+
+
+def split(*folders: Path) -> tuple[list[Path], list[Path]]:
+    """Signers' files to train on and to validate on; the last signers of each folder are held back for validation.
+
+    Raises ``InputError`` where a folder has fewer than two signers.
+    """
+    train_paths: list[Path] = []
+    held_back: list[Path] = []
+    for folder in folders:
+        paths = sorted(folder.glob("signer-*.npz"))
+        if len(paths) < 2:
+            raise InputError(
+                f"{folder}: {len(paths)} signers, expected at least 2; `signsplice synth endless` makes them"
+            )
+        n_held = max(1, round(HELD_BACK * len(paths)))
+        train_paths += paths[:-n_held]
+        held_back += paths[-n_held:]
+    return train_paths, held_back
+
+
+def make(
+    training: ProductTraining,
+    signing: Sequence[Path],
+    out: Path,
+    processes: Processes,
+    report_progress: ProgressCallback | None = None,
+    start_from: Sequence[Path] = (),
+) -> None:
+    """Train a network on folders of synthetic signing and write it into the bundle ``out``.
+
+    The same call after an interruption continues from the last checkpoint. ``start_from``: folders of trainings with
+    checkpoints, or bundles, to start from; from several, the mean of their weights. Raises ``InputError`` where one of
+    them does not hold this network, or where the scale needs one and there is none.
+    """
+    if not start_from and training.scale in _CONTINUED_SCALES:
+        raise InputError(f"scale {training.scale} continues an earlier training: name its folder")
+    train_paths, held_back = split(*signing)
+    warm_starts = [warm_start.find_warm_start(one, training.network, FILES[training.network]) for one in start_from]
+    if warm_starts:
+        training = replace(training, begins_with="+".join(one.recipe for one in warm_starts))
+    hashes = {path: records.sha256(path) for path in (*train_paths, *held_back)}
+    data_hashes = [
+        [[hashes[path] for path in folder] for folder in group_by_folder(paths)] for paths in (train_paths, held_back)
+    ]
+    recipe = _recipe(training, data_hashes, warm_starts)
+    folder = out.parent / "parts" / f"{training.network}-{training.scale}-seed{training.seed}-{recipe}"
+    trained_on = _trained_on(train_paths, warm_starts)
+    made_of = _provenance(training, signing, hashes, processes, start_from, warm_starts)
+    folder.mkdir(parents=True, exist_ok=True)
+    if processes.first:
+        records.write_json(folder / warm_start.PROVENANCE_FILE, made_of)
+        if trained_on is not None:
+            records.write_json(folder / warm_start.CORPUS_FILE, trained_on)
+    check_bundle_folder(out)
+    warm_start.stored_networks(out)  # raises now what it would after the training
+    task, valid = _trained(training, train_paths, held_back, warm_starts, folder, recipe, processes, report_progress)
+    if processes.first:
+        for name, content in product_graphs(task, valid).items():
+            atomic.write(folder / name, content)
+        facts = {
+            **asdict(training),
+            **made_of,
+            **({} if trained_on is None else {"taught": trained_on}),
+            "config": asdict(training.schedule.config),
+            "steps": training.n_steps,
+            "batch": training.schedule.batch,
+            "recipe": recipe,
+            "n_parameters": sum(p.numel() for p in task.network.parameters()),
+            "signers": [path.stem for path in train_paths],
+            "held_back": [path.stem for path in held_back],
+            "scores": _last_scores(folder),
+        }
+        records.write_json(folder / "facts.json", facts)
+        assemble(out, {training.network: folder})
+
+
+def _trained(
+    training: ProductTraining,
+    train_paths: Sequence[Path],
+    held_back: Sequence[Path],
+    warm_starts: Sequence[WarmStart],
+    folder: Path,
+    recipe: str,
+    processes: Processes,
+    report_progress: ProgressCallback | None,
+) -> tuple[Task, Dataset]:
+    """The trained network's task, and the validation data."""
+    schedule = training.schedule
+    data, valid = dataset(training, train_paths), dataset(training, held_back, schedule.n_judged)
+    torch.manual_seed(training.seed)
+    task = build(training, data)
+    if warm_starts:
+        warm_start.load_mean(task, warm_starts)
+    loop = LoopConfig(
+        training.n_steps, schedule.batch, schedule.rate, training.seed,
+        max(1, training.n_steps // schedule.n_checks), schedule.n_judged, bf16=processes.device.type == "cuda",
+    )  # fmt: skip
+    with (
+        only_one(folder, processes),
+        prefetched(data, processes.rank, processes.count) as batches,
+    ):
+        train(task, loop, batches, valid, folder, recipe, processes, report_progress)
+        if training.n_steps == 0 and processes.first:  # The weights it started from are the result.
+            with records.Log(folder, 0, processes.first) as log:
+                log.write(0, **judge(task, valid, loop, processes))
+    return task, valid
+
+
+def assemble(out: Path, folders: dict[str, Path]) -> None:
+    """Put the networks in ``folders``, by name, into a bundle; its other networks stay."""
+    networks = warm_start.stored_networks(out)
+    sources = {name: folders.get(name, out) for name in (*networks, *folders)}
+    networks |= {name: json.loads((folder / "facts.json").read_text()) for name, folder in folders.items()}
+    files = {file: (folder / file).read_bytes() for name, folder in sources.items() for file in FILES[name]}
+    facts = {
+        "system": SYSTEM,
+        "features": features.VERSION,
+        "rate": FEATURE_FPS,
+        "networks": {name: networks[name] for name in NETWORKS if name in networks},
+        "versions": {"torch": torch.__version__, "onnx": onnx.__version__, "onnxruntime": onnxruntime.__version__},
+    }
+    write_bundle(out, facts, files)
+
+
+def build(training: ProductTraining, data: Dataset) -> Task:
+    """A network's task with random weights; it standardises its inputs by the statistics of the first batches."""
+    schedule = training.schedule
+    steps = range(_STATISTICS_BATCHES)
+    batches = [data.batch(data.rows(step, schedule.batch, training.seed), step) for step in steps]
+    tokens = torch.cat([batch.tokens[batch.mask] for batch in batches])
+    statistics = tokens.mean(0), tokens.std(0).clamp(min=_MIN_DEVIATION)
+    if isinstance(schedule.config, CuttingConfig):
+        return CuttingTask(Cutting(schedule.config, *statistics))
+    assert isinstance(data, GapDataset)
+    return BridgeTask(Bridge(schedule.config, *statistics), data.role_parents.tolist())
+
+
+def dataset(training: ProductTraining, paths: Sequence[Path], n_fixed: int | None = None) -> Dataset:
+    """The data of a network from signers' files; ``n_fixed`` draws for validation, None: to train on."""
+    kind = GapDataset if training.network == "transition" else CutDataset
+    return kind(paths, training.seed, n_fixed, training.schedule.clean)
+
+
+def _recipe(training: ProductTraining, data_hashes: list[list[list[str]]], warm_starts: Sequence[WarmStart]) -> str:
+    """Twelve hex digits that change with everything that a training depends on, except for the code.
+
+    ``data_hashes``: sha256 of the signers' files by folder, to train on and held back. Names of files do not count.
+    """
+    schedule = training.schedule
+    made_of = {
+        **{name: value for name, value in asdict(training).items() if name != "steps"},
+        "n_steps": training.n_steps,
+        "config": asdict(schedule.config),
+        "batch": schedule.batch,
+        "rate": schedule.rate,
+        "clean": schedule.clean,
+        "features": features.VERSION,
+        "data": data_hashes,
+        "start_steps": [one.provenance.get("step") for one in warm_starts],
+    }
+    return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _provenance(
+    training: ProductTraining,
+    signing: Sequence[Path],
+    hashes: dict[Path, str],
+    processes: Processes,
+    start_from: Sequence[Path],
+    warm_starts: Sequence[WarmStart],
+) -> dict[str, Any]:
+    """The command, the seed, the sha256 of the data, and what the training starts from.
+
+    Data are named by file; with several folders of signing, by the folder's number in the command, from 1, and file.
+    """
+    options: dict[str, records.Option] = {
+        "signing": signing, "from": start_from, "scale": training.scale, "steps": training.steps,
+        "batch": training.batch, "seed": training.seed, "device": processes.device.type,
+    }  # fmt: skip
+    several = len(signing) > 1
+    data = {
+        f"{number}/{path.name}" if several else path.name: hashes[path]
+        for number, folder in enumerate(signing, 1)
+        for path in sorted(hashes)
+        if path.parent == folder
+    }
+    return {
+        "command": records.command(["train", training.network], options),
+        "seed": training.seed,
+        "data": data,
+        "signsplice": records.software(),
+        **({"started_from": [one.provenance for one in warm_starts]} if warm_starts else {}),
+    }
+
+
+def _last_scores(folder: Path) -> dict[str, float]:
+    """The last validation scores in a training's log."""
+    judged = [line for line in records.lines(folder / records.LOG_FILE) if "loss" not in line]
+    return {k: v for k, v in judged[-1].items() if k != "step"} if judged else {}
+
+
+def _trained_on(paths: Sequence[Path], warm_starts: Sequence[WarmStart]) -> dict[str, str] | None:
+    """The corpus of pairs and its split that signers' files, or the trainings to start from, come from; None where
+    none does. Raises ``InputError`` for two, because only what was not trained on can be used for testing.
+    """
+    found = {tuple(one.trained_on.values()) for one in warm_starts if one.trained_on is not None}
+    for path in paths:
+        with opened_signing(path) as stored:
+            if "corpus" in stored:
+                found.add((str(stored["corpus"]), str(stored["split"])))
+    if len(found) > 1:
+        raise InputError(f"signing of {len(found)} splits of corpora of pairs, expected one: tests must stay unseen")
+    return dict(zip(("corpus", "split"), *found, strict=True)) if found else None
