@@ -1,11 +1,11 @@
-/** The body around an avatar's bones in the usual human proportions, as the Python module body/capsules makes it. */
+/** The body around an avatar's bones in the usual human SIZES, as the Python module body/capsules makes it. */
 
 import { Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import { type Bone, median, restPositions, SIDES } from './body.js';
 import { capsules as USUAL, t_pose as SIZES } from './constants.js';
 
-/** A capsule of the usual proportions. */
+/** A capsule of the usual SIZES. */
 export interface UsualCapsule extends FitCapsule {
   /** Whether it is the last of a finger. */
   isTip: boolean;
@@ -14,7 +14,7 @@ export interface UsualCapsule extends FitCapsule {
 const REGIONS: Record<string, FitCapsule['region']> = { face: 'head', nose: 'head', hair: 'head', sleeve: 'upperArm', cuff: 'lowerArm' };
 
 /**
- * Capsules of head, trunk, arms and hands in the usual proportions, of bones in the T-pose. ``tips``: where fingers may end,
+ * Capsules of head, trunk, arms and hands in the usual SIZES, of bones in the T-pose. ``tips``: where fingers may end,
  * from their last joints, by the names of these bones.
  */
 export function usualCapsules(bones: Bone[], tips: ReadonlyMap<string, Vector3[]>): UsualCapsule[] {
@@ -25,7 +25,7 @@ export function usualCapsules(bones: Bone[], tips: ReadonlyMap<string, Vector3[]
 export function statureOf(bones: Bone[]): number {
   const rest = restPositions(bones);
   const joints = new Map(bones.map(({ name }, k) => [name, rest[k]!]));
-  const { ARMS, LEGS, ARM_FRACTION, LEG_FRACTION } = proportions;
+  const { ARMS, LEGS, ARM_FRACTION, LEG_FRACTION } = SIZES;
   const chains = [...ARMS.map((chain) => [chain, ARM_FRACTION] as const), ...LEGS.map((chain) => [chain, LEG_FRACTION] as const)];
   const heights = chains.flatMap(([chain, fraction]) => {
     const [from, middle, to] = chain.map((name) => joints.get(name));
