@@ -61,7 +61,7 @@ def test_no_attribute_of_a_stage_can_be_set() -> None:
     options = SpliceOptions(tempo="natural", free_hand="natural")
     sentence = Sentence(options)
     words, planned = sentence.plan(CLIPS)
-    seams = sentence.finish(words, planned, fill(sentence.passes, planned))
+    seams = sentence.finish(words, fill(sentence.passes, planned))
     values: list[Any] = [*words, *planned, *seams, *seams[0].edits, words[0].frames, Word(CLIPS[0])]
     values += [*listed(options), *splice(CLIPS).spans, *splice(CLIPS).seams]
     for value in values:

@@ -383,7 +383,9 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
         **_joined_arrays(clips),
         name=name or first.name,
         channels=first.channels and Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
-        face=joined_faces([(clip.face, len(clip)) for clip in clips]),
+        face=joined_faces([(clip.face, len(clip)) for clip in clips])
+        if any(clip.face is not None for clip in clips)
+        else None,
     )
 
 

@@ -32,7 +32,7 @@ from signsplice.splicing.passes import Pass, fill, signature
 from signsplice.splicing.result import SpliceResult
 from signsplice.splicing.seam import Seam, seam_positions
 from signsplice.splicing.sentence import Sentence
-from signsplice.splicing.word import Word
+from signsplice.splicing.word import Word, check_list
 
 _WORDS_AT_ONCE = 256
 """About so many words are worked on together: more take more memory and are hardly faster."""
@@ -59,6 +59,7 @@ def splice_many(
     out: list[Result] = []
     block: list[_Asked] = []
     for asked in zip(sentences, options, strict=True):
+        check_list(asked[0])
         block.append(asked)
         if sum(len(clips) for clips, _ in block) >= _WORDS_AT_ONCE:
             out += _spliced(block, transitions)
@@ -88,7 +89,7 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
             filled |= _filled({row: (growing[row], planned[row][1]) for row in rows}, transitions)
         except SignspliceError:  # of some of them
             filled |= each(lambda row: _filled({row: (growing[row], planned[row][1])}, transitions)[row], rows)
-    finished = each(lambda row: growing[row].finish(*planned[row], filled[row]), filled)
+    finished = each(lambda row: growing[row].finish(planned[row][0], filled[row]), filled)
     began = time.perf_counter()
     positions = iter(seam_positions([seam for seams in finished.values() for seam in seams]))
     seconds = (time.perf_counter() - began) / max(1, len(finished))
@@ -113,16 +114,15 @@ def _with_same_passes(sentences: dict[int, Sentence], rows: Iterable[int]) -> li
 def _filled(
     sentences: dict[int, tuple[Sentence, Sequence[Seam]]], transitions: TransitionCache | None
 ) -> dict[int, list[Seam]]:
-    """The open seams of sentences that are filled in the same way; each takes its gaps' part of the time."""
-    asked = {row: [seam for seam in seams if seam.is_open] for row, (_, seams) in sentences.items()}
+    """The seams of sentences that are filled in the same way; each sentence takes its seams' part of the time."""
     passes = next(sentence.passes for sentence, _ in sentences.values())
-    seams = [seam for some in asked.values() for seam in some]
+    seams = [seam for _, some in sentences.values() for seam in some]
     began = time.perf_counter()
     filled = iter(fill(passes, seams) if transitions is None else transitions.fill(passes, seams))
     seconds = (time.perf_counter() - began) / max(1, len(seams))
-    for row, (sentence, _) in sentences.items():
-        sentence.seconds["transition"] += seconds * len(asked[row])
-    return {row: [next(filled) for _ in some] for row, some in asked.items()}
+    for sentence, some in sentences.values():
+        sentence.seconds["transition"] += seconds * len(some)
+    return {row: [next(filled) for _ in some] for row, (_, some) in sentences.items()}
 
 
 MOST_BYTES = 64_000_000
@@ -143,13 +143,14 @@ class TransitionCache:
         self._kept: OrderedDict[bytes, _FilledGap] = OrderedDict()
 
     def fill(self, passes: Sequence[Pass], seams: Sequence[Seam]) -> list[Seam]:
-        """Open seams with their new frames, bit for bit those of ``passes.fill``. Those of transitions whose frames do
+        """Seams with their new frames, bit for bit those of ``passes.fill``. Those of transitions whose frames do
         not follow from what is known of them (``Transition.identity``), and on avatars, are always made anew.
         """
-        keys = [gap_key(passes, seam.gap) for seam in seams]
+        done = {row: seam for row, seam in enumerate(seams) if not seam.is_open}
+        keys = {row: gap_key(passes, seam.gap) for row, seam in enumerate(seams) if row not in done}
         known: dict[bytes, _FilledGap] = {}
         asked: dict[bytes | int, int] = {}  # the row of each gap that has to be filled
-        for row, key in enumerate(keys):
+        for row, key in keys.items():
             if key is not None and key in self._kept:
                 self._kept.move_to_end(key)
                 known[key] = self._kept[key]
@@ -157,15 +158,15 @@ class TransitionCache:
                 asked.setdefault(row if key is None else key, row)
         made = fill(passes, [seams[row] for row in asked.values()])
         self.misses += len(made)
-        self.hits += len(seams) - len(made)
-        out = dict(zip(asked.values(), made, strict=True))
-        for row, seam in list(out.items()):
+        self.hits += len(keys) - len(made)
+        for row, seam in zip(asked.values(), made, strict=True):
+            done[row] = seam
             if (key := keys[row]) is not None:
                 known[key] = self._keep(key, seam)
-        for row, key in enumerate(keys):
-            if row not in out and key is not None:
-                out[row] = known[key].put_in(seams[row])
-        return [out[row] for row in range(len(seams))]
+        for row, key in keys.items():
+            if row not in done and key is not None:
+                done[row] = known[key].put_in(seams[row])
+        return [done[row] for row in range(len(seams))]
 
     def _keep(self, key: bytes, seam: Seam) -> _FilledGap:
         clip = seam.new_frames

@@ -79,19 +79,21 @@ def avoid_all_collisions(
 ) -> list[ClearedTransition]:
     """``avoid_collisions`` of several transitions, each (``filled``, ``before``, ``after``)."""
     out = [ClearedTransition(filled, None, None) for filled, _, _ in transitions]
-    known = [row for row, cleared in enumerate(out) if rig_info(cleared.clip.skeleton).has_arms]
-    windows = [(before[-1:], filled, after[:1]) for filled, before, after in (transitions[row] for row in known)]
+    windows = [(before[-1:], filled, after[:1]) for filled, before, after in transitions]
     for block in joined(windows, _FRAMES_AT_ONCE):
-        metres, firsts = rig_info(block.clip.skeleton).sizes.unit.metres, block.starts[:-1]
+        info = rig_info(block.clip.skeleton)
+        if not info.has_arms:
+            continue
+        metres, firsts = info.sizes.unit.metres, block.starts[:-1]
         posed = _pose(block.clip, fixed)
         depth = _depths_of(posed.capsules.penetration(firsts.tolist())[0], fixed) * metres
         touches = np.logical_or.reduceat((depth > TOLERANCE_M).any(axis=1), firsts)
         for is_near, (k, frames) in zip(touches, block, strict=True):
-            filled, before, after = transitions[known[k]]
+            filled, before, after = transitions[k]
             if not is_near or _worst(depth[frames]) == 0.0:
-                out[known[k]] = ClearedTransition(filled, 0.0, 0.0)
+                out[k] = ClearedTransition(filled, 0.0, 0.0)
             else:
-                out[known[k]] = _lead_around(filled, before, after, posed[frames], fixed)
+                out[k] = _lead_around(filled, before, after, posed[frames], fixed)
     return out
 
 

@@ -279,15 +279,15 @@ def _is_faster(seam: Seam, speed: float) -> bool:
 def with_peaks(seams: Sequence[Seam]) -> list[Seam]:
     """The seams with the highest speed of wrists in their new frames; without it on rigs whose arms are not known."""
     out = list(seams)
-    known = [row for row, seam in enumerate(seams) if rig_info(seam.gap.before.skeleton).has_arms]
-    windows = [(out[row].gap.before[-1:], out[row].new_frames, out[row].gap.after[:1]) for row in known]
-    for block in joined(windows):
+    for block in joined([(seam.gap.before[-1:], seam.new_frames, seam.gap.after[:1]) for seam in seams]):
         info = rig_info(block.clip.skeleton)
+        if not info.has_arms:
+            continue
         _, positions = kinematics.forward(block.clip, [info.arm_joints[2], info.arm_joints[5]])
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1).max(axis=1)
         for k, frames in block:
             peak = float(steps[frames.start : frames.stop - 1].max(initial=0.0))
-            out[known[k]] = replace(out[known[k]], peak_m_s=peak * block.clip.fps * info.sizes.unit.metres)
+            out[k] = replace(out[k], peak_m_s=peak * block.clip.fps * info.sizes.unit.metres)
     return out
 
 

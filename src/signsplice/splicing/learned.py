@@ -185,12 +185,13 @@ class LearnedCutter(Cutter):
         else:
             readings = [self.reader.pair(*pair) for pair in pairs]
             seams = [self._log_probabilities(*pair) for pair in readings]
+        last = [len(clip) - 1 for clip in clips]
         chosen = best_path([_seam_scores(*pair, *seam) for pair, seam in zip(readings, seams, strict=True)])
         if self.whole:
             chosen = [outside_strokes(cut, *pair) for cut, pair in zip(chosen, readings, strict=True)]
         return [
-            Cut(_nearest_frame(pre, p), _nearest_frame(post, q))
-            for (pre, post), (p, q) in zip(chosen, pairs, strict=True)
+            Cut(min(round(pre / FEATURE_FPS * p.fps), last[k]), min(round(post / FEATURE_FPS * q.fps), last[k + 1]))
+            for k, ((pre, post), (p, q)) in enumerate(zip(chosen, pairs, strict=True))
         ]
 
     def scores(self, p: WordReading, q: WordReading) -> SeamScores:
@@ -219,11 +220,6 @@ class LearnedCutter(Cutter):
 
 def _seam_scores(p: WordReading, q: WordReading, left: FloatArray, entered: FloatArray) -> SeamScores:
     return SeamScores(left[:, None] + entered, p.first + p.active[0], q.first + q.active[0])
-
-
-def _nearest_frame(at: int, clip: Clip) -> int:
-    """The clip's own frame nearest to one at 30 a second."""
-    return min(round(at / FEATURE_FPS * clip.fps), len(clip) - 1)
 
 
 class LearnedDuration(Duration):
@@ -306,18 +302,15 @@ class LearnedTransition(Transition):
         """The curves of some gaps with their arms bent by the network."""
         counts = [(frames, len(windows[row][0]), len(windows[row][1])) for row, frames in block]
         seen = gap_features.all_gap_features(canonical_motion(block.clip), counts)
-        skeleton = block.clip.skeleton
+        lengths = [n_frames for _, _, n_frames in counts]
         local = np.concatenate([base.local_rotations for base in bases])
         deltas = [
-            gap_features.delta_rotvecs(rotvecs, one, len(base))
-            for rotvecs, one, base in zip(self._rotvecs(seen), seen, bases, strict=True)
+            gap_features.delta_rotvecs(rotvecs, one, n_frames)
+            for rotvecs, one, n_frames in zip(self._rotvecs(seen), seen, lengths, strict=True)
         ]
-        local = apply_deltas(skeleton, local, np.concatenate(deltas), self.corrected)
-        stops = np.cumsum([len(base) for base in bases]).tolist()
-        return [
-            replace(base, local_rotations=local[stop - len(base) : stop])
-            for base, stop in zip(bases, stops, strict=True)
-        ]
+        local = apply_deltas(block.clip.skeleton, local, np.concatenate(deltas), self.corrected)
+        parts = np.split(local, np.cumsum(lengths)[:-1])
+        return [replace(base, local_rotations=part) for base, part in zip(bases, parts, strict=True)]
 
     def _rotvecs(self, seen: Sequence[gap_features.GapFeatures]) -> list[FloatArray]:
         """The network's rotation vectors (n_gap, R, 3) of every gap. Gaps of one length are a batch; each gets the

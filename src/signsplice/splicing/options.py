@@ -225,7 +225,7 @@ class SpliceOptions:
         for what, value, least, most, unit in limits:
             if value is not None and not least <= value <= most:
                 raise InputError(f"{what} {value:g}{unit}, expected {least:g} to {most:g}{unit}")
-        seconds_a_sign(self.tempo)
+        self.seconds_a_sign  # noqa: B018  # raises for another tempo
         if self.free_hand not in FREE_HANDS:
             raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(FREE_HANDS)}")
         check_rules(self.face_rules)
@@ -239,13 +239,18 @@ class SpliceOptions:
                 "that has no splice"
             )
 
+    @property
+    def seconds_a_sign(self) -> float | None:
+        """Seconds that a sign takes with its transition at the tempo asked for; None: as recorded."""
+        return None if self.tempo == CITATION else seconds_a_sign(self.tempo)
+
     def choose_methods(self) -> Methods:
         """The methods of the call. Under a tempo transitions take as long as that says, unless the call names a
         duration. No network is read for a system whose misses are not filled, which needs none.
         """
         if self.system is not None and not self.fill_misses:
             return choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION)
-        methods, seconds = choose(self.cutter, self.transition, self.duration, self.bundle), seconds_a_sign(self.tempo)
+        methods, seconds = choose(self.cutter, self.transition, self.duration, self.bundle), self.seconds_a_sign
         if seconds is None or self.has_own("duration"):
             return methods
         return replace(methods, duration=RunningDuration(seconds))

@@ -53,7 +53,7 @@ class Pass:
 
     def concerns(self, seam: Seam) -> bool:
         """Whether the pass is shown a seam."""
-        return seam.is_open and (seam.kind in self.kinds or (self.follows_edits and bool(seam.earlier)))
+        return (seam.kind in self.kinds or (self.follows_edits and bool(seam.earlier))) and seam.is_open
 
 
 @dataclass(frozen=True)
@@ -151,11 +151,14 @@ def check_order(passes: Sequence[Pass]) -> tuple[Pass, ...]:
 
 
 def fill(passes: Sequence[Pass], seams: Sequence[Seam]) -> list[Seam]:
-    """The open ``seams`` after the passes that batch, which make their frames."""
-    done = list(seams)
-    for one in passes if seams else ():
+    """The seams after the passes that batch, which make the frames of those that are open."""
+    done, rows = list(seams), [row for row, seam in enumerate(seams) if seam.is_open]
+    made = [done[row] for row in rows]
+    for one in passes if rows else ():
         if one.batches:
-            done = one.change_all(done)
+            made = one.change_all(made)
+    for row, seam in zip(rows, made, strict=True):
+        done[row] = seam
     return done
 
 

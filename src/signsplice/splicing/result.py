@@ -12,7 +12,7 @@ import numpy as np
 from signsplice.body.contacts import Contact
 from signsplice.lexicon.gloss import is_letter
 from signsplice.motion import Clip
-from signsplice.splicing.durations import NATURAL, seconds_a_sign
+from signsplice.splicing.durations import CITATION, NATURAL, seconds_a_sign
 from signsplice.splicing.seam import SeamScore
 
 
@@ -144,7 +144,7 @@ class SpliceResult:
 
 def measured_tempo(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str | float) -> ReachedTempo:
     """The tempo of a sentence whose ``signs`` have these names and output frames, half-open, in order."""
-    asked = seconds_a_sign(tempo)
+    asked = None if tempo == CITATION else seconds_a_sign(tempo)
     mode: Literal["citation", "natural", "seconds"] = "seconds"
     if asked is None:
         mode = "citation"

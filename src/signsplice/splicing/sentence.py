@@ -19,7 +19,7 @@ from signsplice.splicing.passes import Entering, Pass, check_order, fill, run
 from signsplice.splicing.pauses import last_kept
 from signsplice.splicing.result import Pause, Piece, Remade, Span
 from signsplice.splicing.seam import Seam, scored, seam_positions
-from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, as_word, check_list, edited
+from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, as_word, edited
 
 
 class Sentence:
@@ -38,7 +38,7 @@ class Sentence:
             raise not_options(options)
         self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
         self.planner = stages.Planner(options)
-        self.passes = check_order(stages.passes(options, self.planner.methods) if passes is None else passes)
+        self.passes = stages.passes(options, self.planner.methods) if passes is None else check_order(passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
         self.faces: list[int] = []
         self.face_rules, self._blinks = () if options.system is not None else options.face_rules, Blinks()
@@ -60,37 +60,36 @@ class Sentence:
         """The pieces that are final once these words are known too; their seams are chosen together."""
         words, seams = self.plan(clips)
         began = perf_counter()
-        filled = fill(self.passes, [seam for seam in seams if seam.is_open])
-        self._count("transition", began)
-        seams = self.finish(words, seams, filled)
+        seams = fill(self.passes, seams)
+        self.seconds["transition"] += perf_counter() - began
+        seams = self.finish(words, seams)
         began = perf_counter()
         positions = seam_positions(seams)
-        self._count("join", began)
+        self.seconds["join"] += perf_counter() - began
         return self.pieces(seams, positions)
 
     def plan(self, clips: Iterable[Clip | Word]) -> tuple[list[AlignedWord], list[Seam]]:
         """Further words and their seams before any frame is made, that of the first with the word before it among them.
         They are no part of the sentence yet.
         """
-        check_list(clips)
-        words = [self._align(as_word(clip, n), n) for n, clip in enumerate(clips, self._n_words)]
+        given = [as_word(clip, n) for n, clip in enumerate(clips, self._n_words)]
+        words = [self._align(word, n) for n, word in enumerate(given, self._n_words)]
         neighbours = words if self._last is None else [self._last, *words]
         began = perf_counter()
         cuts = self.planner.cuts(neighbours)
-        began = self._count("cut", began)
+        cut = perf_counter()
         seams = self.planner.seams(neighbours, cuts)
-        self._count("transition", began)
+        self.seconds["cut"] += cut - began
+        self.seconds["transition"] += perf_counter() - cut
         return words, seams
 
-    def finish(self, words: Sequence[AlignedWord], seams: Sequence[Seam], filled: Sequence[Seam]) -> list[Seam]:
-        """The planned seams after all passes; ``filled``: those that are open, after the passes that batch. From here
-        on the words are part of the sentence.
+    def finish(self, words: Sequence[AlignedWord], filled: Sequence[Seam]) -> list[Seam]:
+        """The seams after all passes; ``filled``: the planned ones after those that batch. From here on the words are
+        part of the sentence.
         """
-        began, open_seams = perf_counter(), iter(filled)
-        seams, self._entering = run(
-            self.passes, [next(open_seams) if seam.is_open else seam for seam in seams], self._entering
-        )
-        self._count("transition", began)
+        began = perf_counter()
+        seams, self._entering = run(self.passes, filled, self._entering)
+        self.seconds["transition"] += perf_counter() - began
         self._n_words += len(words)
         self.contacts |= {word.index: word.contacts for word in words if word.contacts}
         self.faces += [word.index for word in words if word.clip.face is not None]
@@ -105,13 +104,13 @@ class Sentence:
             before, stop = seam.before, seam.retimed_cut.pre + 1
             sign = _sign_piece(before, self._entered_by, (*seam.earlier, *seam.leaving), stop, self._n_out)
             waits = before.held is not None  # a blink for the pause that follows
-            out.append(self._put_out(sign, before.face_by_rules and not waits))
+            out.append(self._put_out(sign, () if waits else (before,)))
             if seam.frames is not None:
-                by_rules = before.face_by_rules and seam.after.face_by_rules
-                new = _transition_piece(seam.frames, self._n_out, seam.n_held, before.held)
-                out.append(self._put_out(new, by_rules))
+                output = self._n_out, self._n_out + seam.gap.n_frames
+                new = _transition_piece(seam.frames, output, seam.n_held, before.held)
+                out.append(self._put_out(new, (before, seam.after)))
             self._last, self._entered_by = seam.after, scored(seam, seen)
-        self._count("join", began)
+        self.seconds["join"] += perf_counter() - began
         return out
 
     def end(self) -> list[Piece]:
@@ -123,19 +122,20 @@ class Sentence:
             return []
         began = perf_counter()
         pieces = _last_pieces(word, entered_by, self._n_out)
-        if word.face_by_rules:
+        if self.face_rules and word.face_by_rules:
             pieces[-1] = released(pieces[-1])
-        pieces = [self._put_out(one, word.face_by_rules and one is pieces[-1], is_last=True) for one in pieces]
-        self._count("join", began)
+        pieces = [self._put_out(one, (word,) if one is pieces[-1] else (), is_last=True) for one in pieces]
+        self.seconds["join"] += perf_counter() - began
         return pieces
 
     def _align(self, given: Word, index: int) -> AlignedWord:
         """A word aligned to the first one, at the tempo asked for, held at the mark after it, and with a face."""
         began = perf_counter()
         word, first = self.planner.align(given.clip, index, self._reference)
-        began = self._count("harmonize", began)
+        aligned = perf_counter()
         word = self.planner.time(word, given)
-        self._count("cut", began)
+        self.seconds["harmonize"] += aligned - began
+        self.seconds["cut"] += perf_counter() - aligned
         self._reference = first  # only now: a word that was refused sets nothing
         if not index:
             word = replace(word, warnings=(*self.planner.methods.warnings, *word.warnings))
@@ -143,16 +143,12 @@ class Sentence:
             word = with_rules(word, given.brow if BROWS in self.face_rules else None, index == 0)
         return word
 
-    def _count(self, part: str, began: float) -> float:
-        """Count the time since ``began`` to a part of the work; the time now."""
-        now = perf_counter()
-        self.seconds[part] += now - began
-        return now
-
-    def _put_out(self, piece: Piece, by_rules: bool, is_last: bool = False) -> Piece:
-        """A piece as it is put out, with a blink in a face ``by_rules`` where one is due."""
+    def _put_out(self, piece: Piece, words: Sequence[AlignedWord], is_last: bool = False) -> Piece:
+        """A piece as it is put out, with a blink where one is due and the faces of its ``words``, if there are any, are
+        by rule.
+        """
         self._n_out = piece.span.output[1]
-        if by_rules and BLINKS in self.face_rules:
+        if BLINKS in self.face_rules and words and all(word.face_by_rules for word in words):
             piece, self._blinks = self._blinks.on(piece, is_last)
         return piece
 
@@ -175,12 +171,12 @@ def _sign_piece(word: AlignedWord, entered_by: Seam | None, edits: Sequence[Edit
     return Piece(edited(word.retimed, edits)[start:stop], span, score, word.warnings)
 
 
-def _transition_piece(new: Clip, output: int, n_held: int = 0, held: HeldEnd | None = None) -> Piece:
-    """New frames, the first of which is frame ``output`` of the sentence, and of which ``n_held`` are the pause of a
-    word that is ``held``.
+def _transition_piece(new: Clip, output: tuple[int, int], n_held: int, held: HeldEnd | None) -> Piece:
+    """New frames, frames ``output`` of the sentence, half-open, of which the first ``n_held`` are the pause of a word
+    that is ``held``.
     """
-    pause = Pause(held.mark, (output, output + n_held)) if held is not None and n_held else None
-    return Piece(new, Span("transition", None, None, None, (output, output + len(new)), pause=pause))
+    pause = Pause(held.mark, (output[0], output[0] + n_held)) if held is not None and n_held else None
+    return Piece(new, Span("transition", None, None, None, output, pause=pause))
 
 
 def _last_pieces(word: AlignedWord, entered_by: Seam | None, output: int) -> list[Piece]:
@@ -190,8 +186,9 @@ def _last_pieces(word: AlignedWord, entered_by: Seam | None, output: int) -> lis
     sign = _sign_piece(word, entered_by, edits, stop, output)
     if word.held is None or stop == n_frames:
         return [sign]
-    n_held = max(0, word.frames.last(word.held.leave) + 1 - stop)
-    return [sign, _transition_piece(edited(word.retimed, edits)[stop:], sign.span.output[1], n_held, word.held)]
+    n_held, begin = max(0, word.frames.last(word.held.leave) + 1 - stop), sign.span.output[1]
+    rest = edited(word.retimed, edits)[stop:]
+    return [sign, _transition_piece(rest, (begin, begin + n_frames - stop), n_held, word.held)]
 
 
 def edited_part(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:

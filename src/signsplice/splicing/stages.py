@@ -23,7 +23,7 @@ from signsplice.rig.align import Reference, reference
 from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_held
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut
-from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, RunningDuration, seconds_a_sign
+from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, RunningDuration
 from signsplice.splicing.faces import EaseFaces
 from signsplice.splicing.idle_hands import NATURAL, FreeHands, WristSpeeds
 from signsplice.splicing.letters import SLIDE_M, MoveFingers, ReformLetters, SlideLetters, cut_letters, held_until
@@ -68,8 +68,7 @@ class Planner:
     """
 
     def __init__(self, options: SpliceOptions) -> None:
-        self.options, self.methods = options, options.choose_methods()
-        self._seconds_a_sign = seconds_a_sign(options.tempo)
+        self.options, self.methods, self._seconds = options, options.choose_methods(), options.seconds_a_sign
 
     def align(self, clip: Clip, index: int, first: Reference | None) -> tuple[AlignedWord, Reference]:
         """The word of a clip, and what all words of its sentence are aligned to: ``first``, or this clip where that is
@@ -107,8 +106,8 @@ class Planner:
 
     def time(self, word: AlignedWord, given: Word) -> AlignedWord:
         """The word at the tempo asked for, and held at the mark after it, where one is ``given``."""
-        if self._seconds_a_sign is not None:
-            word = retimed(word, self.methods.cutter, self._seconds_a_sign)
+        if self._seconds is not None:
+            word = retimed(word, self.methods.cutter, self._seconds)
         if given.pause is not None and self.options.system is None:
             word = with_pause(word, given.pause, self.methods.cutter, self.options.sign_speed)
         return replace(word, starts=given.starts)

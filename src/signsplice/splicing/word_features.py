@@ -396,8 +396,8 @@ def _without_long_rests(motion: CanonicalMotion) -> _Shown:
     """A word without the rest, or the standing still wherever the hands are, that goes beyond ``REST_FRAMES``: the
     networks learned from words that begin and end soon.
     """
-    whole = trajectory(motion)
     start, stop = motion.active_span
+    whole = trajectory(motion)
     # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
     last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
     start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
