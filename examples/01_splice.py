@@ -7,8 +7,6 @@ import sys
 from pathlib import Path
 
 import signsplice as ss
-from signsplice.lexicon import shipped
-from signsplice.motion import concatenate
 
 
 def main(folder: Path) -> None:
@@ -16,14 +14,14 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
 
     # A word is a clip: a skeleton, and the rotations of its joints over time. Yours come from ss.load("word.bvh").
-    with shipped() as lexicon:
+    with ss.open_lexicon() as lexicon:
         words = [lexicon.clip(gloss) for gloss in ("HELLO", "MY", "NAME")]
 
     # Without options, the networks that ship choose the cuts and make the new frames.
     result = ss.splice(words)
 
     # A dictionary clip begins and ends at rest. One after another the arms drop between the words; spliced they do not.
-    print(f"one after another {concatenate(words).seconds:.2f} s, spliced {result.clip.seconds:.2f} s")
+    print(f"one after another {ss.concatenate(words).seconds:.2f} s, spliced {result.clip.seconds:.2f} s")
 
     # Every frame of the output comes from a word, bit for bit, or is new. Ranges of frames are half-open.
     for span in result.spans:

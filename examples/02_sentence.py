@@ -8,10 +8,6 @@ import sys
 from pathlib import Path
 
 import signsplice as ss
-from signsplice.lexicon import sentence, shipped
-from signsplice.render import film
-from signsplice.splicing import report
-from signsplice.splicing.word import words_of
 
 LINE = "Hello, my name is Anna. I like tea!"
 
@@ -20,13 +16,13 @@ def main(folder: Path) -> None:
     """Sign ``LINE`` with the words that ship."""
     folder.mkdir(parents=True, exist_ok=True)
 
-    with shipped() as lexicon:
+    with ss.open_lexicon() as lexicon:
         # A gloss is the label of a sign. The line is read in its order and is not translated. A word that is no gloss
         # is spelled letter by letter, with a warning; nothing is replaced by a word that merely looks like it.
-        tokens = sentence.parse(LINE, lexicon)
+        tokens = ss.parse(LINE, lexicon)
         # A word is a clip with what the line says of it: where another spelled word begins, so that IS and ANNA are not
         # spelled as one, and at which words the sentence breathes.
-        words = words_of(tokens, lexicon.clip)
+        words = ss.words_of(tokens, lexicon.clip)
     for token in tokens:
         print(f"{token.token:8} {' '.join(token.glosses)}")
     for line in filter(None, (token.warning for token in tokens)):
@@ -39,9 +35,8 @@ def main(folder: Path) -> None:
 
     # The report holds every span, seam and warning. `signsplice view` and `signsplice render` mark its transitions.
     ss.save(result.clip, folder / "sentence.bvh")
-    report.write(report.describe(result), folder / "sentence.json")
-    marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
-    film.write(result.clip, folder / "sentence.png", marks)  # a .gif or .mp4 would be a film
+    ss.write_report(result, folder / "sentence.json")
+    ss.write_pictures(result.clip, folder / "sentence.png", result.marks)  # a .gif or .mp4 would be a film
     for suffix in ("bvh", "json", "png"):
         print(f"wrote {folder / f'sentence.{suffix}'}")
 

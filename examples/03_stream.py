@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import signsplice as ss
-from signsplice.lexicon import shipped
-from signsplice.motion import concatenate
 
 GLOSSES = ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")
 
@@ -26,7 +24,7 @@ def main(folder: Path) -> None:
     """Stream a sentence, and compare it with the same words spliced at once."""
     folder.mkdir(parents=True, exist_ok=True)
     pieces, began = [], time.perf_counter()
-    with shipped() as lexicon:
+    with ss.open_lexicon() as lexicon:
         # A word can be cut only when the next one is known. So the stream reads one word ahead, and no more: it holds
         # one word in memory, however long the sentence becomes.
         for piece in ss.stream(arriving(lexicon)):
@@ -37,7 +35,7 @@ def main(folder: Path) -> None:
         words = [lexicon.clip(gloss) for gloss in GLOSSES]
 
     # Joined, the pieces are the sentence that ss.splice makes of the same words, bit for bit.
-    streamed, spliced = concatenate(pieces), ss.splice(words).clip
+    streamed, spliced = ss.concatenate(pieces), ss.splice(words).clip
     is_same = streamed.local_rotations.tobytes() == spliced.local_rotations.tobytes()
     print(f"{len(streamed)} frames, {'the same as' if is_same else 'other than'} those of ss.splice")
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import signsplice as ss
-from signsplice.lexicon import shipped
 
 CHILD = {"Shoulder": 0.8, "Arm": 0.8, "ForeArm": 0.75, "Hand": 0.75}
 """How long the bones to these joints are, as parts of the signer's."""
@@ -28,7 +27,7 @@ def small_avatar(signer: ss.Clip, path: Path) -> None:
 def main(folder: Path, file: Path | None) -> None:
     """Bring a word that ships to an avatar."""
     folder.mkdir(parents=True, exist_ok=True)
-    with shipped() as lexicon:
+    with ss.open_lexicon() as lexicon:
         mother = lexicon.clip("MOTHER")  # the thumb touches the chin
     if file is None:
         file = folder / "avatar.glb"

@@ -10,22 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import signsplice as ss
-from signsplice.lexicon import shipped
-from signsplice.splicing.contracts import Cut, Cutter
-from signsplice.splicing.curves import CurveProblem, CurveTransition
 
 
-class AfterThird(Cutter):
+class AfterThird(ss.Cutter):
     """Leaves a sign before its last third and enters the next after its first third."""
 
     name, summary = "after-third", "a third of each clip is left out at the seam"
 
-    def cut(self, before: ss.Clip, after: ss.Clip) -> Cut:
+    def cut(self, before: ss.Clip, after: ss.Clip) -> ss.Cut:
         """The last frame kept of the clip before, and the first kept of the clip after."""
-        return Cut(pre=len(before) * 2 // 3, post=len(after) // 3)
+        return ss.Cut(pre=len(before) * 2 // 3, post=len(after) // 3)
 
 
-def cosine(problem: CurveProblem) -> NDArray[np.float64]:
+def cosine(problem: ss.CurveProblem) -> NDArray[np.float64]:
     """Displacements (n, K, 3) at the n new frames of K vectors: joint rotations, and the root's position."""
     # 0 at the last frame before the gap, 1 at the first after it. The curve stands still at both: it does not go on at
     # the speed of the signs (``problem.velocities``), which the curves that ship do.
@@ -36,10 +33,10 @@ def cosine(problem: CurveProblem) -> NDArray[np.float64]:
 def main(folder: Path) -> None:
     """Splice the same words by methods that ship and by one's own."""
     folder.mkdir(parents=True, exist_ok=True)
-    with shipped() as lexicon:
+    with ss.open_lexicon() as lexicon:
         words = [lexicon.clip(gloss) for gloss in ("I", "LIKE", "COFFEE")]
     # An object takes the place of a name; cutter and transition can be chosen apart.
-    own = ss.SpliceOptions(cutter=AfterThird(), transition=CurveTransition("cosine", "eases out and in", cosine))
+    own = ss.SpliceOptions(cutter=AfterThird(), transition=ss.CurveTransition("cosine", "eases out and in", cosine))
     for options in (ss.SpliceOptions(cutter="pose-velocity", transition="hermite"), own):
         result = ss.splice(words, options)
         jumps = ", ".join(f"{seam.velocity_jump:.2f}" for seam in result.seams)

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from signsplice.cli import plugins
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.splicing import systems as whole_system
+from signsplice.splicing import systems
 from test_cli import run_program
 
 BUNDLE = '{"version": 1, "system": "somebody-else", "files": {}}'
@@ -32,7 +32,7 @@ def install(folder: Path, name: str) -> None:
     metadata = folder / f"{name}-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(f"[{whole_system.GROUP}]\n{name} = {name}:opens\n")
+    (metadata / "entry_points.txt").write_text(f"[{systems.GROUP}]\n{name} = {name}:opens\n")
 
 
 def test_the_distribution_that_knows_a_system_opens_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,13 +40,13 @@ def test_the_distribution_that_knows_a_system_opens_it(tmp_path: Path, monkeypat
         install(tmp_path, name)
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("firstsystems", "secondsystems"):
-        assert str(whole_system.open_system(f"in/{name}")) == f"opened in/{name}"
+        assert str(systems.open_system(f"in/{name}")) == f"opened in/{name}"
     with pytest.raises(InputError, match="in/x"):
-        whole_system.open_system("in/x")
+        systems.open_system("in/x")
 
 
 def test_a_system_that_nothing_opens_names_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(whole_system, "entry_points", lambda **_: ())
+    monkeypatch.setattr(systems, "entry_points", lambda **_: ())
     (tmp_path / "bundle.json").write_text(BUNDLE)
     call = ["sentence", "HELLO I", "-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path)]
     result = CliRunner().invoke(app, call)

@@ -13,8 +13,14 @@ if TYPE_CHECKING:
     from signsplice.formats import load, save
     from signsplice.formats.avatar import read_avatar
     from signsplice.lexicon.lexicon import Lexicon, open_lexicon
-    from signsplice.motion import Clip, Skeleton
-    from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, inbetween, splice, stream
+    from signsplice.lexicon.sentence import parse
+    from signsplice.motion import Clip, Skeleton, concatenate
+    from signsplice.render.film import write_pictures
+    from signsplice.splicing.contracts import Cut, Cutter, Transition
+    from signsplice.splicing.curves import CurveProblem, CurveTransition
+    from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, Stream, inbetween, splice, stream
+    from signsplice.splicing.report import write_report
+    from signsplice.splicing.word import Word, words_of
     from signsplice.written.signing import sign
 
 _HOMES = {
@@ -23,13 +29,23 @@ _HOMES = {
     "formats": ("load", "save"),
     "formats.avatar": ("read_avatar",),
     "lexicon.lexicon": ("Lexicon", "open_lexicon"),
-    "motion.clip": ("Clip", "Skeleton"),
-    "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "inbetween", "splice", "stream"),
+    "lexicon.sentence": ("parse",),
+    "motion.clip": ("Clip", "Skeleton", "concatenate"),
+    "render.film": ("write_pictures",),
+    "splicing.contracts": ("Cut", "Cutter", "Transition"),
+    "splicing.curves": ("CurveProblem", "CurveTransition"),
+    "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "Stream", "inbetween", "splice", "stream"),
+    "splicing.report": ("write_report",),
+    "splicing.word": ("Word", "words_of"),
     "written.signing": ("sign",),
 }
 
 __all__ = [
     "Clip",
+    "CurveProblem",
+    "CurveTransition",
+    "Cut",
+    "Cutter",
     "FormatError",
     "InputError",
     "Lexicon",
@@ -39,15 +55,23 @@ __all__ = [
     "Skeleton",
     "SpliceOptions",
     "SpliceResult",
+    "Stream",
+    "Transition",
+    "Word",
+    "concatenate",
     "inbetween",
     "load",
     "open_lexicon",
+    "parse",
     "read_avatar",
     "retarget",
     "save",
     "sign",
     "splice",
     "stream",
+    "words_of",
+    "write_pictures",
+    "write_report",
 ]
 
 

@@ -37,12 +37,12 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
     for clip in clips:
         save(clip, out / "words" / f"{clip.name}.bvh")
     result = splice(clips)
-    marks = [film.Mark(span.kind, span.name or "", *span.output) for span in result.spans]
+    marks = result.marks
     save(result.clip, out / "sentence.bvh")
     save(_avatar(clips[0]), out / "avatar.glb")
     report.write(report.describe(result), out / "report.json")
-    film.write(result.clip, out / "sentence.png", marks)
-    film.write(result.clip, out / "sentence.gif", marks, progress=progress)
+    film.write_pictures(result.clip, out / "sentence.png", marks)
+    film.write_pictures(result.clip, out / "sentence.gif", marks, progress=progress)
     one_after_another = concatenate(clips)
     return [
         *seam_table(result),

@@ -14,7 +14,7 @@ from PIL import Image, ImageSequence
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.motion import Clip
 from signsplice.render import film, sheet
-from signsplice.render.film import Mark, gif_timing, write
+from signsplice.render.film import Mark, gif_timing, write_pictures
 from signsplice.render.picture import draw, make_scene
 from signsplice.render.sheet import _text_and_font, caption, sheet_frames
 
@@ -38,7 +38,7 @@ def test_a_gif_has_the_right_frames_and_duration(
     monkeypatch.setattr(film, "GIF_SIZE", (96, 96))
     clip = words["I"][10:40]
     steps: list[tuple[int, int]] = []
-    write(
+    write_pictures(
         clip, tmp_path / "a.gif", [Mark("sign", "I", 0, 30)], progress=lambda done, total: steps.append((done, total))
     )
     with Image.open(tmp_path / "a.gif") as gif:
@@ -52,7 +52,7 @@ def test_a_gif_keeps_the_tint_of_fingertips(words: dict[str, Clip], tmp_path: Pa
     """Frames keep nearly their own colours, though all share the palette of the first."""
     clip, ends = words["HELLO"], [0, 29]
     clip = replace(clip, local_rotations=clip.local_rotations[ends], root_positions=clip.root_positions[ends], fps=10.0)
-    write(clip, tmp_path / "a.gif", size=(240, 240))
+    write_pictures(clip, tmp_path / "a.gif", size=(240, 240))
     frames, _ = gif_timing(len(clip), clip.fps)
     with Image.open(tmp_path / "a.gif") as gif:
         gif.seek(len(frames) - 1)
@@ -82,7 +82,7 @@ def test_a_sheet_shows_and_marks_every_seam(words: dict[str, Clip], tmp_path: Pa
     assert {0, 19, 20, 27, 28, 50} <= set(frames)
     assert frames == sorted(set(frames))
     assert sheet_frames(3, [Mark("transition", "", 0, 3)]) == [0, 1, 2]
-    write(
+    write_pictures(
         words["I"][:12],
         tmp_path / "a.png",
         [Mark("sign", "I", 0, 5), Mark("transition", "", 5, 7), Mark("sign", "I", 7, 12)],
@@ -102,7 +102,7 @@ def test_mp4_films_need_ffmpeg(words: dict[str, Clip], tmp_path: Path, monkeypat
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingExtraError, match="need an ffmpeg"):
-        write(words["I"][:3], tmp_path / "a.mp4")
+        write_pictures(words["I"][:3], tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -116,11 +116,11 @@ def test_ffmpeg_gets_every_frame(words: dict[str, Clip], tmp_path: Path, monkeyp
     fake.chmod(0o755)
     monkeypatch.setenv("PATH", str(fake.parent))
     monkeypatch.setattr(film, "MP4_SIZE", (96, 64))
-    write(words["I"][:5], tmp_path / "a.mp4")
+    write_pictures(words["I"][:5], tmp_path / "a.mp4")
     assert int((tmp_path / "a.mp4").read_text()) == 5 * 96 * 64 * 3
     fake.write_text(f"#!{sys.executable}\nimport sys\nsys.stderr.write('no such codec')\nsys.exit(3)\n")
     with pytest.raises(SignspliceError, match="ffmpeg failed: no such codec"):
-        write(words["I"][:5], tmp_path / "b.mp4")
+        write_pictures(words["I"][:5], tmp_path / "b.mp4")
     assert not (tmp_path / "b.mp4").exists()
 
 
@@ -134,22 +134,22 @@ def test_an_interrupted_film_leaves_the_old_file(words: dict[str, Clip], tmp_pat
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write(words["I"][:4], tmp_path / name, progress=interrupt, size=None if name == "a.png" else (96, 96))
+        write_pictures(words["I"][:4], tmp_path / name, progress=interrupt, size=None if name == "a.png" else (96, 96))
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_text() == "old"
 
 
 def test_other_suffixes_are_refused(words: dict[str, Clip], tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"pictures end in \.png, \.gif, \.mp4, not \.jpg"):
-        write(words["I"], tmp_path / "a.jpg")
+        write_pictures(words["I"], tmp_path / "a.jpg")
 
 
 def test_invalid_sizes_and_qualities_are_refused(words: dict[str, Clip], tmp_path: Path) -> None:
     for name, size in (("a.mp4", (97, 96)), ("a.gif", (0, 96)), ("a.png", (96, 96))):
         with pytest.raises(InputError, match="expected even width and height"):
-            write(words["I"][:3], tmp_path / name, size=size)
+            write_pictures(words["I"][:3], tmp_path / name, size=size)
     with pytest.raises(InputError, match="crf 99"):
-        write(words["I"][:3], tmp_path / "a.mp4", crf=99)
+        write_pictures(words["I"][:3], tmp_path / "a.mp4", crf=99)
     assert list(tmp_path.iterdir()) == []
 
 

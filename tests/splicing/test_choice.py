@@ -1,4 +1,4 @@
-"""splicing.methods: networks by default, and classical methods where no network can be read."""
+"""Methods: networks by default, and classical methods where no network can be read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""splicing.inbetween: gaps of a clip are filled from the frames around them, and no other frame changes."""
+"""inbetween: gaps of a clip are filled from the frames around them, and no other frame changes."""
 
 from __future__ import annotations
 

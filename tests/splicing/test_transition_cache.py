@@ -1,4 +1,4 @@
-"""splicing.transition_cache: what is kept is what would be made, and anything that differs is made anew."""
+"""TransitionCache: what is kept is what would be made, and anything that differs is made anew."""
 
 from __future__ import annotations
 

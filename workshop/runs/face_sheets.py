@@ -118,7 +118,7 @@ def write_film(line: str, path: Path, fps: float = 10.0, n_colours: int = 32) ->
     result = spliced(line)
     rate = fps / result.clip.fps
     marks = [film.Mark(s.kind, s.name or "", *(round(at * rate) for at in s.output)) for s in result.spans]
-    film.write(resample(result.clip, fps), path, marks, size=(240, 320))
+    film.write_pictures(resample(result.clip, fps), path, marks, size=(240, 320))
     pages = Image.open(path)
     frames = [page.convert("RGB") for page in ImageSequence.Iterator(pages)]
     palette = frames[len(frames) // 3].quantize(n_colours, Image.Quantize.MEDIANCUT)

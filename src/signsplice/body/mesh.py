@@ -5,8 +5,9 @@ The mesh is bound to the joints by linear blend skinning, in the T-pose with fin
 finger has a tint of its own, so that handshapes can be read.
 
 Its head has eyes, lids, brows, lips, teeth and tongue, and ARKit's 52 coefficients as its morphs. ``figure.npz`` is
-made by ``runs/figure.py`` from MakeHuman's base mesh (CC0), in steps of ``_HEAD_STEP`` statures about the head's joint
-in the T-pose (left +X, up +Y, forward +Z). Its skin follows that of the capsules of head and neck, which hands touch.
+made by ``workshop/runs/figure.py`` from MakeHuman's base mesh (CC0), in steps of ``_HEAD_STEP`` statures about the
+head's joint in the T-pose (left +X, up +Y, forward +Z). Its skin follows that of the capsules of head and neck, which
+hands touch.
 """
 
 from __future__ import annotations

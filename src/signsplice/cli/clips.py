@@ -223,7 +223,7 @@ def write(
         from signsplice.render import film
 
         with progress(f"rendering {Path(output).name}") as advance:
-            film.write(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
+            film.write_pictures(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
         return
     formats.save(clip, output)
     if clip.face is None and Path(output).suffix.lower() == ".bvh":

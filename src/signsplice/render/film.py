@@ -19,7 +19,7 @@ from signsplice.render import PICTURE_SUFFIXES
 from signsplice.render.picture import Scene, detail_colours, draw, make_scene
 from signsplice.render.sheet import INK, PAPER, SIGN, TRANSITION, Mark, caption, pillow, write_line, write_sheet
 
-__all__ = ["Mark", "Progress", "find_ffmpeg", "gif_timing", "write"]
+__all__ = ["Mark", "Progress", "find_ffmpeg", "gif_timing", "write_pictures"]
 
 GIF_FPS = 25.0
 """Highest frame rate that viewers play reliably in a GIF; of faster clips frames are left out."""
@@ -33,7 +33,7 @@ CRF = 20
 """x264's constant rate factor: 0 is lossless, 51 the lowest quality."""
 
 
-def write(
+def write_pictures(
     clip: Clip,
     path: str | Path,
     marks: Sequence[Mark] = (),

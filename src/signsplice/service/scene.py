@@ -85,7 +85,7 @@ def picture(result: SpliceResult, form: str) -> bytes:
     marks = [film.Mark(span.kind, span.name or "", *(round(scale * n) for n in span.output)) for span in result.spans]
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"picture.{form}"
-        film.write(clip, path, marks, size=None if form == "png" else _FILM_SIZE)
+        film.write_pictures(clip, path, marks, size=None if form == "png" else _FILM_SIZE)
         return path.read_bytes()
 
 

@@ -100,6 +100,11 @@ def write(report: Mapping[str, Any], path: str | Path) -> None:
     atomic.write(path, json.dumps(report, indent=2, ensure_ascii=False) + "\n")
 
 
+def write_report(result: SpliceResult, path: str | Path) -> None:
+    """Write the report of a splice as JSON (``describe``), whole or not at all."""
+    write(describe(result), path)
+
+
 def read(path: str | Path, n_frames: int) -> dict[str, Any]:
     """A report from its file, checked against its clip of ``n_frames``. Keys that earlier versions of the program did
     not write have their defaults; those of later ones stay.

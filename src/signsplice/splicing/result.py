@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from signsplice.lexicon.gloss import is_letter
 from signsplice.motion import Clip
 from signsplice.splicing.durations import CITATION, NATURAL, seconds_a_sign
 from signsplice.splicing.seam import SeamScore
+
+if TYPE_CHECKING:
+    from signsplice.render.sheet import Mark
 
 
 @dataclass(frozen=True)
@@ -140,6 +143,13 @@ class SpliceResult:
     system: Mapping[str, Any] | None = None
     avatar: Mapping[str, Any] | None = None
     face: FaceSources | None = None
+
+    @property
+    def marks(self) -> list[Mark]:
+        """Its spans as pictures show them (``render.film.write_pictures``)."""
+        from signsplice.render.sheet import Mark
+
+        return [Mark(span.kind, span.name or "", *span.output) for span in self.spans]
 
 
 def measured_tempo(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str | float) -> ReachedTempo:
