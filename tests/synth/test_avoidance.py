@@ -16,6 +16,7 @@ from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.phonology import Posture, Segment, Sign
 from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import JOINTS, RESTS, STANDARD, draw_signer
+from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.corpus_checks import over_limit
 
 STRONG, WEAK = 1, 0
@@ -58,7 +59,7 @@ def test_a_touch_in_notation_is_a_touch_in_motion(gloss: str, seed: int | None) 
 def test_the_strong_hand_touches_a_base_hand(seed: int | None) -> None:
     one = word("LEARN", seed)
     assert one.events.touches_first
-    depth, _ = collision.hand_penetration(one.clip.skeleton, *kinematics.forward(one.clip))
+    depth, _ = hand_penetration(one.clip.skeleton, *kinematics.forward(one.clip))
     assert abs(depth[one.events.start, STRONG]) < 0.5
     assert depth[one.events.end, STRONG] < 0.25
 

@@ -17,6 +17,7 @@ from signsplice.signer.phonology import Sign
 from signsplice.signer.signer import JOINTS, stream
 from signsplice_workshop.corpora import sentences
 from signsplice_workshop.corpora.pairs import VERSION, Pairs
+from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.measures import Progress
 
 LIMIT_CM = 0.5
@@ -113,7 +114,7 @@ class _PosedClip:
 
     def __init__(self, clip: Clip) -> None:
         rotations, self.positions = kinematics.forward(clip)
-        self.depth = collision.hand_penetration(clip.skeleton, rotations, self.positions, forearms=True)[0]
+        self.depth = hand_penetration(clip.skeleton, rotations, self.positions, forearms=True)[0]
         self.forearm = collision.forearm_penetration(clip.skeleton, rotations, self.positions).max(axis=1)
         self.steps = np.linalg.norm(np.diff(self.positions, axis=0), axis=-1).max(axis=-1)
         parents = clip.skeleton.parents[1:]

@@ -22,7 +22,7 @@ from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS
 from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.measure import corpus_checks
+from signsplice_workshop.measure import corpus_checks, motion_scores
 from signsplice_workshop.measure.hands import strong_side, strong_wrist
 from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, row_of
 
@@ -215,7 +215,7 @@ def score_transitions(
             made = transition.between(Gap(pairs.word_clip(p)[: pre + 1], pairs.word_clip(q)[post:], count))
             part = true[pre + 1 : pre + 1 + count]
             jump = _jump(true, made, pre, count, strong)
-            scores.append((metrics.position_error(made, part), metrics.motion_ratio(made, part), jump))
+            scores.append((motion_scores.position_error(made, part), motion_scores.motion_ratio(made, part), jump))
             if not rows:
                 true_jumps.append(_jump(true, part, pre, count, strong))
         rows.append(row_of(TRANSITION_MEASURES, np.array(scores), transition=transition.name))
