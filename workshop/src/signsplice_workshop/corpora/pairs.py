@@ -44,10 +44,10 @@ from signsplice.signer.folders import lexicon_signer
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import Manner, Signer, draw_signer, skeleton, stream
-from signsplice.signer.timing import Events
 from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.number_space import NumberSpace, read_space, space_of
 from signsplice_workshop.corpora.pool import Pool, is_whole
+from signsplice_workshop.corpora.touches import SeenEvents, seen_events, with_touches
 
 Array = NDArray[Any]
 
@@ -132,12 +132,12 @@ class Pairs:
         row = self.head["words"][number]
         return np.asarray(self.words[kind][row["first"] : row["first"] + row["frames"]])
 
-    def events(self, number: int) -> Events:
+    def events(self, number: int) -> SeenEvents:
         """A word's events; those of version 1 have no skin distances. Raises ``InputError`` as ``check_synthetic``."""
         self.check_synthetic()
         row = self.head["words"][number]["events"]
         first = tuple(row["first"]) if row["first"] else None
-        return Events(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
+        return SeenEvents(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
 
     def truth(self, number: int, kind: str = "positions") -> tuple[int, int, Array]:
         """pre, post and the true transition (n, ...) of a pair."""
@@ -422,7 +422,7 @@ def _rows(recipe: Recipe) -> list[_PairRow]:
 
 def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
     sign, signer, fps = job
-    return planner.isolated(sign, signer, fps=fps)
+    return with_touches(planner.isolated(sign, signer, fps=fps))
 
 
 def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow:
@@ -453,7 +453,7 @@ def _head(
             "first": first,
             "frames": n_frames,
             "hands": word.sign.hands,
-            "events": asdict(word.events),
+            "events": asdict(seen_events(word)),
         }
         for word, (first, n_frames) in words
     ]

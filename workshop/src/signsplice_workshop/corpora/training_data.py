@@ -30,6 +30,7 @@ from signsplice_workshop.corpora import pseudo, truth
 from signsplice_workshop.corpora import sentences as running
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.pool import Pool, is_whole
+from signsplice_workshop.corpora.touches import with_touches
 
 Array = NDArray[Any]
 
@@ -146,7 +147,7 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
         signer = replace(signer, manner=only(signer.manner, plan.traits))
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
     signs = [CACHE.recent(pseudo.sign, int(k), most=_SIGNS_KEPT) for k in seeds]
-    words = [planner.isolated(sign, signer, fps=plan.fps) for sign in signs]
+    words = [with_touches(planner.isolated(sign, signer, fps=plan.fps)) for sign in signs]
     frames = [packed(word.clip) for word in words]
     lengths = [len(word) for word in words]
     sentences: list[tuple[int, int]] = []

@@ -25,6 +25,7 @@ from signsplice.signer import handshapes as thumbs
 from signsplice.signer.collisions import clear_collisions, penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, Signer
+from signsplice_workshop.corpora.touches import seen_events
 
 KINDS = {
     "partner": "where a word is left and entered depends on the other word too",
@@ -200,7 +201,7 @@ def leave(p: IsolatedWord, relation: Relation) -> int:
 
 def leaving(p: IsolatedWord, relation: Relation) -> CutTime:
     """Where the word before is left, before it is rounded to a frame."""
-    events = p.events
+    events = seen_events(p)
     if not events.passes:
         fraction = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
         return CutTime(events.start, max(1.0, (events.end - events.start) * fraction))
@@ -223,7 +224,7 @@ def enter(q: IsolatedWord, relation: Relation) -> int:
 
 def entering(q: IsolatedWord, relation: Relation) -> CutTime:
     """Where the word after is entered, before it is rounded to a frame."""
-    events = q.events
+    events = seen_events(q)
     if events.first is None:
         return CutTime(events.start, 0.0)
     begin, stop = events.first
