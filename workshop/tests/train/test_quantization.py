@@ -89,7 +89,7 @@ def test_stored_bytes_stand_for_nearly_the_same_weights(small: Path) -> None:
 
 def in_8_bits(content: bytes, folder: Path) -> bytes:
     """A graph as version 0.3 exported it: products in 8 bits, by onnxruntime's dynamic quantisation."""
-    import signsplice.splicing.networks.runtime  # noqa: F401  (switches the library's telemetry off first)
+    import signsplice.splicing.runtime  # noqa: F401  (switches the library's telemetry off first)
 
     pytest.importorskip("onnxruntime.quantization")
     from onnxruntime.quantization import QuantType, quantize_dynamic
