@@ -43,5 +43,5 @@ def test_a_new_trait_at_the_end_leaves_the_other_draws_alone() -> None:
 
 
 def test_the_documentation_lists_every_trait() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "corpus.md").read_text()
+    text = (Path(__file__).parents[2] / "workshop" / "docs" / "corpus.md").read_text()
     assert [trait for trait in TRAITS if f"`{trait}`" not in text] == []
