@@ -6,24 +6,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from hypothesis import settings
 from pathlib import Path
-from serving import http_client
-from serving import wait_until_warm
-from signing import sign
-from signsplice.formats import load
-from signsplice.lexicon import shipped
-from signsplice.motion import Clip
-from signsplice.motion import EndSite
-from signsplice.motion import Skeleton
-from signsplice.motion import rotation
-from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.corpora.pairs import Recipe
-from signsplice_workshop.corpora.pairs import write_pairs
 from typing import TYPE_CHECKING
+
 import httpx
 import numpy as np
 import pytest
+from hypothesis import settings
+
+from serving import http_client, wait_until_warm
+from signing import sign
+from signsplice.formats import load
+from signsplice.lexicon import shipped
+from signsplice.motion import Clip, EndSite, Skeleton, rotation
+from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
 if TYPE_CHECKING:
     from signsplice_workshop.corpora.pairs import Pairs
@@ -61,7 +57,7 @@ def sentence(words: dict[str, Clip]) -> list[Clip]:
 @pytest.fixture(scope="session")
 def pairs(tmp_path_factory: pytest.TempPathFactory) -> Pairs:
     """A small corpus: all 25 ordered pairs of five signs by the first signer, and 3 by another."""
-    from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
+    from signsplice_workshop.corpora.pairs import Pairs
 
     recipe = Recipe(tuple(sign(gloss) for gloss in ("I", "MOTHER", "BOOK", "YES", "fs-A")), n_other=3)
     return Pairs(write_pairs(recipe, tmp_path_factory.mktemp("corpus") / "pairs", processes=1))

@@ -25,6 +25,7 @@ from signsplice.signer.phonology import IN_SPACE, Segment
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import JOINTS, STANDARD
 from signsplice_workshop.corpora import sentences
+from signsplice_workshop.measure.collisions import hand_penetration
 
 MOVING_CM_S = 10.0
 """A frame moves where a wrist or a fingertip is faster from the chest than the first."""
@@ -161,7 +162,7 @@ def measure(gloss: str) -> dict[str, float]:
     return {
         "arm_in_arm_cm": float(arm_in_arm(body, starts, ends).max()),
         "elbow_in_trunk_cm": float(collision.forearm_penetration(one.clip.skeleton, rotations, positions).max()),
-        "hand_in_body_cm": float(collision.hand_penetration(one.clip.skeleton, rotations, positions)[0].max()),
+        "hand_in_body_cm": float(hand_penetration(one.clip.skeleton, rotations, positions)[0].max()),
         "finger_in_thumb_cm": float(finger_in_thumb(body, starts, ends)[e.up : e.down].max()),
         "elbow_step_cm": float(elbow_steps(one.clip).max()),
         "elbow_turn_cm": float(swivel_steps(one.clip).max()),
@@ -208,7 +209,7 @@ def measure_seam(pair: tuple[str, str]) -> dict[str, float]:
         "true_step_cm": float(elbow_steps(signed).max()),
         "true_turn_cm": float(swivel_steps(signed).max()),
         "true_arm_in_arm_cm": float(arm_in_arm(body, *ends).max()),
-        "true_hand_in_body_cm": float(collision.hand_penetration(signed.skeleton, rotations, positions)[0].max()),
+        "true_hand_in_body_cm": float(hand_penetration(signed.skeleton, rotations, positions)[0].max()),
     }
 
 

@@ -21,11 +21,11 @@ from pathlib import Path
 
 import numpy as np
 
-from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.signer.signer import JOINTS
 from signsplice.written import signing
+from signsplice_workshop.measure.collisions import hand_penetration
 from written_places import Place, place_points
 
 LETTERS = {"u": (0, 1, 0), "d": (0, -1, 0), "l": (1, 0, 0), "r": (-1, 0, 0), "o": (0, 0, 1), "i": (0, 0, -1)}
@@ -197,7 +197,7 @@ def missed(what: Asked, seen: Hand) -> dict[str, float]:
 
 def skins(clip: Clip) -> tuple[float, float]:
     """How deep a hand is at worst in head, trunk, the other arm or its hand; the least distance to any of them; cm."""
-    deepest = float(collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))[0].max())
+    deepest = float(hand_penetration(clip.skeleton, *kinematics.forward(clip))[0].max())
     return max(deepest, 0.0), max(-deepest, 0.0)
 
 

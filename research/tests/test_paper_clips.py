@@ -18,12 +18,12 @@ from signing import word
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.motion import Clip, kinematics
-from signsplice.signer.signer import STANDARD, draw_signer, skeleton, stature
-from signsplice.splicing.bundle import write_bundle
+from signsplice.signer.signer import STANDARD, draw_signer, skeleton
 from signsplice.splicing.contracts import Gap
-from signsplice_paper.systems.clips import ClipSplicer, open_clip_splicer
+from signsplice_paper.systems.clips import ClipSplicer, open_clip_splicer, stature
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
 from signsplice_workshop.corpora.pairs import scaled_positions, signer_space
+from signsplice_workshop.train.bundles import write_bundle
 from test_paper_systems import Fakes, fake_system, tokens
 
 Array = NDArray[Any]

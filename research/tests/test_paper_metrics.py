@@ -14,6 +14,7 @@ from signsplice.motion import FloatArray
 from signsplice.rig import metrics as scores
 from signsplice_paper import bleu, extra_metrics, metrics
 from signsplice_paper.prediction import Prediction
+from signsplice_workshop.measure import motion_scores
 from toys import corpus, motion
 
 
@@ -154,7 +155,7 @@ def test_the_truth_has_no_error_and_the_smoothness_of_its_clip() -> None:
     assert found["motion_ratio"] == pytest.approx(1.0)
     clip = pairs.clip(3)
     wrists = [clip.skeleton.names.index(n) for n in clip.skeleton.names if n.endswith("Hand")]
-    positions = scores.relative_positions(clip, wrists)
+    positions = motion_scores.relative_positions(clip, wrists)
     jump = scores.velocity_jump(positions / 100.0, pre + 1, pre + 1 + len(frames_), clip.fps)
     assert found["velocity_jump"] == pytest.approx(jump, rel=0.05), "m/s, scaled back"
 

@@ -12,10 +12,11 @@ import pytest
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.splicing.bundle import BUNDLE_FILE, Sessions, read_file, write_bundle
+from signsplice.splicing.bundle import BUNDLE_FILE, Sessions, read_file
 from signsplice_paper.configs import config_of, read_config
 from signsplice_paper.systems import OneNetworkSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.systems.splicers import DECODINGS, HIDDEN, START, PaperSystem, splice_position
+from signsplice_workshop.train.bundles import write_bundle
 
 Array = NDArray[Any]
 RUNS = {"positions": "spsn", "frames": "generator", "concurrent": True, "n_fed": 159, "most_frames": 6}

@@ -20,15 +20,16 @@ from signsplice.cli.commands import app
 from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import Clip, Skeleton, resample, rotation
-from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.align import ORIGIN, Placement, place, placement
 from signsplice.splicing import report
-from signsplice.splicing.bundle import BUNDLE_FILE, write_bundle
+from signsplice.splicing.bundle import BUNDLE_FILE
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.word import AlignedWord, FrameMap
 from signsplice_paper.configs import config_of
 from signsplice_paper.systems.clips import ClipSplicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
+from signsplice_workshop.corpora.number_space import NumberSpace, space_of
+from signsplice_workshop.train.bundles import write_bundle
 from test_paper_clips import AFTER, BEFORE, CONFIG, positions, splicer, straight
 from test_paper_systems import Fakes, counting, encoder, fake_system, tokens
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.splicing.bundle import write_bundle
 from signsplice_paper import bundles, published_bundles, results
 from signsplice_paper.configs import config_of
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems import open_bundle
+from signsplice_workshop.train.bundles import write_bundle
 from test_paper_clips import CONFIG
 from toys import corpus
 

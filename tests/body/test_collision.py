@@ -17,6 +17,7 @@ from signsplice.signer import pose
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.locations import resting
 from signsplice.signer.signer import STANDARD, skeleton
+from signsplice_workshop.measure.collisions import hand_penetration
 
 
 def sampled_distance(a: FloatArray, b: FloatArray, n: int = 1201) -> tuple[float, FloatArray]:
@@ -142,7 +143,7 @@ def posed(right: tuple[float, float, float], left: tuple[float, float, float] | 
 
 def first_penetration(clip: Clip) -> tuple[FloatArray, FloatArray]:
     """Depths (2,) and exit directions (2, 3) of the left and the right hand in the first frame."""
-    depths, exits = collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))
+    depths, exits = hand_penetration(clip.skeleton, *kinematics.forward(clip))
     return depths[0], exits[0]
 
 
@@ -172,7 +173,7 @@ def test_a_hand_in_the_body_is_found_and_its_exits_lead_out(part: str, at: tuple
     body = capsules.body_capsules(clip.skeleton)
     hand = sorted({int(body.joints[n]) for n in body.groups.right})
     for _ in range(25):
-        depth, exit_directions = collision.hand_penetration(clip.skeleton, rotations, positions)
+        depth, exit_directions = hand_penetration(clip.skeleton, rotations, positions)
         if depth[0, RIGHT] <= 0.0:
             break
         positions = positions.copy()
@@ -194,7 +195,7 @@ def test_a_hand_in_the_other_forearm_is_found() -> None:
     body = capsules.body_capsules(clip.skeleton)
     starts, ends = capsule_ends(body, rotations, positions)
     arms = collision.overlap(starts, ends, body.radii, body.groups.right, body.groups.left_arm)[0].max()
-    assert collision.hand_penetration(clip.skeleton, rotations, positions)[0][0, RIGHT] >= arms
+    assert hand_penetration(clip.skeleton, rotations, positions)[0][0, RIGHT] >= arms
 
 
 def test_two_hands_in_one_another_are_pushed_apart() -> None:
@@ -213,8 +214,8 @@ def test_a_mirrored_clip_has_mirrored_depths_and_exits() -> None:
     clip = word("LEARN").clip
     rotations, roots = mirror(clip)
     other = replace(clip, local_rotations=rotations, root_positions=roots)
-    depths, exits = collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))
-    other_depths, other_exits = collision.hand_penetration(clip.skeleton, *kinematics.forward(other))
+    depths, exits = hand_penetration(clip.skeleton, *kinematics.forward(clip))
+    other_depths, other_exits = hand_penetration(clip.skeleton, *kinematics.forward(other))
     assert np.allclose(depths, other_depths[:, ::-1], atol=1e-6)
     clear = np.abs(depths) > 1e-3
     cosine = np.einsum("thc,thc->th", exits, other_exits[:, ::-1] * [-1.0, 1.0, 1.0])
@@ -241,7 +242,7 @@ def test_testing_only_near_pairs_finds_the_same_collisions(gloss: str) -> None:
     shaken = replace(clip, local_rotations=rotation.multiply(clip.local_rotations, noise))
     for one in (clip, shaken, clip[:1], without(clip, "LeftHand")):
         globals_ = kinematics.forward(one)
-        expected_depths, expected_exits = collision.hand_penetration(one.skeleton, *globals_)
+        expected_depths, expected_exits = hand_penetration(one.skeleton, *globals_)
         depths, exits = collision.posed_capsules(one.skeleton, *globals_).penetration()
         deep, free = expected_depths > 1e-9, expected_depths < -1e-9
         assert (depths[free] <= 0.0).all()

@@ -16,6 +16,7 @@ from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
+from signsplice_workshop.measure import motion_scores
 from signsplice_workshop.measure.hidden_frames import hidden_frames, table
 
 
@@ -56,15 +57,15 @@ def test_jerk_ratio_compares_the_transition_with_its_surroundings() -> None:
 
 def test_position_error_and_motion_ratio_of_a_still_pose(words: dict[str, Clip]) -> None:
     clip = words["SIGN"]
-    assert metrics.position_error(clip, clip) == 0.0
-    assert metrics.motion_ratio(clip, clip) == pytest.approx(1.0)
+    assert motion_scores.position_error(clip, clip) == 0.0
+    assert motion_scores.motion_ratio(clip, clip) == pytest.approx(1.0)
     still = Clip(clip.skeleton, np.repeat(clip.local_rotations[:1], len(clip), axis=0), clip.root_positions, clip.fps)
-    assert metrics.motion_ratio(still, clip) == pytest.approx(0.0, abs=1e-12)
-    joints = metrics.arm_and_finger_joints(clip)
+    assert motion_scores.motion_ratio(still, clip) == pytest.approx(0.0, abs=1e-12)
+    joints = motion_scores.arm_and_finger_joints(clip)
     assert len(joints) == 34
-    difference = metrics.relative_positions(still, joints) - metrics.relative_positions(clip, joints)
+    difference = motion_scores.relative_positions(still, joints) - motion_scores.relative_positions(clip, joints)
     expected = 1000.0 * np.sqrt((difference**2).sum(-1)).mean() / 55.0  # the signer's arm is 29.5 + 25.5 cm
-    assert metrics.position_error(still, clip) == pytest.approx(expected)
+    assert motion_scores.position_error(still, clip) == pytest.approx(expected)
 
 
 def test_frames_interpolated_between_keys_rotate_evenly() -> None:
@@ -72,27 +73,27 @@ def test_frames_interpolated_between_keys_rotate_evenly() -> None:
     keys = [signed[k : k + 1] for k in range(20, len(signed) - 10, 12)]
     slerp = find_transition("slerp")
     parts = [part for a, b in pairwise(keys) for part in (a, slerp.between(Gap(a, b, 11)))]
-    even = metrics.even_rotation_frames(concatenate(parts))
+    even = motion_scores.even_rotation_frames(concatenate(parts))
     at_keys = np.arange(len(even)) % 12 == 11
     assert (even[~at_keys & ~np.isnan(even)] == 1.0).all()
     assert (even[at_keys & ~np.isnan(even)] == 0.0).all()
-    assert np.nanmean(metrics.even_rotation_frames(signed)) < 0.1, "a signer's speed changes all the time"
-    assert np.isnan(metrics.even_rotation_frames(concatenate([signed[:1]] * 5))).all(), "nothing moves"
+    assert np.nanmean(motion_scores.even_rotation_frames(signed)) < 0.1, "a signer's speed changes all the time"
+    assert np.isnan(motion_scores.even_rotation_frames(concatenate([signed[:1]] * 5))).all(), "nothing moves"
     trunk = Skeleton(("Hips", "Spine"), np.array([-1, 0]), np.zeros((2, 3)))
     still = Clip(trunk, np.tile(rotation.IDENTITY, (6, 2, 1)), np.zeros((6, 3)), 30.0)
-    assert np.isnan(metrics.even_rotation_frames(still)).all(), "no arms are known"
+    assert np.isnan(motion_scores.even_rotation_frames(still)).all(), "no arms are known"
 
 
 def test_a_clip_is_keyed_where_most_moving_frames_repeat_the_step_before() -> None:
     signed = word("MOTHER").clip
     still = concatenate([signed[:1]] * 200)
     interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
-    assert metrics.keyed_fraction(interpolated) == 1.0
-    assert metrics.keyed_fraction(concatenate([interpolated, still])) > 0.9, "still frames do not count"
-    assert metrics.keyed_fraction(still) == 0.0
+    assert motion_scores.keyed_fraction(interpolated) == 1.0
+    assert motion_scores.keyed_fraction(concatenate([interpolated, still])) > 0.9, "still frames do not count"
+    assert motion_scores.keyed_fraction(still) == 0.0
     assert [metrics.is_keyed(clip) for clip in (interpolated, signed, still)] == [True, False, False]
     mark = "keyed: 100 % of its moving frames repeat the step before, 100 % lie between keys"
-    assert metrics.keyed_mark(interpolated) == mark
+    assert motion_scores.keyed_mark(interpolated) == mark
 
 
 def rekeyed(clip: Clip, n: int, curve: str) -> Clip:
@@ -131,7 +132,7 @@ def test_the_table_of_hidden_frames_names_keyed_clips() -> None:
     clips = [interpolated, signed]
     lines = table(hidden_frames(clips, [find_transition("hermite")], [5]), clips)
     named = [line.strip() for line in lines if "no measure of real motion" in line]
-    assert named == [f"DRAWN is no measure of real motion ({metrics.keyed_mark(interpolated)})."]
+    assert named == [f"DRAWN is no measure of real motion ({motion_scores.keyed_mark(interpolated)})."]
 
 
 def test_hidden_frames_counts_gaps_interpolated_between_keys() -> None:
@@ -150,7 +151,7 @@ def test_errors_by_group_tell_which_joints_are_wrong() -> None:
     for role in ("leftIndexProximal", "rightHand", "rightLowerArm", "neck"):
         local = np.array(clip.local_rotations)
         local[:, joints[role]] = rotation.multiply(local[:, joints[role]], rotation.exp([0.0, 0.0, np.deg2rad(10.0)]))
-        errors = metrics.group_errors(replace(clip, local_rotations=local), clip)
+        errors = motion_scores.group_errors(replace(clip, local_rotations=local), clip)
         wrong[role] = {name for name, error in asdict(errors).items() if error > 0.1}
     assert wrong == {
         "leftIndexProximal": {"fingers"},

@@ -12,7 +12,8 @@ import pytest
 from conftest import GOLDEN
 
 from signsplice.errors import InputError
-from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256, read_config, read_file, write_bundle
+from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256, read_config, read_file
+from signsplice_workshop.train.bundles import write_bundle
 
 TINY = GOLDEN / "tiny_bundle"
 VALUES: Mapping[str, Any] = {"system": "signsplice", "features": 4, "networks": {"cutter": {"n_parameters": 12}}}

@@ -20,6 +20,7 @@ from signsplice.rig.info import rig_info
 from signsplice.splicing.collisions import TOLERANCE_M, avoid_collisions, turn_elbow
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
+from signsplice_workshop.measure.collisions import hand_penetration
 
 CM = 0.01
 ASIDE = (-25.0, -25.0, 25.0)
@@ -52,7 +53,7 @@ def poses_around(obstacle: str) -> tuple[Clip, Clip]:
 
 def deepest(clip: Clip) -> float:
     """Depth of the deepest hand, cm."""
-    depth, _ = collision.hand_penetration(clip.skeleton, *kinematics.forward(clip))
+    depth, _ = hand_penetration(clip.skeleton, *kinematics.forward(clip))
     return float(depth.max())
 
 

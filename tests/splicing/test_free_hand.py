@@ -14,7 +14,6 @@ from conftest import random_clip
 import signsplice as ss
 from other_rigs import mirror
 from signing import sign, word
-from signsplice.body import collision
 from signsplice.body.arm_ik import move_wrists
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
@@ -29,6 +28,7 @@ from signsplice.splicing.contracts import Cut
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.idle_hands import FASTEST_M_S, NATURAL, FreeHands, idle_hands, is_approached
 from signsplice.splicing.sentence import Sentence
+from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.hands import wrist_positions
 
 LINES = ("HORSE TEACH I", "BOOK I HELP YOU", "CRY COLOR HOUSE TOMORROW", "RAIN SEE HAT LANGUAGE")
@@ -187,7 +187,7 @@ def test_an_arm_that_the_other_hand_comes_near_is_not_free() -> None:
 def test_no_hand_goes_through_the_body_while_its_arm_is_remade(line: str) -> None:
     result = spliced(line)
     metres = rig_info(result.clip.skeleton).sizes.unit.metres
-    depth = metres * collision.hand_penetration(result.clip.skeleton, *kinematics.forward(result.clip))[0]
+    depth = metres * hand_penetration(result.clip.skeleton, *kinematics.forward(result.clip))[0]
     for span in result.spans:
         if span.remade is not None:
             start, stop = span.remade.frames

@@ -67,11 +67,11 @@ def test_no_elbow_jumps_between_two_signs(pair: tuple[str, str]) -> None:
     p, q = (made(gloss) for gloss in pair)
     splice = truth.splice(p, q)
     before, after = p.states[splice.pre - 2 : splice.pre + 1], q.states[splice.post : splice.post + 3]
-    assert arms.largest_step(splice.states, before, after, p.signer) < 8.0
+    assert truth.largest_elbow_step(splice.states, before, after, p.signer) < 8.0
     sudden = splice.states.copy()
     sudden[:, 63:] = 0.0
     if pair == ("FROG", "WALK"):
-        assert arms.largest_step(sudden, before, after, p.signer) > 12.0, "where the easy place jumps"
+        assert truth.largest_elbow_step(sudden, before, after, p.signer) > 12.0, "where the easy place jumps"
 
 
 @pytest.mark.parametrize("gloss", ["NIGHT", "DAY", "TREE", "MORNING", "PAPER", "DOCTOR", "BOOK", "WRITE", "ELEPHANT"])

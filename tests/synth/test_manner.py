@@ -11,7 +11,8 @@ import pytest
 
 from signing import SIGNS, signer_of
 from signsplice.signer import planner
-from signsplice.signer.signer import PLAIN, TRAITS, USUAL, Manner, draw_signer, only, stream
+from signsplice.signer.signer import PLAIN, TRAITS, USUAL, Manner, draw_signer, stream
+from signsplice_workshop.corpora.training_data import only
 
 WORDS = ("MOTHER", "MORE", "LEARN", "UNDERSTAND", "NAME", "HELLO")
 

@@ -14,8 +14,9 @@ from signsplice.signer import notation, planner, pose, trajectory, two_hands
 from signsplice.signer.collisions import TOUCH_CM, hand_clearances, penetration
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer, only
+from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer
 from signsplice_workshop.corpora import truth
+from signsplice_workshop.corpora.training_data import only
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 

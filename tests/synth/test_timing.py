@@ -16,7 +16,6 @@ from signsplice.signer import notation, planner, pose, timing, trajectory
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord, SegmentPlan
 from signsplice.signer.signer import PLAIN, STANDARD, Manner, draw_signer
-from signsplice.signer.timing import Events
 from signsplice.signer.trajectory import Knot, low_passed
 from signsplice_workshop.corpora import pseudo, sentences, truth
 from signsplice_workshop.measure.corpus_checks import over_limit
@@ -35,11 +34,6 @@ TAPS = """TAPS hands=one
 def made(text: str, manner: Manner, take: int = 0) -> IsolatedWord:
     (one,) = notation.parse(text).values()
     return planner.isolated(one, signer_of(None, manner), take)
-
-
-def frames_of(events: Events) -> Events:
-    """The events without skin distances, which differ where a hand is a little elsewhere."""
-    return replace(events, gap_first_cm=None, gap_last_cm=None)
 
 
 def depth(one: IsolatedWord) -> FloatArray:
@@ -88,7 +82,7 @@ def test_smoothing_makes_jerk_less_and_keeps_the_ends() -> None:
     jerk = [float(np.square(np.diff(one.states[:, :3], n=3, axis=0)).mean()) for one in (sharp, smooth)]
     assert jerk[1] < 0.5 * jerk[0]
     assert np.array_equal(sharp.states[[0, -1]], smooth.states[[0, -1]])
-    assert frames_of(sharp.events) == frames_of(smooth.events)
+    assert sharp.events == smooth.events
 
 
 @pytest.mark.parametrize("deviation", [0.5, 1.0, 2.5])
@@ -139,7 +133,7 @@ def test_stops_fall_between_frames_and_events_on_the_nearest() -> None:
     assert off.std(axis=0)[[0, 2, 3]].min() > 0.2
     assert np.allclose(off[:, 1], 0.5 * (off[:, 0] + off[:, 2])), "what lies between moves in proportion"
     one = planner.isolated(sign("MOTHER"), signer)
-    assert frames_of(one.events) == frames_of(word("MOTHER").events)
+    assert one.events == word("MOTHER").events
     assert np.abs(one.states - word("MOTHER").states)[:, :3].max() > 0.3
 
 
@@ -228,13 +222,13 @@ def test_few_holds_are_longer_and_hands_drift_meanwhile() -> None:
 
 
 def test_a_hesitating_reach_has_the_same_path_and_speed_at_its_ends() -> None:
-    u = timing.slowed(9, 6)
+    u = truth.hesitating_times(9, 6)
     assert len(u) == 15
     assert (np.diff(u) > 0.0).all()
     assert u[0] == pytest.approx(0.1, rel=0.02)
     assert u[-1] == pytest.approx(0.9, rel=0.02)
     assert np.diff(u)[6:8].max() < 0.04, "slow half way"
-    assert len(timing.slowed(3, 50)) <= 2 * 4
+    assert len(truth.hesitating_times(3, 50)) <= 2 * 4
 
 
 def test_sentences_hesitate_rarely_and_the_truth_of_a_pair_never() -> None:

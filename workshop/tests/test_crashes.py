@@ -29,9 +29,9 @@ from signsplice import SpliceOptions, lexicon, splice
 from signsplice.errors import InputError
 from signsplice.formats import atomic, save
 from signsplice.splicing import report
-from signsplice.splicing.bundle import write_bundle
 from signsplice_workshop.corpora import pairs, training_data, truth
 from signsplice_workshop.corpora.pairs import Recipe, write_pairs
+from signsplice_workshop.train.bundles import write_bundle
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")
 

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.special import log_softmax
 
 from signsplice.motion import Clip, FloatArray, rotation
-from signsplice.splicing.collisions import fill
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice_paper import published
 from signsplice_paper.baselines import Ridge
@@ -26,6 +25,7 @@ from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems import PaperSystem, TwoNetworkSystem
 from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_paper.systems.splicers import NONE, POST, PRE
+from signsplice_workshop.measure.collisions import fill
 
 SYSTEMS = (published.IMPROVED, "transformer", "lstm")
 """Whose tokens are read together; the first one's TFGN gives the number of frames."""

@@ -18,8 +18,6 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip
-from signsplice.motion.cache import CACHE
-from signsplice.splicing.collisions import fill
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.durations import CLASSICAL_DURATION
@@ -29,6 +27,7 @@ from signsplice.splicing.options import Methods, choose, open_learned
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import GIVEN
 from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.measure.collisions import fill
 
 TRANSITIONS = ("slerp", "hermite")
 TRUE_POSITIONS = "true-positions"
@@ -112,7 +111,8 @@ class ClipMethod:
         truth, n_true: the true position and number of transition frames; used only as far as ``given`` allows.
         """
         # What was computed of these words for another pair must not shorten the measured time.
-        CACHE.forget(before, after)
+        for clip in (before, after):
+            clip.derived.clear()
         if isinstance(self.parts.duration, LearnedDuration):
             self.parts.duration.reader.forget(before, after)
         cut = truth if "positions" in self.given else self.parts.cutter.cut_all([before, after])[0]

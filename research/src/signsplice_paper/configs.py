@@ -9,9 +9,9 @@ from typing import Any, get_type_hints
 
 from signsplice.errors import InputError
 from signsplice.formats.json_files import check_type
-from signsplice.motion.number_space import NumberSpace, read_space
 from signsplice.splicing import bundle
 from signsplice.splicing.bundle import BundleConfig, check_fields, described
+from signsplice_workshop.corpora.number_space import NumberSpace, read_space
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,12 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray
-from signsplice.motion.number_space import NumberSpace
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.splicing.contracts import CONTEXT
 from signsplice_paper.prediction import Prediction
+from signsplice_workshop.corpora.number_space import NumberSpace
+from signsplice_workshop.measure import motion_scores
 
 REQUIRED = ("hips", "leftHand", "rightHand")
 """Roles of the joints without which nothing is measured."""
@@ -33,8 +34,8 @@ SIGNATURES = {
     "later_frames_error": f"frame-error|joints:arms+fingers|frame:hips-place|unit:cm|by:index,{FIRST}+1..|mean:frames",
     "velocity_error": "velocity-error|joints:arms+fingers|frame:hips-place|unit:m/s|other-lengths:stretched|mean",
     "motion_ratio": "motion-ratio|joints:fingertips|frame:hips-place|path:P_pre,O,Q_post|sum/sum|of:predicted",
-    "velocity_jump": f"{metrics.VELOCITY_JUMP}|over:Y|median:pairs|of:predicted",
-    "jerk_ratio": f"{metrics.JERK_RATIO}|over:Y|context:{CONTEXT}|median:pairs|of:predicted",
+    "velocity_jump": f"{motion_scores.VELOCITY_JUMP}|over:Y|median:pairs|of:predicted",
+    "jerk_ratio": f"{motion_scores.JERK_RATIO}|over:Y|context:{CONTEXT}|median:pairs|of:predicted",
 }
 
 
@@ -95,7 +96,7 @@ def number_layout(clip: Clip, space: NumberSpace) -> NumberLayout:
     wrists = (order[roles["leftHand"]], order[roles["rightHand"]])
     arms, tips = (
         tuple(order[joint] for joint in chosen if joint in order)
-        for chosen in (metrics.arm_and_finger_joints(clip), metrics.fingertip_joints(clip))
+        for chosen in (motion_scores.arm_and_finger_joints(clip), motion_scores.fingertip_joints(clip))
     )
     return NumberLayout(
         hips=order[roles["hips"]],

@@ -17,11 +17,11 @@ from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.formats.roles import with_roles
 from signsplice.lexicon.recordings import WordFile, find_word_files
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, resample
-from signsplice.motion.number_space import NumberSpace, space_of
 from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
 from signsplice.signer.signer import stream
+from signsplice_workshop.corpora.number_space import NumberSpace, space_of
 from signsplice_workshop.corpora.pairs import EXTENT
 
 Progress = Callable[[int, int], None]

@@ -29,12 +29,12 @@ from signsplice.formats import load
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, read_bytes
 from signsplice.motion import Clip, concatenate, rotation, same_fps, sampled
-from signsplice.motion.number_space import NumberSpace, read_space
-from signsplice.splicing.collisions import fill
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice_paper.clip_methods import TRUE_POSITIONS, ClipMethod
 from signsplice_paper.own_clips import OwnWord, Rig, on_rig
+from signsplice_workshop.corpora.number_space import NumberSpace, read_space
+from signsplice_workshop.measure.collisions import fill
 
 _SHAPE = 'an object {"pairs": [...], "words": [...]} of positions'
 

@@ -16,7 +16,6 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.formats import skeletons
 from signsplice.formats.atomic import check_folder, replacing_folder, resumable_folder
-from signsplice.motion.number_space import NumberSpace
 from signsplice.splicing.learned import FLUENT
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice_paper import extra_metrics
@@ -32,6 +31,7 @@ from signsplice_paper.own_clips import (
     space_around,
 )
 from signsplice_paper.own_truth import FileTruth, MethodTruth, TrueSplice, TruthSource, read_positions
+from signsplice_workshop.corpora.number_space import NumberSpace
 from signsplice_workshop.corpora.pairs import (
     FILES,
     HEAD,

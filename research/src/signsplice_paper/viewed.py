@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.motion import FloatArray, rotation
-from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice_paper.extra_metrics import NumberLayout, velocity_error
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.measure import motion_scores
 
 JUMP_DEG = 60.0
 """A larger rotation of a joint from one frame to the next is a jump."""
@@ -103,7 +103,7 @@ class Viewer:
             place = {joint: k for k, joint in enumerate(joints)}
             roles = rig_info(skeleton).roles.joints
             hands = {roles[role] for role in ("leftHand", "rightHand") if role in roles}
-            fingers = set(metrics.arm_and_finger_joints(self.pairs.word_clip(word))) - hands
+            fingers = set(motion_scores.arm_and_finger_joints(self.pairs.word_clip(word))) - hands
             fingers -= {roles[role] for role in ("leftLowerArm", "rightLowerArm") if role in roles}
             bones = [(skeleton.parents[joint], joint) for joint in fingers if skeleton.parents[joint] in fingers]
             self._joints[signer] = joints, [(place[a], place[b]) for a, b in bones if a in place and b in place]

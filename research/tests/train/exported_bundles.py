@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import torch
 
-from signsplice.splicing.bundle import write_bundle
 from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.train import graphs, scales, training
 from signsplice_paper.train.networks.filling import Filler
@@ -18,6 +17,7 @@ from signsplice_paper.train.networks.generator import Generator, generate
 from signsplice_paper.train.pairs_data import Batch
 from signsplice_paper.train.scales import SystemPart
 from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, positions
+from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.tasks import Task
 from system_toys import CONFIGS, data, toy
 from training_toys import corpus

@@ -12,10 +12,11 @@ onnx = pytest.importorskip("onnx")
 from onnx import TensorProto, helper, numpy_helper  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice.splicing.bundle import bundle_sha256, write_bundle  # noqa: E402
+from signsplice.splicing.bundle import bundle_sha256  # noqa: E402
 from signsplice.splicing.runtime import onnxruntime  # noqa: E402
 from signsplice_paper.configs import read_config  # noqa: E402
 from signsplice_paper.train.half_weights import FLOAT16, halve_bundle, halved  # noqa: E402
+from signsplice_workshop.train.bundles import write_bundle  # noqa: E402
 
 WEIGHTS = np.random.default_rng(0).normal(0.0, 0.1, (64, 64)).astype(np.float32)
 BIAS = np.linspace(1e-9, 3.0, 64, dtype=np.float32)

@@ -25,7 +25,6 @@ import numpy as np
 from signsplice.formats import bvh, load, save
 from signsplice.lexicon import building, open_lexicon, shipped
 from signsplice.motion import Clip, concatenate, kinematics, resample, rotation
-from signsplice.motion.cache import CACHE
 from signsplice.progress import Progress, counted
 from signsplice.rig.info import active_span, arms
 from signsplice.splicing.contracts import Cut, Cutter, Gap
@@ -54,10 +53,10 @@ def median_milliseconds(repeats: int, *runs: Callable[[], object]) -> list[float
 
 def forget(clips: Iterable[Clip], reader: WordReader | None = None) -> None:
     """Clear what is cached of clips, so that the next call computes it again."""
-    clips = list(clips)
-    CACHE.forget(*clips)
-    if reader is not None:
-        reader.forget(*clips)
+    for clip in clips:
+        clip.derived.clear()
+        if reader is not None:
+            reader.forget(clip)
 
 
 N_STREAM = 1000

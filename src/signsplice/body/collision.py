@@ -207,20 +207,6 @@ _WHOLE_HAND_WEIGHT = 1.2
 """How much the direction from hand to hand counts beside the exit direction of two capsules of the hands."""
 
 
-def hand_penetration(
-    skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray, forearms: bool = False
-) -> tuple[FloatArray, FloatArray]:
-    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, clip units
-    (negative: the distance), and the exit direction (T, 2, 3) in the world. ``forearms``: of a forearm in the other
-    arm too, where that is deeper.
-
-    From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
-    from skin to skin, since single fingers would push in all directions.
-    """
-    posed = posed_capsules(skeleton, global_rotations, global_positions)
-    return posed.near_pairs(1e9, forearms=forearms).penetration()
-
-
 def forearm_penetration(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
     """Depth (T, 2) of the left and the right forearm, elbow included, in the trunk where arms do not begin, clip units
     (negative: the distance), from the globals of ``kinematics.forward`` for all joints; minus infinity without one.

@@ -53,4 +53,3 @@ DROP_FUNCTION_WORDS = click.option(
 )
 ROLES = click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 SEED = preset("--seed", 0, "N", "Seed of the draw.", type=click.IntRange(0, 2**63 - 1))
-PROCESSES = preset("--processes", 2, "N", "Number of processes.")

@@ -9,9 +9,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
-from signsplice.motion.clip import HasDerived
-
-Owner = TypeVar("Owner", bound=HasDerived)
 Value = TypeVar("Value")
 
 
@@ -20,10 +17,6 @@ class Cache:
 
     def __init__(self) -> None:
         self._recent: dict[Callable[..., Any], OrderedDict[tuple[Hashable, ...], Any]] = {}
-
-    def of(self, owner: Owner, compute: Callable[[Owner], Value]) -> Value:
-        """``owner.derived[compute]``."""
-        return owner.derived[compute]
 
     def recent(self, compute: Callable[..., Value], *arguments: Hashable, most: int) -> Value:
         """``compute(*arguments)``; the results of the last ``most`` different calls are kept."""
@@ -37,11 +30,6 @@ class Cache:
         found: Value = value
         return found
 
-    def forget(self, *owners: HasDerived) -> None:
-        """Forget everything that was computed from these objects."""
-        for owner in owners:
-            owner.derived.clear()
-
     def clear(self) -> None:
         """Forget all results."""
         self._recent.clear()
@@ -49,8 +37,3 @@ class Cache:
 
 CACHE = Cache()
 """The package's only module-level state."""
-
-
-def kept(compute: Callable[[Owner], Value]) -> Callable[[Owner], Value]:
-    """The function ``compute``, whose values lie in the object that it is called with."""
-    return lambda owner: owner.derived[compute]

@@ -19,11 +19,6 @@ def minimum_jerk(u: Number, height: float = 1.0) -> Number:
     return height * u**3 * (10.0 + u * (-15.0 + 6.0 * u))
 
 
-def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
-    """``minimum_jerk`` as a sum of powers. Its last bit differs: true cuts of stored corpora are made with it."""
-    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-
-
 def sparse(n_frames: int, apart: float) -> NDArray[np.intp]:
     """Of some frames those about ``apart`` frames from one another, and the last one."""
     return np.union1d(np.arange(0, n_frames, max(1, round(apart))), np.arange(n_frames)[-1:])

@@ -386,20 +386,6 @@ def apply_deltas(
     return out
 
 
-def canonical_bones(skeleton: Skeleton) -> FloatArray:
-    """From the joint of the role above to each role's own in the T-pose (R, 3), arm lengths; 0 where a role is missing.
-
-    With canonical rotations A, joints lie at p_j = p_parent + K_parent bone_j, as near as joints without a role keep
-    their pose.
-    """
-    info = rig_info(skeleton)
-    canonical, positions = info.canonical, info.t_pose.positions
-    hips = info.roles.joints.get("hips", 0)
-    parents = np.where(canonical.parent_rows >= 0, canonical.joints[canonical.parent_rows], hips)
-    bones = (positions[canonical.joints] - positions[parents]) / canonical.arm_length
-    return np.asarray(np.where(canonical.has_role[:, None], bones, 0.0))
-
-
 def mirrored_deltas(delta_rotvecs: FloatArray) -> FloatArray:
     """Rotation vectors (T, R, 3) of all roles as they are in the mirror."""
     return np.asarray(delta_rotvecs[:, MIRROR] * np.array([1.0, -1.0, -1.0]))

@@ -24,7 +24,7 @@ from signsplice.body import swivel
 from signsplice.motion import FloatArray, rotation
 from signsplice.motion.curves import between, sparse
 from signsplice.rig.roles import SIDES
-from signsplice.signer import pose, trajectory
+from signsplice.signer import pose
 from signsplice.signer.figure import Figure, PosedArms
 from signsplice.signer.pose import MARGIN, led_costs
 from signsplice.signer.signer import COLLAR, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer
@@ -156,26 +156,6 @@ def turn_arms(states: FloatArray, arm: pose.Arm, quats: FloatArray, swivels: Flo
     return made
 
 
-def joined(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:
-    """States (n, 65) of a transition whose elbows go from those of ``before`` (.., 65) to those of ``after`` (.., 65),
-    at the speed of both ends; in plain motion the states themselves.
-    """
-    if not signer.manner.low_elbows:
-        return states
-    steps = len(states) + 1
-    start, end = (directions_of(part, signer).reshape(len(part), 6) for part in (before, after))
-    between = trajectory.joining(start, end, steps, np.arange(1, steps)[:, None] / steps)
-    return turn_elbows(states, between.reshape(-1, 2, 3), signer)
-
-
-def largest_step(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> float:
-    """The largest step of an elbow from frame to frame in a transition's states (n, 65) and from and to the states
-    beside it, cm on the standard body, from the chest.
-    """
-    states = np.concatenate([before[-1:], states, after[:1]])
-    return float(np.linalg.norm(np.diff(_positions(states, signer), axis=0), axis=-1).max())
-
-
 _FASTEST_CM_S = 280.0
 """Speed of an elbow about its shoulder from which on its direction is smoothed once more."""
 _SLOWED_S, _SLOWED_ROUNDS = 0.2, 6
@@ -185,7 +165,7 @@ _SLOWED_S, _SLOWED_ROUNDS = 0.2, 6
 def limit_elbow_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) in which elbows that swing faster than people's go in more time; the states themselves without."""
     for _ in range(_SLOWED_ROUNDS):
-        speed = np.linalg.norm(np.diff(_positions(states, signer), axis=0), axis=-1) * fps
+        speed = np.linalg.norm(np.diff(elbow_positions(states, signer), axis=0), axis=-1) * fps
         fast = np.concatenate([np.zeros((1, 2)), speed > _FASTEST_CM_S])
         if not fast.any():
             break
@@ -197,7 +177,7 @@ def limit_elbow_speed(states: FloatArray, signer: Signer, fps: float) -> FloatAr
     return states
 
 
-def _positions(states: FloatArray, signer: Signer) -> FloatArray:
+def elbow_positions(states: FloatArray, signer: Signer) -> FloatArray:
     """Elbows (T, 2, 3) of states (T, 65) from their shoulders, cm on the standard body, in the chest's axes."""
     arm, swivels = solve_arms(states, signer)
     upper = rotation.multiply(rotation.exp(swivels[..., None] * arm.direction), arm.upper)

@@ -4,19 +4,16 @@ hands are from what they may touch, skin to skin.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.capsules import body_capsules, capsule_ends
-from signsplice.body.collision import PosedCapsules, SkinPairs, pair_clearances, skin_pairs
-from signsplice.motion import Clip, FloatArray, curves, kinematics, rotation
-from signsplice.rig.roles import SIDES
+from signsplice.body.collision import PosedCapsules
+from signsplice.motion import FloatArray, curves, rotation
 from signsplice.signer import pose
 from signsplice.signer.figure import Figure, posed_signer
-from signsplice.signer.phonology import MIRRORED_HANDS, Posture, Sign, on_arm
+from signsplice.signer.phonology import MIRRORED_HANDS, Posture, on_arm
 from signsplice.signer.signer import Signer, shoulder
 
 TOLERANCE_CM = 0.2
@@ -116,37 +113,6 @@ def between_hands(states: FloatArray, signer: Signer, most: float = np.inf) -> F
     """Distance (T,) between the skins of the two hands, cm, negative inside, or ``most`` where it is greater."""
     capsules = Figure(states, signer).posed(states).capsules
     return capsules.nearest(capsules.body.groups.right, (capsules.body.groups.left,), most)[0][:, 0]
-
-
-def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:
-    """The hands of a sign whose touches count, of ``SIDES``: the strong one, and both where they mirror one another."""
-    if sign.hands in MIRRORED_HANDS:
-        return SIDES
-    return ("left",) if signer.left_handed else ("right",)
-
-
-def skin_clearances(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> FloatArray:
-    """Least distance (F,), cm, at some frames, from the skin of the hands ``sides`` to head, neck, trunk, the other
-    hand and the other arm; negative inside, rounded so that a mirrored signer has the same.
-    """
-    at = list(frames)
-    body = body_capsules(clip.skeleton)
-    starts, ends = capsule_ends(
-        body, *kinematics.forward(Clip(clip.skeleton, clip.local_rotations[at], clip.root_positions[at], clip.fps))
-    )
-    pairs = skin_pairs(body, frozenset(body.keys))
-    wanted = np.flatnonzero(_of_hands(pairs, sides, np.array([*body.groups.left, *body.groups.right])))
-    rows, k = np.repeat(np.arange(len(at)), len(wanted)), np.tile(wanted, len(at))
-    distance = pair_clearances(starts, ends, body.radii, pairs, rows, k).distance
-    return np.asarray(distance.reshape(len(at), -1).min(axis=1).round(6))
-
-
-def _of_hands(pairs: SkinPairs, sides: Sequence[str], hands: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which pairs (K,) have a capsule of one of these hands."""
-    numbers = [SIDES.index(side) for side in sides]
-    own = np.isin(pairs.own_side, numbers)
-    other = np.isin(pairs.other_side, numbers) & np.isin(pairs.other, hands)
-    return np.asarray(own | other)
 
 
 def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) -> FloatArray:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import BodyCapsules, body_capsules
 from signsplice.body.collision import PosedCapsules
 from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
-from signsplice.motion.cache import kept
 from signsplice.signer import hand, pose
 from signsplice.signer.hand import hand_part
 from signsplice.signer.phonology import ON_ARM, Posture, on_base
@@ -65,7 +64,7 @@ class Figure:
         self.positions = positions - positions[:, _SPINE[2], None]
         joints, ends = self.body.joints, np.stack([self.body.starts, self.body.ends])  # (2, C, 3)
         self._ends = np.einsum("tcab,ncb->tnca", self.rotations[:, joints], ends) + self.positions[:, None, joints]
-        self._carried = _carried(bones)
+        self._carried = bones.derived[_carried]
         # Where arms are straight, what they carry is turned as the chest is.
         self._at_rest = [
             (self._ends[:, :, own] - self.positions[:, joint, None, None]).reshape(len(states), -1, 3)
@@ -102,7 +101,6 @@ class Figure:
         return PosedCapsules(self.body, ends[:, 0], ends[:, 1])
 
 
-@kept
 def _carried(bones: Skeleton) -> list[NDArray[np.intp]]:
     """The capsules that each of the arms' joints carries, with the fingers' ones on the hand's."""
     carriers: dict[int, int] = {}

@@ -31,9 +31,7 @@ from signsplice.signer.collisions import (
     clear_collisions,
     hand_clearances,
     penetration,
-    skin_clearances,
     touching,
-    touching_sides,
 )
 from signsplice.signer.contacts import solve_contacts
 from signsplice.signer.figure import Figure
@@ -390,7 +388,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     segments = tuple(one.later(offset) for one in plan.timed)
     states = _settled(states, segments, sign, signer, fps)
     clip = pose.clip(states, signer, fps, sign.gloss)
-    return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
+    return IsolatedWord(sign, signer, states, clip, events, segments)
 
 
 def _settled(
@@ -440,15 +438,3 @@ def _written(
 def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float, pace: float) -> int:
     travel = np.linalg.norm(pose.hands(end)[:, pose.WRIST] - pose.hands(start)[:, pose.WRIST], axis=-1).max()
     return max(4, round(fps * pace * trajectory.travel_seconds(float(travel), signer)) - 1)
-
-
-def _with_touches(events: Events, clip: Clip, sign: Sign, signer: Signer) -> Events:
-    """A word's events with how near its hands come to the skin in its first and last postures."""
-    first, last = skin_clearances(clip, (events.start, events.end), touching_sides(sign, signer))
-    return replace(
-        events,
-        touches_first=bool(first <= TOUCH_CM),
-        touches_last=bool(last <= TOUCH_CM),
-        gap_first_cm=float(first),
-        gap_last_cm=float(last),
-    )

@@ -7,13 +7,10 @@ learn from signing with some traits alone (``only``), which shows what each one 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
-from signsplice.errors import InputError
 from signsplice.motion import EndSite, FloatArray, Skeleton
 from signsplice.motion.cache import CACHE
 from signsplice.signer import hand
@@ -69,14 +66,6 @@ def draw_manner(rng: np.random.Generator) -> Manner:
     what is usual.
     """
     return Manner(float(rng.uniform(0.0, 2.5)), *rng.uniform(0.5, 1.5, len(TRAITS) - 1).tolist())
-
-
-def only(manner: Manner, traits: tuple[str, ...]) -> Manner:
-    """A manner with some of its traits, the others 0. Raises ``InputError`` for an unknown name."""
-    for name in traits:
-        if name not in TRAITS:
-            raise InputError(f"no trait {name!r}, expected some of {', '.join(TRAITS)}")
-    return Manner(**{name: getattr(manner, name) for name in traits})
 
 
 STATURE_CM = 170.0
@@ -149,11 +138,6 @@ class HangingElbowSigner(Signer):
 
 
 STANDARD = Signer()
-
-
-def read_signer(row: Mapping[str, Any]) -> Signer:
-    """The signer whose fields stand in a row of JSON; one without a manner moves plainly."""
-    return Signer(**{**row, "manner": Manner(**row.get("manner", {}))})
 
 
 def draw_signer(seed: int) -> Signer:
@@ -263,19 +247,6 @@ def _skeleton(signer: Signer) -> Skeleton:
 def shoulder(signer: Signer) -> FloatArray:
     """The right shoulder (3,) of the standard body with a signer's width, from the chest joint, arms hanging, cm."""
     return np.asarray((COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]))
-
-
-def stature(bones: Skeleton) -> float:
-    """Stature (cm) of the signer whose ``skeleton`` this is, from the legs, which scale with the stature alone; of any
-    skeleton with a joint LeftLeg in its own unit. Raises ``InputError`` for one without.
-    """
-    shin = next((k for k, name in enumerate(bones.names) if name.rpartition(":")[2] == "LeftLeg"), None)
-    if shin is None:
-        raise InputError(
-            f"skeleton: has no joint LeftLeg among {len(bones)}, expected one, as in the synthetic signer's"
-        )
-    standard = np.linalg.norm(skeleton().offsets[JOINTS["LeftLeg"]])
-    return STATURE_CM * float(np.linalg.norm(bones.offsets[shin]) / standard)
 
 
 JOINTS: dict[str, int] = {name.removeprefix("mixamorig:"): n for n, name in enumerate(skeleton().names)}

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.motion import FloatArray
-from signsplice.motion.curves import minimum_jerk
 from signsplice.signer.phonology import Segment, Sign
 from signsplice.signer.signer import Signer, stream
 from signsplice.signer.trajectory import Knot
@@ -37,11 +36,8 @@ _LEAST_S = 0.35
 _HESITATES = 0.07
 """Fraction of the holds and of the transitions in which the signer hesitates."""
 _HOLD_PAUSE_S = (0.15, 0.45)
-_TRANSITION_PAUSE_S = (0.12, 0.35)
 _DRIFT_CM = 1.2
 """How far hands drift in a second of hesitation."""
-_MOST_PAUSE = 0.9
-"""Longest pause over the transition without it: hands still go on at a tenth of their speed half way."""
 _MOST_OFF = 0.45
 """How far from its frame a stop may lie, frames: less than half, so that the frame stays the nearest one."""
 
@@ -104,32 +100,16 @@ def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[floa
     """
     if len(sign.segments) == 1:
         return 0.0, np.zeros(3)
-    pause, rng = _pause(signer, _HOLD_PAUSE_S, sign.gloss, take, number)
+    pause, rng = draw_pause(signer, _HOLD_PAUSE_S, sign.gloss, take, number)
     direction = rng.standard_normal(3) + np.array([0.0, -1.5, 0.0])
     return pause, _DRIFT_CM * signer.scale * pause * direction / float(np.linalg.norm(direction))
 
 
-def transition_pause(signer: Signer, glosses: Sequence[str], number: int) -> float:
-    """How much longer (seconds) the transition after word ``number`` of a sentence takes by hesitation, mostly 0."""
-    return _pause(signer, _TRANSITION_PAUSE_S, *glosses, number)[0]
-
-
-def _pause(signer: Signer, seconds: tuple[float, float], *names: str | int) -> tuple[float, np.random.Generator]:
+def draw_pause(signer: Signer, seconds: tuple[float, float], *names: str | int) -> tuple[float, np.random.Generator]:
     """A pause, seconds, mostly 0, and the stream to draw more from."""
     rng = stream("hesitation", signer.name, *names)
     hesitates = rng.random() < _HESITATES * signer.manner.hesitation
     return (rng.uniform(*seconds) if hesitates else 0.0), rng
-
-
-def slowed(n_frames: int, pause_frames: int) -> FloatArray:
-    """Where frames of a reach of ``n_frames`` lie on it, 0 to 1, if it pauses for ``pause_frames`` more: at its own
-    speed at both ends, slowest half way (n_frames + pause, at most nearly twice as many).
-    """
-    steps = n_frames + 1
-    pause = min(pause_frames, int(_MOST_PAUSE * steps))
-    t = np.arange(1, n_frames + pause + 1, dtype=np.float64)
-    u = t / (steps + pause)
-    return np.asarray((t - minimum_jerk(u, pause)) / steps)
 
 
 def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, gloss: str, take: int) -> list[Knot]:
@@ -161,10 +141,7 @@ class TimedSegment:
 
 @dataclass(frozen=True)
 class Events:
-    """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
-
-    Skin distances are those of ``avoidance.skin_clearances``: of the strong hand, or of either where the hands mirror
-    one another, to head, trunk, the other hand and the other arm.
+    """Frames of an isolated word.
 
     up: the last frame of rest
     start: the first posture
@@ -172,10 +149,6 @@ class Events:
     down: the first frame of rest again
     first: the first movement, [begin, end]; None for a word without movement
     passes: [begin, end] of every pass of the last movement, in order: its repetitions, or a circle's revolutions
-    touches_first: whether the first posture touches: a skin distance of at most 5 mm
-    touches_last: whether the last posture touches
-    gap_first_cm: skin distance at ``start``; None in corpora of version 1, whose touches are those of the notation
-    gap_last_cm: skin distance at ``end``
     """
 
     up: int
@@ -184,7 +157,3 @@ class Events:
     down: int
     first: tuple[int, int] | None
     passes: tuple[tuple[int, int], ...]
-    touches_first: bool = False
-    touches_last: bool = False
-    gap_first_cm: float | None = None
-    gap_last_cm: float | None = None

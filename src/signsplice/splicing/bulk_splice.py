@@ -24,7 +24,6 @@ import numpy as np
 
 from signsplice.errors import SignspliceError
 from signsplice.motion import Clip, Skeleton, unchecked_copy
-from signsplice.motion.cache import CACHE
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.options import SpliceOptions
@@ -210,7 +209,7 @@ def gap_key(passes: Sequence[Pass], gap: Gap) -> bytes | None:
     if any(None in one for one in described) or type(skeleton) is not Skeleton:
         return None
     digest = hashlib.blake2b(repr(described).encode(), digest_size=32)
-    digest.update(CACHE.of(skeleton, _skeleton_key))
+    digest.update(skeleton.derived[_skeleton_key])
     digest.update(struct.pack("<qdqq", gap.n_frames, gap.before.fps, len(gap.before), len(gap.after)))
     for clip in (gap.before, gap.after):
         _add_frames(digest, clip)

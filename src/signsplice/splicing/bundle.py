@@ -11,12 +11,9 @@ A bundle's ONNX networks as onnxruntime sessions, each opened and checked when f
 from __future__ import annotations
 
 import hashlib
-import json
-import os
-import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any, get_type_hints
@@ -27,7 +24,6 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.json_files import check_type, read_json
 from signsplice.formats.reading import as_format_error, format_errors, read_bytes
 
@@ -74,48 +70,6 @@ class BundleConfig:
 
 
 _PLAIN = ("system", "features", "precision")
-
-
-def write_bundle(
-    folder: Path, values: Mapping[str, Any], files: Mapping[str, bytes], unlisted: Mapping[str, bytes] | None = None
-) -> None:
-    """Write files and bundle.json into a folder, all in one step: its whole content is made beside it.
-
-    unlisted: files that bundle.json does not list. Other files in the folder stay, except those of an earlier bundle.
-    Raises ``InputError`` where the folder cannot be written.
-    """
-    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
-    text = json.dumps({"version": VERSION, **values, "files": hashes}, indent=1) + "\n"
-    written = {**files, **(unlisted or {}), BUNDLE_FILE: text.encode()}
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder.parent}: cannot be made ({error.strerror})") from error
-    with replacing_folder(folder) as made:
-        _keep_others(folder, made, written)
-        for name, content in written.items():
-            (made / name).write_bytes(content)
-
-
-def _keep_others(folder: Path, made: Path, written: Mapping[str, bytes]) -> None:
-    """Link what is in a folder, its earlier bundle and the files that will be ``written`` apart, into another one."""
-    if not folder.is_dir():
-        return
-    replaced = set(written)
-    with suppress(InputError):  # no bundle, or none that can be read: all of its files stay
-        replaced |= set(read_config(folder).files)
-
-    def at_top(parent: str, names: list[str]) -> set[str]:
-        return replaced & set(names) if Path(parent) == folder else set()
-
-    shutil.copytree(folder, made, symlinks=True, ignore=at_top, copy_function=_link, dirs_exist_ok=True)
-
-
-def _link(source: str, copy: str) -> None:
-    try:
-        os.link(source, copy, follow_symlinks=False)
-    except (OSError, NotImplementedError):  # a system, or a file system, without hard links
-        shutil.copy2(source, copy, follow_symlinks=False)
 
 
 def read_config(folder: Path) -> BundleConfig:

@@ -24,7 +24,6 @@ from signsplice.body.capsules import BodyCapsules
 from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, curves, joined, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
-from signsplice.splicing.contracts import Gap, Transition, fill_gaps
 
 TOLERANCE_M = 0.003
 """A touch may press this deep, m."""
@@ -95,17 +94,6 @@ def avoid_all_collisions(
             else:
                 out[k] = _lead_around(filled, before, after, posed[frames], fixed)
     return out
-
-
-def fill(transition: Transition, gaps: Sequence[Gap], avoids: bool | None = None) -> list[Clip]:
-    """The frames that a transition makes for every gap, with hands led around the body where ``avoids`` is true; None:
-    where the transition is learned. Raises as ``contracts.fill_gaps`` does.
-    """
-    made = fill_gaps(transition, gaps)
-    if not (transition.learned if avoids is None else avoids):
-        return made
-    asked = [(new, gap.before, gap.after) for new, gap in zip(made, gaps, strict=True)]
-    return [cleared.clip for cleared in avoid_all_collisions(asked)]
 
 
 def depths(filled: Clip, before: Clip, after: Clip) -> FloatArray:

@@ -19,7 +19,6 @@ from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import Near, near_pairs, pair_clearances, skin_pairs
 from signsplice.body.contacts import PART_M, find_contacts, posed_body
 from signsplice.motion import Clip, FloatArray, kinematics, sampled
-from signsplice.motion.cache import CACHE
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.contracts import Cutter
 from signsplice.splicing.word import AlignedWord, cut_words
@@ -98,7 +97,7 @@ def pace(clip: Clip) -> Pace:
 
     Raises ``InputError`` where the rig's arms are not known by name.
     """
-    return CACHE.of(clip.source_clip or clip, _pace)
+    return (clip.source_clip or clip).derived[_pace]
 
 
 def _pace(clip: Clip) -> Pace:

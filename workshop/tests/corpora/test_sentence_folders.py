@@ -17,9 +17,9 @@ from signsplice.formats import load
 from signsplice.motion import Clip, kinematics
 from signsplice.signer import planner
 from signsplice.signer.folders import file_name
-from signsplice.signer.signer import STANDARD, read_signer
+from signsplice.signer.signer import STANDARD
 from signsplice_workshop.corpora import sentences
-from signsplice_workshop.corpora.pairs import Recipe
+from signsplice_workshop.corpora.pairs import Recipe, read_signer
 
 BVH_CM = 0.01
 """Error of positions by BVH's rounding, cm."""

@@ -15,8 +15,8 @@ from signsplice.signer import pose, trajectory
 from signsplice.signer.collisions import penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import STANDARD
-from signsplice.signer.timing import Events
 from signsplice_workshop.corpora import sentences, truth
+from signsplice_workshop.corpora.touches import SeenEvents
 from signsplice_workshop.measure.corpus_checks import over_limit
 
 GLOSSES = ("I", "MOTHER", "HELLO", "BOOK", "LEARN", "SIGN", "YES", "YOU", "fs-A")
@@ -139,7 +139,7 @@ def test_kinds_of_truth_are_checked() -> None:
         truth.by_partner("both")
 
 
-MOVED = Events(5, 20, 42, 62, (20, 30), ((20, 30),), False, False, gap_first_cm=20.0, gap_last_cm=20.0)
+MOVED = SeenEvents(5, 20, 42, 62, (20, 30), ((20, 30),), False, False, gap_first_cm=20.0, gap_last_cm=20.0)
 """X M H: rest to 5, up to 20, moves to 30, held to 42, down to 62."""
 LONGER = {"passes": ((20, 35),), "end": 50}
 TURNED = {"passes": ((20, 30), (36, 46)), "end": 52}
@@ -171,7 +171,7 @@ BEFORE = [
 ]
 
 
-def at_one_speed(events: Events) -> IsolatedWord:
+def at_one_speed(events: SeenEvents) -> IsolatedWord:
     """A word that moves straight by 12 cm from frame 20 to 30, with given events."""
     return straight((2.0, 0.0, 25.0), HERE, events=events)
 
@@ -215,7 +215,7 @@ def test_events_without_skin_distances_have_no_truth() -> None:
 Position = tuple[float, float, float]
 
 
-def moving(wrist: dict[int, Position], shape: float = 0.0, events: Events = MOVED) -> IsolatedWord:
+def moving(wrist: dict[int, Position], shape: float = 0.0, events: SeenEvents = MOVED) -> IsolatedWord:
     """A word whose strong wrist moves straight between positions at given frames, all finger angles at ``shape``."""
     states = np.zeros((66, pose.SIZE))
     frames = sorted(wrist)
@@ -228,7 +228,7 @@ def moving(wrist: dict[int, Position], shape: float = 0.0, events: Events = MOVE
 HANG, HERE = (-26.0, -40.0, 4.0), (-10.0, 0.0, 25.0)
 
 
-def straight(end: Position, start: Position, shape: float = 0.0, events: Events = MOVED) -> IsolatedWord:
+def straight(end: Position, start: Position, shape: float = 0.0, events: SeenEvents = MOVED) -> IsolatedWord:
     return moving({5: HANG, 15: start, 20: start, 30: end, 45: end, 60: HANG}, shape, events)
 
 

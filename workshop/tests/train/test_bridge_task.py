@@ -14,8 +14,8 @@ from signsplice.motion import (  # noqa: E402
     kinematics,
     rotation,
 )
-from signsplice.rig import metrics  # noqa: E402
 from signsplice.rig.info import ROLES, TIPS  # noqa: E402
+from signsplice_workshop.measure import motion_scores  # noqa: E402
 from signsplice_workshop.train import tasks  # noqa: E402
 from signsplice_workshop.train.gap_data import GapDataset  # noqa: E402
 from signsplice_workshop.train.networks import (  # noqa: E402
@@ -67,7 +67,7 @@ def test_the_loss_is_the_position_error_of_the_evaluation(gaps: GapDataset) -> N
         Clip(skeleton, np.insert(q[0, :n_frames].numpy().astype(float), 0, hips, axis=1), np.zeros((n_frames, 3)), 30.0)
         for q in (batch.base, batch.true)
     ]
-    assert 1000.0 * error.item() == pytest.approx(metrics.position_error(*clips), rel=1e-3)
+    assert 1000.0 * error.item() == pytest.approx(motion_scores.position_error(*clips), rel=1e-3)
 
 
 def test_torch_rotations_equal_those_of_motion() -> None:

@@ -21,11 +21,12 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import concatenate
 from signsplice.rig.info import canonical_motion
 from signsplice.splicing import gap_features
-from signsplice.splicing.bundle import read_config, write_bundle
+from signsplice.splicing.bundle import read_config
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import LearnedTransition, open_sessions
 from signsplice_workshop.train import records, tuning
+from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.export import ExportGraph, compare
 from training_toys import ALONE
 

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, bone_translations, kinematics, rotation
-from signsplice.motion.number_space import NumberSpace, space_of
+from signsplice.motion import Clip, FloatArray, Skeleton, bone_translations, kinematics, rotation
 from signsplice.rig.align import ORIGIN, Placement
 from signsplice.rig.info import rig_info
-from signsplice.signer.signer import STATURE_CM, skeleton, stature
+from signsplice.signer.signer import JOINTS, STATURE_CM, skeleton
 from signsplice.splicing.bundle import bundle_sha256
 from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
 from signsplice.splicing.seam import Seam
@@ -27,6 +26,7 @@ from signsplice.splicing.word import AlignedWord
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_paper.systems.splicers import PaperSystem, TwoNetworkSystem
+from signsplice_workshop.corpora.number_space import NumberSpace, space_of
 from signsplice_workshop.corpora.pairs import EXTENT
 
 _ANKLES = np.array([0.0, 7.0, -1.0])
@@ -165,3 +165,16 @@ def _resampled(start: FloatArray, frames: FloatArray, end: FloatArray, n_frames:
     low = np.minimum(at.astype(int), len(trajectory) - 2)
     alpha = (at - low)[:, None]
     return np.asarray((1.0 - alpha) * trajectory[low] + alpha * trajectory[low + 1])
+
+
+def stature(bones: Skeleton) -> float:
+    """Stature (cm) of the signer whose ``skeleton`` this is, from the legs, which scale with the stature alone; of any
+    skeleton with a joint LeftLeg in its own unit. Raises ``InputError`` for one without.
+    """
+    shin = next((k for k, name in enumerate(bones.names) if name.rpartition(":")[2] == "LeftLeg"), None)
+    if shin is None:
+        raise InputError(
+            f"skeleton: has no joint LeftLeg among {len(bones)}, expected one, as in the synthetic signer's"
+        )
+    standard = np.linalg.norm(skeleton().offsets[JOINTS["LeftLeg"]])
+    return STATURE_CM * float(np.linalg.norm(bones.offsets[shin]) / standard)

@@ -8,6 +8,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import FloatArray, Skeleton, rotation
+from signsplice_workshop.measure.hands import twist_angle
 
 
 def rotations_from_positions(
@@ -100,7 +101,7 @@ def _transported(rest: FloatArray, seen: FloatArray, start: FloatArray, end: Flo
         axis = rest / np.linalg.norm(rest, axis=-1, keepdims=True)
         last = rest[-1]
         landing = rotation.multiply(rotation.between_vectors(rotation.rotate(q, last), rotation.rotate(end, last)), q)
-        twist = rotation.twist_angle(rotation.multiply(rotation.inverse(landing), end), axis[-1])
+        twist = twist_angle(rotation.multiply(rotation.inverse(landing), end), axis[-1])
         alpha = np.arange(1, len(seen) + 1) / (len(seen) + 1)
         out = rotation.multiply(out, rotation.exp(axis * (twist * alpha)[:, None]))
     return out

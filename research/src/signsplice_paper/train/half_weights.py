@@ -15,8 +15,9 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from signsplice.errors import InputError
-from signsplice.splicing.bundle import bundle_sha256, read_file, write_bundle
+from signsplice.splicing.bundle import bundle_sha256, read_file
 from signsplice_paper.configs import PaperConfig, read_config
+from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.export import check_bundle_folder
 
 FLOAT16 = "float16"

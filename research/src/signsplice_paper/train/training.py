@@ -16,7 +16,6 @@ import torch
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
-from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.runtime import onnxruntime
 from signsplice_paper.plan import SHARED_TRAINING
 from signsplice_paper.train import stopping
@@ -28,6 +27,7 @@ from signsplice_paper.train.stopping import PaperLoop, highest_rate
 from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.train import checkpoint, records
+from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.export import check_bundle_folder
 from signsplice_workshop.train.loop import ProgressCallback, train
 from signsplice_workshop.train.prefetch import prefetched

@@ -8,10 +8,12 @@ from typing import Any
 import click
 
 from signsplice.cli.clips import check_apart
-from signsplice.cli.options import PROCESSES, preset
+from signsplice.cli.options import preset
 from signsplice.cli.synth import DRAWN, FPS, SEED, checked_rate, chosen_signs
 from signsplice.cli.terminal import progress, size
 from signsplice.errors import InputError
+
+PROCESSES = preset("--processes", 2, "N", "Number of processes.")
 
 
 @click.command()

@@ -36,19 +36,18 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import skeletons
 from signsplice.formats.atomic import check_folder, put_file, replacing_folder, resumable_folder
 from signsplice.formats.json_files import check_type, parse_json
-from signsplice.formats.npz import mapped_array
-from signsplice.formats.reading import read_bytes
+from signsplice.formats.reading import format_errors, opened, read_bytes
 from signsplice.motion import Clip, FloatArray, Skeleton
-from signsplice.motion.number_space import NumberSpace, read_space, space_of
 from signsplice.progress import Progress
 from signsplice.signer import planner, pose
 from signsplice.signer.folders import lexicon_signer
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import Signer, draw_signer, read_signer, skeleton, stream
-from signsplice.signer.timing import Events
+from signsplice.signer.signer import Manner, Signer, draw_signer, skeleton, stream
 from signsplice_workshop.corpora import truth
+from signsplice_workshop.corpora.number_space import NumberSpace, read_space, space_of
 from signsplice_workshop.corpora.pool import Pool, is_whole
+from signsplice_workshop.corpora.touches import SeenEvents, seen_events, with_touches
 
 Array = NDArray[Any]
 
@@ -133,12 +132,12 @@ class Pairs:
         row = self.head["words"][number]
         return np.asarray(self.words[kind][row["first"] : row["first"] + row["frames"]])
 
-    def events(self, number: int) -> Events:
+    def events(self, number: int) -> SeenEvents:
         """A word's events; those of version 1 have no skin distances. Raises ``InputError`` as ``check_synthetic``."""
         self.check_synthetic()
         row = self.head["words"][number]["events"]
         first = tuple(row["first"]) if row["first"] else None
-        return Events(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
+        return SeenEvents(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
 
     def truth(self, number: int, kind: str = "positions") -> tuple[int, int, Array]:
         """pre, post and the true transition (n, ...) of a pair."""
@@ -423,7 +422,7 @@ def _rows(recipe: Recipe) -> list[_PairRow]:
 
 def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
     sign, signer, fps = job
-    return planner.isolated(sign, signer, fps=fps)
+    return with_touches(planner.isolated(sign, signer, fps=fps))
 
 
 def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow:
@@ -454,7 +453,7 @@ def _head(
             "first": first,
             "frames": n_frames,
             "hands": word.sign.hands,
-            "events": asdict(word.events),
+            "events": asdict(seen_events(word)),
         }
         for word, (first, n_frames) in words
     ]
@@ -495,3 +494,15 @@ def draw_splits(seed: int, n_words: int, pairs: Sequence[tuple[int, int, int]]) 
         "unseen-words": unseen,
         "unseen-signer": {"train": random["train"], "valid": random["valid"], "test": others},
     }
+
+
+def read_signer(row: Mapping[str, Any]) -> Signer:
+    """The signer whose fields stand in a row of JSON; one without a manner moves plainly."""
+    return Signer(**{**row, "manner": Manner(**row.get("manner", {}))})
+
+
+def mapped_array(path: str | Path) -> NDArray[Any]:
+    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``opened`` does, or it is none."""
+    with opened(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
+        array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
+    return array

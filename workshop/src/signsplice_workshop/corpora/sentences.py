@@ -30,8 +30,8 @@ from signsplice.signer import planner, pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.folders import NOT_OURS, check_names, file_name
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import skeleton, stream
-from signsplice.signer.timing import transition_pause
+from signsplice.signer.signer import Signer, skeleton, stream
+from signsplice.signer.timing import draw_pause
 from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.pairs import VERSION, Recipe
 
@@ -234,3 +234,11 @@ def _sentence_files(folder: Path) -> list[str]:
     except (KeyError, TypeError) as error:
         raise InputError(f"{folder / TRUTH}: is no truth of `synth sentences`; {NOT_OURS}") from error
     return [TRUTH, *files, *(f"words/{file_name(word)}.bvh" for word in words)]
+
+
+_TRANSITION_PAUSE_S = (0.12, 0.35)
+
+
+def transition_pause(signer: Signer, glosses: Sequence[str], number: int) -> float:
+    """How much longer (seconds) the transition after word ``number`` of a sentence takes by hesitation, mostly 0."""
+    return draw_pause(signer, _TRANSITION_PAUSE_S, *glosses, number)[0]

@@ -18,18 +18,19 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice.motion import Clip, concatenate, same_fps
+from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, same_fps
 from signsplice.motion.cache import CACHE
 from signsplice.progress import Progress
-from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.info import FEATURE_FPS, canonical_motion, rig_info
 from signsplice.signer import planner
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import HANGING, PLAIN, RESTS, TRAITS, Signer, draw_signer, only, stream
+from signsplice.signer.signer import HANGING, PLAIN, RESTS, TRAITS, Manner, Signer, draw_signer, stream
 from signsplice.signer.timing import Events
 from signsplice_workshop.corpora import pseudo, truth
 from signsplice_workshop.corpora import sentences as running
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.pool import Pool, is_whole
+from signsplice_workshop.corpora.touches import with_touches
 
 Array = NDArray[Any]
 
@@ -146,7 +147,7 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
         signer = replace(signer, manner=only(signer.manner, plan.traits))
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
     signs = [CACHE.recent(pseudo.sign, int(k), most=_SIGNS_KEPT) for k in seeds]
-    words = [planner.isolated(sign, signer, fps=plan.fps) for sign in signs]
+    words = [with_touches(planner.isolated(sign, signer, fps=plan.fps)) for sign in signs]
     frames = [packed(word.clip) for word in words]
     lengths = [len(word) for word in words]
     sentences: list[tuple[int, int]] = []
@@ -281,3 +282,25 @@ def part_of_corpus(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
         "sentences": np.array(sentences),
         "seams": np.array(seams),
     }
+
+
+def only(manner: Manner, traits: tuple[str, ...]) -> Manner:
+    """A manner with some of its traits, the others 0. Raises ``InputError`` for an unknown name."""
+    for name in traits:
+        if name not in TRAITS:
+            raise InputError(f"no trait {name!r}, expected some of {', '.join(TRAITS)}")
+    return Manner(**{name: getattr(manner, name) for name in traits})
+
+
+def canonical_bones(skeleton: Skeleton) -> FloatArray:
+    """From the joint of the role above to each role's own in the T-pose (R, 3), arm lengths; 0 where a role is missing.
+
+    With canonical rotations A, joints lie at p_j = p_parent + K_parent bone_j, as near as joints without a role keep
+    their pose.
+    """
+    info = rig_info(skeleton)
+    canonical, positions = info.canonical, info.t_pose.positions
+    hips = info.roles.joints.get("hips", 0)
+    parents = np.where(canonical.parent_rows >= 0, canonical.joints[canonical.parent_rows], hips)
+    bones = (positions[canonical.joints] - positions[parents]) / canonical.arm_length
+    return np.asarray(np.where(canonical.has_role[:, None], bones, 0.0))

@@ -19,14 +19,13 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import FloatArray
-from signsplice.motion.curves import minimum_jerk_by_powers
-from signsplice.signer import arms as elbows
+from signsplice.motion.curves import minimum_jerk
+from signsplice.signer import arms, pose, trajectory
 from signsplice.signer import handshapes as thumbs
-from signsplice.signer import pose, trajectory
 from signsplice.signer.collisions import clear_collisions, penetration
 from signsplice.signer.planner import IsolatedWord
-from signsplice.signer.signer import PLAIN
-from signsplice.signer.timing import slowed
+from signsplice.signer.signer import PLAIN, Signer
+from signsplice_workshop.corpora.touches import seen_events
 
 KINDS = {
     "partner": "where a word is left and entered depends on the other word too",
@@ -202,7 +201,7 @@ def leave(p: IsolatedWord, relation: Relation) -> int:
 
 def leaving(p: IsolatedWord, relation: Relation) -> CutTime:
     """Where the word before is left, before it is rounded to a frame."""
-    events = p.events
+    events = seen_events(p)
     if not events.passes:
         fraction = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
         return CutTime(events.start, max(1.0, (events.end - events.start) * fraction))
@@ -225,7 +224,7 @@ def enter(q: IsolatedWord, relation: Relation) -> int:
 
 def entering(q: IsolatedWord, relation: Relation) -> CutTime:
     """Where the word after is entered, before it is rounded to a frame."""
-    events = q.events
+    events = seen_events(q)
     if events.first is None:
         return CutTime(events.start, 0.0)
     begin, stop = events.first
@@ -301,14 +300,14 @@ def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: 
     """
     n_frames = transition_frames(before[-1], after[0], p)
     for more in range(0, 11, 2):
-        at = slowed(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
+        at = hesitating_times(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
         states = trajectory.reach(before, after, n_frames + more, p.signer, at)
         if p.signer.manner != PLAIN:
             states = thumbs.opened(states, ends=True)
         for _ in range(2):  # elbows follow the hands
-            states = clear_collisions(elbows.joined(states, before, after, p.signer), p.signer, ends=True)
-        states = elbows.joined(states, before, after, p.signer)
-        fast = elbows.largest_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
+            states = clear_collisions(join_elbows(states, before, after, p.signer), p.signer, ends=True)
+        states = join_elbows(states, before, after, p.signer)
+        fast = largest_elbow_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
         if penetration(states, p.signer)[0].max() < TOO_DEEP_CM and not fast:
             break
     return states
@@ -331,3 +330,43 @@ def transition_frames(start: FloatArray, end: FloatArray, p: IsolatedWord) -> in
     formed = float(np.abs(end[pose.FINGERS] - start[pose.FINGERS]).mean())
     seconds = max(PACE * strong, PACE * WEAK_PACE * weak, (0.09 + 0.10 * formed) / p.signer.tempo)
     return max(2, round(p.clip.fps * seconds) - 1)
+
+
+def join_elbows(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> FloatArray:
+    """States (n, 65) of a transition whose elbows go from those of ``before`` (.., 65) to those of ``after`` (.., 65),
+    at the speed of both ends; in plain motion the states themselves.
+    """
+    if not signer.manner.low_elbows:
+        return states
+    steps = len(states) + 1
+    start, end = (arms.directions_of(part, signer).reshape(len(part), 6) for part in (before, after))
+    between = trajectory.joining(start, end, steps, np.arange(1, steps)[:, None] / steps)
+    return arms.turn_elbows(states, between.reshape(-1, 2, 3), signer)
+
+
+def largest_elbow_step(states: FloatArray, before: FloatArray, after: FloatArray, signer: Signer) -> float:
+    """The largest step of an elbow from frame to frame in a transition's states (n, 65) and from and to the states
+    beside it, cm on the standard body, from the chest.
+    """
+    states = np.concatenate([before[-1:], states, after[:1]])
+    return float(np.linalg.norm(np.diff(arms.elbow_positions(states, signer), axis=0), axis=-1).max())
+
+
+_MOST_PAUSE = 0.9
+"""Longest pause over the transition without it: hands still go on at a tenth of their speed half way."""
+
+
+def hesitating_times(n_frames: int, pause_frames: int) -> FloatArray:
+    """Where frames of a reach of ``n_frames`` lie on it, 0 to 1, if it pauses for ``pause_frames`` more: at its own
+    speed at both ends, slowest half way (n_frames + pause, at most nearly twice as many).
+    """
+    steps = n_frames + 1
+    pause = min(pause_frames, int(_MOST_PAUSE * steps))
+    t = np.arange(1, n_frames + pause + 1, dtype=np.float64)
+    u = t / (steps + pause)
+    return np.asarray((t - minimum_jerk(u, pause)) / steps)
+
+
+def minimum_jerk_by_powers(u: FloatArray) -> FloatArray:
+    """``minimum_jerk`` as a sum of powers. Its last bit differs: true cuts of stored corpora are made with it."""
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)

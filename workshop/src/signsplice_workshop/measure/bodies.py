@@ -24,7 +24,6 @@ from signsplice.body.retarget import fit_body, signing
 from signsplice.errors import InputError
 from signsplice.lexicon import shipped
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, rotation
-from signsplice.motion.cache import CACHE
 from signsplice.rig.align import Reference, copy_rotations, placement
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
@@ -533,11 +532,11 @@ def _both(source: SourceClip, skeleton: Skeleton, on: BodyProportions) -> tuple[
     clip, body = source.clip, shaped_capsules(skeleton, on.shape)
     to = Reference(skeleton, clip.fps, placement(clip), clip.local_rotations[0], "the body")
     copy_rotations(clip[:1], to)  # what is kept of both rigs belongs to neither time
-    CACHE.forget(clip)
+    clip.derived.clear()
     start = time.process_time()
     carried = copy_rotations(clip, to)[0]
     plain = time.process_time() - start
-    CACHE.forget(clip)
+    clip.derived.clear()
     start = time.process_time()
     again = copy_rotations(clip, to)[0]
     result = fit_body(clip, source.body, again, body)

@@ -1,7 +1,7 @@
 """How deep transitions lead a hand into head, trunk or the other hand, over the pairs of a corpus.
 
 Each transition joins each pair at its true cut with its true number of frames, with and without collision avoidance.
-Depth that the two ends of a gap already have does not count (``passes.collision_avoidance.depths``).
+Depth that the two ends of a gap already have does not count (``splicing.collisions.depths``).
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from signsplice.motion import FloatArray
-from signsplice.splicing.collisions import TOLERANCE_M, depths, fill
-from signsplice.splicing.contracts import Cut, Transition, gap_at
+from signsplice.body.collision import posed_capsules
+from signsplice.motion import Clip, FloatArray, Skeleton
+from signsplice.splicing.collisions import TOLERANCE_M, avoid_all_collisions, depths
+from signsplice.splicing.contracts import Cut, Gap, Transition, fill_gaps, gap_at
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.seam import DEEP_M
 from signsplice_workshop.corpora.pairs import Pairs
@@ -66,3 +67,28 @@ def table(rows: Sequence[Row]) -> list[str]:
     """The rows as Markdown, with their signature."""
     counted = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
     return [f"`{SIGNATURE}`", "", *markdown_rows(MEASURES, rows), "", counted]
+
+
+def fill(transition: Transition, gaps: Sequence[Gap], avoids: bool | None = None) -> list[Clip]:
+    """The frames that a transition makes for every gap, with hands led around the body where ``avoids`` is true; None:
+    where the transition is learned. Raises as ``contracts.fill_gaps`` does.
+    """
+    made = fill_gaps(transition, gaps)
+    if not (transition.learned if avoids is None else avoids):
+        return made
+    asked = [(new, gap.before, gap.after) for new, gap in zip(made, gaps, strict=True)]
+    return [cleared.clip for cleared in avoid_all_collisions(asked)]
+
+
+def hand_penetration(
+    skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray, forearms: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Depth (T, 2) of the left and the right hand in head, neck, trunk, the other arm or its hand, clip units
+    (negative: the distance), and the exit direction (T, 2, 3) in the world. ``forearms``: of a forearm in the other
+    arm too, where that is deeper.
+
+    From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
+    from skin to skin, since single fingers would push in all directions.
+    """
+    posed = posed_capsules(skeleton, global_rotations, global_positions)
+    return posed.near_pairs(1e9, forearms=forearms).penetration()

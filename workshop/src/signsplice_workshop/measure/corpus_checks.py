@@ -17,6 +17,8 @@ from signsplice.signer.phonology import Sign
 from signsplice.signer.signer import JOINTS, stream
 from signsplice_workshop.corpora import sentences
 from signsplice_workshop.corpora.pairs import VERSION, Pairs
+from signsplice_workshop.measure.collisions import hand_penetration
+from signsplice_workshop.measure.hands import twist_angle
 from signsplice_workshop.measure.measures import Progress
 
 LIMIT_CM = 0.5
@@ -113,7 +115,7 @@ class _PosedClip:
 
     def __init__(self, clip: Clip) -> None:
         rotations, self.positions = kinematics.forward(clip)
-        self.depth = collision.hand_penetration(clip.skeleton, rotations, self.positions, forearms=True)[0]
+        self.depth = hand_penetration(clip.skeleton, rotations, self.positions, forearms=True)[0]
         self.forearm = collision.forearm_penetration(clip.skeleton, rotations, self.positions).max(axis=1)
         self.steps = np.linalg.norm(np.diff(self.positions, axis=0), axis=-1).max(axis=-1)
         parents = clip.skeleton.parents[1:]
@@ -139,9 +141,9 @@ def over_limit(local_rotations: FloatArray) -> float:
     for side, mirror in (("Right", 1.0), ("Left", np.array([1.0, -1.0, -1.0, 1.0]))):
         forearm = local_rotations[:, JOINTS[f"{side}ForeArm"]] * mirror
         wrist = local_rotations[:, JOINTS[f"{side}Hand"]] * mirror
-        forearm_twist = rotation.twist_angle(forearm, [1.0, 0.0, 0.0])
+        forearm_twist = twist_angle(forearm, [1.0, 0.0, 0.0])
         bend = rotation.log(rotation.multiply(forearm, rotation.exp(-forearm_twist[:, None] * [1.0, 0.0, 0.0])))
-        twist = rotation.twist_angle(wrist, [1.0, 0.0, 0.0])
+        twist = twist_angle(wrist, [1.0, 0.0, 0.0])
         swing = rotation.log(rotation.multiply(rotation.exp(-twist[:, None] * [1.0, 0.0, 0.0]), wrist))
         (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
         beyond = [

@@ -22,7 +22,8 @@ from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS
 from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.measure import corpus_checks
+from signsplice_workshop.corpora.touches import seen_events, with_touches
+from signsplice_workshop.measure import corpus_checks, motion_scores
 from signsplice_workshop.measure.hands import strong_side, strong_wrist
 from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, row_of
 
@@ -167,21 +168,21 @@ def _planned(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) ->
     used = sorted(set(pairs.index[list(numbers), :2].ravel().tolist()))
     glosses = {k: pairs.head["words"][k]["gloss"] for k in used}
     return {
-        k: planner.isolated(signs[gloss], pairs.signers[k // n_per_signer], fps=pairs.head["fps"])
+        k: with_touches(planner.isolated(signs[gloss], pairs.signers[k // n_per_signer], fps=pairs.head["fps"]))
         for k, gloss in glosses.items()
         if gloss in signs
     }
 
 
 def _with_noise(word: planner.IsolatedWord, error: float, rng: np.random.Generator) -> planner.IsolatedWord:
-    states = word.states.copy()
+    events, states = seen_events(word), word.states.copy()
     states[:, pose.WRIST] += rng.normal(0.0, error, states[:, pose.WRIST].shape)
     states[:, pose.FINGERS] += rng.normal(0.0, RAD_PER_CM * error, states[:, pose.FINGERS].shape)
     gaps = [
         None if gap is None else gap + float(rng.normal(0.0, error))
-        for gap in (word.events.gap_first_cm, word.events.gap_last_cm)
+        for gap in (events.gap_first_cm, events.gap_last_cm)
     ]
-    return replace(word, states=states, events=replace(word.events, gap_first_cm=gaps[0], gap_last_cm=gaps[1]))
+    return replace(word, states=states, events=replace(events, gap_first_cm=gaps[0], gap_last_cm=gaps[1]))
 
 
 def _mean(column: int) -> Callable[[FloatArray], float]:
@@ -215,7 +216,7 @@ def score_transitions(
             made = transition.between(Gap(pairs.word_clip(p)[: pre + 1], pairs.word_clip(q)[post:], count))
             part = true[pre + 1 : pre + 1 + count]
             jump = _jump(true, made, pre, count, strong)
-            scores.append((metrics.position_error(made, part), metrics.motion_ratio(made, part), jump))
+            scores.append((motion_scores.position_error(made, part), motion_scores.motion_ratio(made, part), jump))
             if not rows:
                 true_jumps.append(_jump(true, part, pre, count, strong))
         rows.append(row_of(TRANSITION_MEASURES, np.array(scores), transition=transition.name))

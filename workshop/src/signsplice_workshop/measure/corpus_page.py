@@ -23,7 +23,14 @@ from signsplice.signer.signer import stream
 from signsplice.splicing.cutters import CUTTERS
 from signsplice_workshop.corpora import pseudo
 from signsplice_workshop.corpora.pairs import MADE_BY, VERSION, Pairs
-from signsplice_workshop.measure import corpus_checks, corpus_difficulty, corpus_pictures, corpus_realism, hands
+from signsplice_workshop.measure import (
+    corpus_checks,
+    corpus_difficulty,
+    corpus_pictures,
+    corpus_realism,
+    hands,
+    motion_scores,
+)
 from signsplice_workshop.measure.corpus_checks import score_touches
 from signsplice_workshop.measure.corpus_difficulty import BY_WORD, CUT_MEASURES, RAD_PER_CM, TRANSITION_MEASURES
 from signsplice_workshop.measure.corpus_realism import MOVING, rms_jerk, speeds
@@ -108,7 +115,7 @@ def _realism(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], 
         "",
         f"Path over chord of transitions: {np.median(motion.detour):.2f} (median, those over 3 cm). "
         f"Fingers half formed at {formed} of them (5 / 25 / 50 / 75 / 95 %).",
-        *(f"\n{name} is no measure of real motion ({metrics.keyed_mark(real[name])})." for name in keyed),
+        *(f"\n{name} is no measure of real motion ({motion_scores.keyed_mark(real[name])})." for name in keyed),
         "",
         "Bend of the finger joints, degrees, 5 to 95 % (1 is the joint nearest to the wrist):",
         "",

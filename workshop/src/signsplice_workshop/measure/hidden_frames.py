@@ -11,9 +11,11 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
-from signsplice.splicing.collisions import depths, fill
+from signsplice.splicing.collisions import depths
 from signsplice.splicing.contracts import Gap, Transition
 from signsplice.splicing.seam import DEEP_M
+from signsplice_workshop.measure import motion_scores
+from signsplice_workshop.measure.collisions import fill
 from signsplice_workshop.measure.hands import wrist_positions
 from signsplice_workshop.measure.measures import Measure, Progress, Row, markdown, row_of
 
@@ -26,7 +28,7 @@ LENGTHS = (5, 8, 12, 18, 24)
 STRIDE = 6
 """Frames from the start of one gap to the start of the next."""
 
-SIGNATURE = f"hidden-frames|context:{SHOWN}|stride:{STRIDE}|{metrics.POSITION_ERROR}|{metrics.GROUP_ERRORS}"
+SIGNATURE = f"hidden-frames|context:{SHOWN}|stride:{STRIDE}|{motion_scores.POSITION_ERROR}|{motion_scores.GROUP_ERRORS}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +127,7 @@ def table(rows: Sequence[Row], clips: Sequence[Clip] = ()) -> list[str]:
     of_length = [found[names[0], n] for n in lengths]
     lines: list[str] = [f"`{SIGNATURE}`"]
     keyed = [clip for clip in clips if metrics.is_keyed(clip)]
-    lines += [f"\n{clip.name} is no measure of real motion ({metrics.keyed_mark(clip)})." for clip in keyed]
+    lines += [f"\n{clip.name} is no measure of real motion ({motion_scores.keyed_mark(clip)})." for clip in keyed]
     for measure in (one for one in MEASURES if one.head):
         cells = [[name, *(measure.cell(found[name, n]) for n in lengths)] for name in names]
         if measure.name == "velocity_jump":
@@ -147,10 +149,10 @@ def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, 
     filled = fill(transition, [Gap(before, after, n_frames)], None)[0]
     whole = concatenate([before, filled, after])
     # Motion is counted from the last frame before to the first after, so that a held pose counts its jumps too.
-    ratio = metrics.motion_ratio(whole[SHOWN - 1 : 1 - SHOWN], window[SHOWN - 1 : 1 - SHOWN])
+    ratio = motion_scores.motion_ratio(whole[SHOWN - 1 : 1 - SHOWN], window[SHOWN - 1 : 1 - SHOWN])
     depth = float(depths(filled, before, after).max()) if rig_info(window.skeleton).has_arms else float("nan")
-    groups = astuple(metrics.group_errors(filled, true))
-    return metrics.position_error(filled, true), *groups, ratio, _velocity_jump(whole, n_frames), depth
+    groups = astuple(motion_scores.group_errors(filled, true))
+    return motion_scores.position_error(filled, true), *groups, ratio, _velocity_jump(whole, n_frames), depth
 
 
 def _velocity_jump(window: Clip, n_frames: int) -> float:

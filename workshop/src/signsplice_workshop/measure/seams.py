@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 
-from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig import metrics
@@ -47,7 +46,8 @@ from signsplice.splicing.idle_hands import NATURAL, idle_hands
 from signsplice.splicing.learned import FLUENT, NAME
 from signsplice.splicing.options import choose
 from signsplice.splicing.seam import DEEP_M
-from signsplice_workshop.measure import faces
+from signsplice_workshop.measure import faces, motion_scores
+from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.hands import keeps_stroke, output_frame, stroke, wrist_joints, wrist_positions
 from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, over, percent, row_of
 
@@ -222,7 +222,7 @@ def signature(rest: str = HANGING) -> str:
     """The recipe of the numbers, with the signer's rest where it is not the usual one."""
     signer = "standard-signer" + ("" if rest == HANGING else f",rest:{rest}")
     return (
-        f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{metrics.VELOCITY_JUMP}|{metrics.JERK_RATIO}"
+        f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{motion_scores.VELOCITY_JUMP}|{motion_scores.JERK_RATIO}"
         f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
         f"|idle-hand:wrist,transition+rest,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
         f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm|{faces.SIGNATURE}"
@@ -295,7 +295,7 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     left, entered = (span for span in result.spans if span.kind == "sign")
     first, stop = left.output[1], entered.output[0]
     rotations, positions = kinematics.forward(result.clip[first - 1 : stop + 1])
-    depth, _ = collision.hand_penetration(result.clip.skeleton, rotations, positions)
+    depth, _ = hand_penetration(result.clip.skeleton, rotations, positions)
     inside = depth[1:-1] if len(depth) > 2 else depth
     info = rig_info(result.clip.skeleton)
     deepest = max(0.0, float(inside.max()) * info.sizes.unit.metres)

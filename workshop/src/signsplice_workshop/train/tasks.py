@@ -1,8 +1,8 @@
 """What the training loop trains: a network with its loss and its scores, for both networks that ship.
 
 The loss of the network that makes transitions is the mean distance of elbow, wrist and finger joints from their true
-positions, in arm lengths, which is also the score that it is judged by (``rig.metrics.position_error``), plus a smaller
-term for the rotations, since positions depend little on twists.
+positions, in arm lengths, which is also the score that it is judged by (``motion_scores.position_error``), plus a
+smaller term for the rotations, since positions depend little on twists.
 """
 
 from __future__ import annotations

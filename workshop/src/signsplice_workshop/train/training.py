@@ -22,10 +22,10 @@ from signsplice.errors import InputError
 from signsplice.formats import atomic
 from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing import word_features as features
-from signsplice.splicing.bundle import write_bundle
 from signsplice.splicing.learned import SYSTEM
 from signsplice.splicing.runtime import onnxruntime
 from signsplice_workshop.train import records, warm_start
+from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.cut_data import CutDataset
 from signsplice_workshop.train.export import check_bundle_folder, product_graphs
 from signsplice_workshop.train.gap_data import GapDataset

@@ -20,15 +20,17 @@ import torch
 from signsplice.errors import InputError
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.motion import Clip, resample, rotation
-from signsplice.rig.info import FEATURE_FPS, canonical_bones, canonical_motion
+from signsplice.rig.info import FEATURE_FPS, canonical_motion
 from signsplice.rig.inspection import stray_frames
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing import word_features as features
-from signsplice.splicing.bundle import BUNDLE_FILE, read_file, write_bundle
+from signsplice.splicing.bundle import BUNDLE_FILE, read_file
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import LearnedTransition, open_sessions
+from signsplice_workshop.corpora.training_data import canonical_bones
 from signsplice_workshop.measure.hidden_frames import LENGTHS, SHOWN, hidden_frames
 from signsplice_workshop.train import records
+from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.export import check_bundle_folder, product_graphs
 from signsplice_workshop.train.gap_data import GapDataset, SignerMotion, signer_motion
 from signsplice_workshop.train.loop import LoopConfig, ProgressCallback, train

@@ -11,7 +11,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
-from signsplice.motion.number_space import NumberSpace, read_space, space_of
+from signsplice_workshop.corpora.number_space import NumberSpace, read_space, space_of
 
 RNG = np.random.default_rng(3)
 SKELETON = Skeleton(

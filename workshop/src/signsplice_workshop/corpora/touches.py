@@ -1,0 +1,89 @@
+"""How near the hands of an isolated word come to the skin in its first and last postures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.capsules import body_capsules, capsule_ends
+from signsplice.body.collision import SkinPairs, pair_clearances, skin_pairs
+from signsplice.motion import Clip, FloatArray, kinematics
+from signsplice.rig.roles import SIDES
+from signsplice.signer.collisions import TOUCH_CM
+from signsplice.signer.phonology import MIRRORED_HANDS, Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import Signer
+from signsplice.signer.timing import Events
+
+
+@dataclass(frozen=True)
+class SeenEvents(Events):
+    """Events of a word, and how near its hands are to the skin then.
+
+    Skin distances are those of ``skin_clearances``: of the strong hand, or of either where the hands mirror one
+    another, to head, trunk, the other hand and the other arm.
+
+    touches_first: whether the first posture touches: a skin distance of at most 5 mm
+    touches_last: whether the last posture touches
+    gap_first_cm: skin distance at ``start``; None in corpora of version 1, whose touches are those of the notation
+    gap_last_cm: skin distance at ``end``
+    """
+
+    touches_first: bool = False
+    touches_last: bool = False
+    gap_first_cm: float | None = None
+    gap_last_cm: float | None = None
+
+
+def seen_events(word: IsolatedWord) -> SeenEvents:
+    """The events of a word with skin distances, measured where they are not known yet."""
+    events = word.events
+    if isinstance(events, SeenEvents):
+        return events
+    first, last = skin_clearances(word.clip, (events.start, events.end), touching_sides(word.sign, word.signer))
+    return SeenEvents(
+        **vars(events),
+        touches_first=bool(first <= TOUCH_CM),
+        touches_last=bool(last <= TOUCH_CM),
+        gap_first_cm=float(first),
+        gap_last_cm=float(last),
+    )
+
+
+def with_touches(word: IsolatedWord) -> IsolatedWord:
+    """A word whose skin distances are measured, so that many cuts of it need not."""
+    return replace(word, events=seen_events(word))
+
+
+def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:
+    """The hands of a sign whose touches count, of ``SIDES``: the strong one, and both where they mirror one another."""
+    if sign.hands in MIRRORED_HANDS:
+        return SIDES
+    return ("left",) if signer.left_handed else ("right",)
+
+
+def skin_clearances(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> FloatArray:
+    """Least distance (F,), cm, at some frames, from the skin of the hands ``sides`` to head, neck, trunk, the other
+    hand and the other arm; negative inside, rounded so that a mirrored signer has the same.
+    """
+    at = list(frames)
+    body = body_capsules(clip.skeleton)
+    starts, ends = capsule_ends(
+        body, *kinematics.forward(Clip(clip.skeleton, clip.local_rotations[at], clip.root_positions[at], clip.fps))
+    )
+    pairs = skin_pairs(body, frozenset(body.keys))
+    wanted = np.flatnonzero(_of_hands(pairs, sides, np.array([*body.groups.left, *body.groups.right])))
+    rows, k = np.repeat(np.arange(len(at)), len(wanted)), np.tile(wanted, len(at))
+    distance = pair_clearances(starts, ends, body.radii, pairs, rows, k).distance
+    return np.asarray(distance.reshape(len(at), -1).min(axis=1).round(6))
+
+
+def _of_hands(pairs: SkinPairs, sides: Sequence[str], hands: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which pairs (K,) have a capsule of one of these hands."""
+    numbers = [SIDES.index(side) for side in sides]
+    own = np.isin(pairs.own_side, numbers)
+    other = np.isin(pairs.other_side, numbers) & np.isin(pairs.other, hands)
+    return np.asarray(own | other)

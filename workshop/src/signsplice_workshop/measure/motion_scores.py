@@ -1,0 +1,141 @@
+"""Scores of a clip against the true one, signatures of these and of the scores of ``rig.metrics``, and how much of a
+clip rotates evenly, as between keys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from signsplice.motion import Clip, FloatArray, kinematics, rotation
+from signsplice.rig.info import TRUNK, rig_info
+from signsplice.rig.metrics import MOVING_RAD, interpolated_fraction
+from signsplice.rig.roles import FINGERS, SIDES
+
+POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
+GROUP_ERRORS = "group-errors|hands:wrists,root|fingers:wrist|trunk:trunk+neck+head,root|unit:arm/1000|mean"
+VELOCITY_JUMP = "velocity-jump|joints:wrists|step:1-frame|unit:m/s|max"
+JERK_RATIO = "jerk-ratio|joints:wrists|third-difference|rms|transition+-1/signs"
+
+
+def arm_and_finger_joints(clip: Clip) -> list[int]:
+    """Indices of the elbow, wrist and every finger joint of both arms."""
+    joints = rig_info(clip.skeleton).roles.joints
+    return [joint for role, joint in joints.items() if role.endswith(("LowerArm", "Hand")) or _is_finger(role)]
+
+
+def fingertip_joints(clip: Clip) -> list[int]:
+    """Indices of the last joint of every finger; the hands where there are no fingers."""
+    joints = rig_info(clip.skeleton).roles.joints
+    tips = [joint for role, joint in joints.items() if role.endswith("Distal")]
+    return tips or [joint for role, joint in joints.items() if role.endswith("Hand")]
+
+
+def relative_positions(clip: Clip, joints: Sequence[int]) -> FloatArray:
+    """Positions (T, K, 3) of joints in the axes of the root."""
+    rotations, positions = kinematics.forward(clip, [0, *joints])
+    return _seen_from(0, rotations, positions, list(range(1, len(joints) + 1)))
+
+
+def position_error(predicted: Clip, true: Clip) -> float:
+    """Mean distance of elbow, wrist and finger joints, seen from the root, in thousandths of the arm's length."""
+    joints = arm_and_finger_joints(true)
+    difference = relative_positions(predicted, joints) - relative_positions(true, joints)
+    return float(1000.0 * np.linalg.norm(difference, axis=-1).mean() / rig_info(true.skeleton).sizes.arm_length)
+
+
+@dataclass(frozen=True)
+class GroupErrors:
+    """Mean distance of joints from the truth by group, thousandths of the arm's length; NaN where the rig has none.
+
+    hands: both wrists, seen from the root.
+    fingers: every finger joint, seen from its wrist and in its axes.
+    trunk: trunk, neck and head, seen from the root.
+    """
+
+    hands: float
+    fingers: float
+    trunk: float
+
+
+def group_errors(predicted: Clip, true: Clip) -> GroupErrors:
+    """The errors of a clip by group of joints: what one group gains does not hide what another loses."""
+    info = rig_info(true.skeleton)
+    joints = info.roles.joints
+    wrists = {side: joints[f"{side}Hand"] for side in SIDES if f"{side}Hand" in joints}
+    groups: dict[str, list[tuple[int, list[int]]]] = {
+        "hands": [(0, list(wrists.values()))],
+        "fingers": [
+            (wrist, [joint for role, joint in joints.items() if role.startswith(side) and _is_finger(role)])
+            for side, wrist in wrists.items()
+        ],
+        "trunk": [(0, [joints[role] for role in TRUNK if role in joints])],
+    }
+    posed = [kinematics.forward(clip) for clip in (predicted, true)]
+
+    def error(parts: list[tuple[int, list[int]]]) -> float:
+        seen = [
+            np.concatenate([_seen_from(origin, *clip, of) for origin, of in parts] or [np.empty((len(true), 0, 3))], 1)
+            for clip in posed
+        ]
+        distances = np.linalg.norm(seen[0] - seen[1], axis=-1)
+        return float(1000.0 * distances.mean() / info.sizes.arm_length) if distances.size else float("nan")
+
+    return GroupErrors(**{name: error(parts) for name, parts in groups.items()})
+
+
+def _is_finger(role: str) -> bool:
+    return any(finger in role for finger in FINGERS)
+
+
+def _seen_from(origin: int, rotations: FloatArray, positions: FloatArray, joints: list[int]) -> FloatArray:
+    """Positions (T, K, 3) of joints in the axes of one joint, of global rotations and positions of all."""
+    relative = positions[:, joints] - positions[:, origin, None]
+    return np.asarray(np.einsum("tba,tkb->tka", rotations[:, origin], relative))
+
+
+EVEN_FRACTION = 0.02
+"""Change of a joint's rotation step from one frame to the next, as a fraction of the fastest joint's step, up to which
+it rotates evenly.
+"""
+
+
+def even_rotation_frames(clip: Clip) -> FloatArray:
+    """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint repeats its last rotation
+    step, 0 where one does not, NaN where none moves or is known.
+
+    People never move so; a program that interpolates between keys does (slerp), and so does gap filling in a capture. A
+    measurement on such frames shows how near a method is to that program.
+    """
+    q = clip.local_rotations[:, arm_and_finger_joints(clip)]
+    steps = rotation.difference(q[:-1], q[1:])
+    fastest = np.linalg.norm(steps, axis=-1).max(axis=1, initial=0.0)
+    speed = np.maximum(fastest[:-1], fastest[1:])
+    change = np.linalg.norm(np.diff(steps, axis=0), axis=-1).max(axis=1, initial=0.0)
+    return np.where(speed > MOVING_RAD, change < EVEN_FRACTION * speed, np.nan)
+
+
+def keyed_fraction(clip: Clip) -> float:
+    """Share of the moving frames in which every arm and finger joint repeats its last rotation step
+    (``even_rotation_frames``): 0 of captured motion, and where nothing moves.
+    """
+    even = even_rotation_frames(clip)
+    moving = even[~np.isnan(even)]
+    return float(moving.mean()) if len(moving) else 0.0
+
+
+def keyed_mark(clip: Clip) -> str:
+    """How tables mark a clip that ``is_keyed``."""
+    even, fraction = 100.0 * keyed_fraction(clip), 100.0 * interpolated_fraction(clip)
+    return f"keyed: {even:.0f} % of its moving frames repeat the step before, {fraction:.0f} % lie between keys"
+
+
+def motion_ratio(predicted: Clip, true: Clip) -> float:
+    """Path length of the fingertips, seen from the root, predicted over true; 1 moves as much as the truth does."""
+    joints = fingertip_joints(true)
+    paths = [
+        np.linalg.norm(np.diff(relative_positions(clip, joints), axis=0), axis=-1).sum() for clip in (predicted, true)
+    ]
+    return float(paths[0] / paths[1]) if paths[1] > 0.0 else float("nan")
