@@ -30,7 +30,6 @@ from signsplice.signer.collisions import (
     TOUCH_CM,
     clear_collisions,
     hand_clearances,
-    penetration,
     skin_clearances,
     touching,
     touching_sides,
@@ -38,6 +37,7 @@ from signsplice.signer.collisions import (
 from signsplice.signer.contacts import solve_contacts
 from signsplice.signer.figure import Figure
 from signsplice.signer.location_targets import (
+    WrittenMotion,
     apply_location_targets,
     facing_as_written,
     resolve_collisions,
@@ -388,52 +388,40 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     add_gestures(states, sign.gestures, events, fps)
     states = add_body_motion(states, events, signer, fps, near)
     segments = tuple(one.later(offset) for one in plan.timed)
-    states = _settled(states, segments, sign, signer, fps)
+    if sign.kind == "written":
+        states = _written(states, segments, sign, signer, fps)
+    else:
+        for _ in range(2):  # a forearm that is turned can meet the other hand
+            states = clear_collisions(arms.smooth_elbows(states, signer, fps), signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, _with_touches(events, clip, sign, signer), segments)
-
-
-def _settled(
-    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
-) -> FloatArray:
-    """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
-    if sign.kind == "written":
-        return _written(states, segments, sign, signer, fps)
-    for _ in range(2):  # a forearm that is turned can meet the other hand
-        states = clear_collisions(arms.smooth_elbows(states, signer, fps), signer)
-    return states
 
 
 def _written(
     states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
-    """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
-    directions = facing_as_written(states, segments, sign, signer, fps)
-    states, hanging = arms.from_hanging(within_reach(states, signer), signer)
-    figure = Figure(states, hanging)
-    planned = states
-    states = apply_location_targets(turn_hands(states, directions, hanging), segments, sign, figure, fps)
+    """States (T, 65) of a whole word of a written sign with hands at their written places, in the written directions as
+    far as is easy, steady elbows, and without collisions.
+    """
+    planned, hanging = arms.from_hanging(within_reach(states, signer), signer)
+    word = WrittenMotion(sign, segments, Figure(planned, hanging), fps)
+    directions = facing_as_written(states, word)
+    states = apply_location_targets(turn_hands(planned, directions, hanging), word)
     if sign.hands == "symmetric" or not all(in_space(one.segment.strong.location) for one in segments):
-        states = resolve_collisions(states, figure, sign)
-    states = arms.smooth_elbows(turn_hands(states, directions, hanging), hanging, fps, led=True, figure=figure)
+        states = resolve_collisions(states, word)
+    states = arms.smooth_elbows(turn_hands(states, directions, hanging), hanging, fps, led=True, figure=word.figure)
     wrists = wrist_movements(segments, sign.hands, len(states))
-    states = resolve_collisions(
-        apply_location_targets(ease_wrists(states, directions, hanging, *wrists), segments, sign, figure, fps),
-        figure,
-        sign,
-    )
-    touching = solve_contacts(states, segments, sign, figure, fps)
-    touching = path_shape.keep_path_shape(touching, segments, sign, figure, fps)
-    touching = path_shape.keep_circles(touching, planned, segments, sign, figure)
-    touching = path_shape.keep_base_hand(touching, segments, sign, figure, fps)
-    touching = path_shape.hold_elbows(touching, segments, sign, hanging, fps)
+    states = apply_location_targets(ease_wrists(states, directions, hanging, *wrists), word)
+    touching = path_shape.keep_path_shape(solve_contacts(resolve_collisions(states, word), word), word)
+    touching = path_shape.keep_base_hand(path_shape.keep_circles(touching, planned, word), word)
+    touching = path_shape.hold_elbows(touching, word)
     states = arms.limit_forearm_speed(arms.limit_elbow_speed(touching, hanging, fps), hanging, fps)
     if states is not touching:
-        states = arms.keep_elbows(resolve_collisions(states, figure, sign), states, hanging)
+        states = arms.keep_elbows(resolve_collisions(states, word), states, hanging)
     for _ in range(_CLEARED_AGAIN):
-        if penetration(states, hanging, figure=figure)[0].max() <= _DEEPEST_CM:
+        if word.depth(states) <= _DEEPEST_CM:
             break
-        states = path_shape.keep_base_hand(resolve_collisions(states, figure, sign), segments, sign, figure, fps)
+        states = path_shape.keep_base_hand(resolve_collisions(states, word), word)
     return arms.from_easy(states, signer)
 
 
