@@ -113,10 +113,8 @@ def _apart(capsules: PosedCapsules, most: float) -> FloatArray:
     """Distances (T,) of the hands from one another or a forearm, cm, or ``most`` where they are greater."""
     body = capsules.body
     hands = body.groups.right, body.groups.left
-    arms = [
-        [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == side]
-        for side in ("right", "left")
-    ]
+    parts = [*zip(body.parts, body.sides, strict=True)]
+    arms = [[n for n, part in enumerate(parts) if part == ("cuff", side)] for side in ("right", "left")]
     depths = [capsules.nearest(hands[n], ((*hands[1 - n], *arms[1 - n]),), most)[0][:, 0] for n in (0, 1)]
     return np.minimum(*depths)
 

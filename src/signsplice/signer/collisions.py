@@ -5,7 +5,6 @@ hands are from what they may touch, skin to skin.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +87,7 @@ def _depths(capsules: PosedCapsules, slack: float = 0.0) -> tuple[FloatArray, Fl
 
 def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
     """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
-    depth, _ = penetration(states, replace(signer, left_handed=False), NEAR_CM)
+    depth, _ = penetration(states, signer, NEAR_CM)
     return np.asarray(depth.max(axis=1) > -NEAR_CM)
 
 
@@ -199,7 +198,6 @@ def in_contact(
     a touch: by turns back to where its part touches, and out of what it lies in, rather along ``normal`` (3,). The
     other hand is ``weak`` (27,), or its mirror image where that is None.
     """
-    signer = replace(signer, left_handed=False)
     wanted, made, free = hand_state[:3].copy(), hand_state.copy(), hand_state
     figure = Figure(pose.of_hands(made, made if weak is None else weak)[None], signer)
     for n in range(_TOUCH_ROUNDS):
@@ -207,9 +205,8 @@ def in_contact(
         depth, out = penetration(state[None], signer, figure=figure)
         if depth[0, 0] > TOLERANCE_CM:
             way = out[0, 0] + normal
-            wrist = made[:3] + (depth[0, 0] - 0.5 * TOLERANCE_CM) * (
-                0.6 if weak is None else 1.0
-            ) * way / np.linalg.norm(way)
+            share = 0.6 if weak is None else 1.0
+            wrist = made[:3] + (depth[0, 0] - 0.5 * TOLERANCE_CM) * share * way / np.linalg.norm(way)
         else:
             free = made
             if np.linalg.norm(wanted - made[:3]) < 0.1 or n >= _TOUCH_ROUNDS - 4:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from signsplice.body import collision
 from signsplice.motion import FloatArray, rotation
 from signsplice.signer import arms, locations, pose
-from signsplice.signer.figure import ARMS, PosedSigner, posed_figure, surface
+from signsplice.signer.figure import ARMS, PosedSigner, out_of_capsules, posed_figure, surface
 from signsplice.signer.hand import hand_part
 from signsplice.signer.location_targets import (
     PostureHold,
@@ -208,24 +208,11 @@ def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArr
     at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
     here = np.einsum("kb,kba->ka", at, chest) * mirror
     touched = np.array(other if one.meets else surface(one.posture.location, body, one.which))
-    start = starts[:, touched]
-    span = ends[:, touched] - start
-    apart = at[:, None] - start
-    along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
-    thick = radii[touched, 0] + along * (radii[touched, 1] - radii[touched, 0])
-    gap = (np.linalg.norm(apart - along[..., None] * span, axis=-1) - thick).min(axis=1) - part.skin * unit
+    gap = out_of_capsules(at, starts[:, touched], ends[:, touched], radii[touched])[1].min(axis=1) - part.skin * unit
     solid = [*groups.head, *groups.trunk, *arm, *other]
     depth = collision.overlap(starts, ends, radii, own, solid)[0].max(axis=2)
     turned = mirror[:, None] * np.einsum("kba,kbc->kac", chest, posed.rotations[rows, wrist]) * mirror
     written = locations.facing(one.posture.palm, one.posture.fingers)
     away = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
-    return np.concatenate(
-        [
-            gap[:, None] / _GAP_CM,
-            np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM,
-            (here - aim) / _PLACE_CM,
-            away / _TURNED,
-            x / _SIZE,
-        ],
-        axis=1,
-    )
+    deep = np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM
+    return np.hstack([gap[:, None] / _GAP_CM, deep, (here - aim) / _PLACE_CM, away / _TURNED, x / _SIZE])

@@ -140,16 +140,22 @@ class PosedSigner:
         part, unit, wrist = hand_part(posture.part), self.signer.hands * self.signer.scale, ARMS[0, 3]
         centre = part.centre(hand.points(pose.hands(self.states[frame])[0, pose.FINGERS])) * unit
         rows = list(surface(posture.location, self.capsules.body, 0))
-        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[rows]
-        span = self.capsules.ends[frame, rows] - starts
-        apart = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre - starts
-        along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
-        out = apart - along[..., None] * span
-        lengths = np.linalg.norm(out, axis=-1)
-        gaps = lengths - radii[:, 0] - along * (radii[:, 1] - radii[:, 0])
+        point = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre
+        starts, ends, radii = self.capsules.starts, self.capsules.ends, self.capsules.body.radii
+        out, gaps = out_of_capsules(point, starts[frame, rows], ends[frame, rows], radii[rows])
         n = int(gaps.argmin())
-        direction = out[n] / max(lengths[n], 1e-9)
+        direction = out[n] / max(float(np.linalg.norm(out[n])), 1e-9)
         return float(gaps[n]) - part.skin * unit, direction @ self.rotations[frame, JOINTS["Spine2"]]
+
+
+def out_of_capsules(
+    points: FloatArray, starts: FloatArray, ends: FloatArray, radii: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Vectors (..., K, 3) from the axes of K capsules to points (..., 3), and distances (..., K) from their skin."""
+    span, apart = ends - starts, points[..., None, :] - starts
+    along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
+    out = apart - along[..., None] * span
+    return out, np.linalg.norm(out, axis=-1) - (radii[:, 0] + along * (radii[:, 1] - radii[:, 0]))
 
 
 def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:

@@ -171,7 +171,6 @@ def facing_as_written(states: FloatArray, word: WrittenMotion) -> FloatArray:
 
 def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
-    signer = replace(signer, left_handed=False)
     reached = states.copy()
     both = pose.hands(reached)
     wrists = move_into_reach(both[..., pose.WRIST], signer)
@@ -257,7 +256,8 @@ class WrittenMotion:
         self, missing: Iterable[tuple[PostureHold, FloatArray]], still: Sequence[PostureHold] = (), parts: int = 1
     ) -> FloatArray:
         """Displacements (T, 2, C) that are what is ``missing`` (C,) of holds, 0 in those that are ``still``, go from
-        one to the next between them, and fade within ``RADIUS_S``, or a part of it, before the first and after the last.
+        one to the next between them, and fade within ``RADIUS_S``, or one of its ``parts``, before the first and after
+        the last.
         """
         values = [*missing]
         size, times = len(values[0][1]), np.arange(len(self.figure.positions))

@@ -47,7 +47,7 @@ from signsplice.signer.locations import ON_HEAD, WeakArm, resting
 from signsplice.signer.paths import PathMotion, drifted, rounds, strokes, translated, varied_rounds, without_spins
 from signsplice.signer.phonology import MIRRORED_HANDS, REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.signer.signer import PLAIN, STANDARD, Signer, stream
-from signsplice.signer.timing import LANDING_S, Events, TimedSegment, between_frames, hold_pause, tempo_of
+from signsplice.signer.timing import LANDING_S, Events, Take, TimedSegment, between_frames, hold_pause, tempo_of
 from signsplice.signer.trajectory import Knot, low_passed
 
 FPS = 30.0
@@ -98,7 +98,7 @@ class SegmentPlan:
             return states
         frames = [frame + offset for frame in self.stops()]
         told = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
-        passes = [(begin + offset, stop + offset) for t in self.timed for begin, stop in t.passes]
+        passes = [span for t in self.timed for span in t.later(offset).passes]
         if self.sign.kind != "written":
             touched = touching(states[frames], self.signer)
             told |= {frame for frame, one in zip(frames, touched, strict=True) if one}
@@ -106,16 +106,14 @@ class SegmentPlan:
 
     def events(self, up: int, offset: int, down: int) -> Events:
         """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
-        moves = [
-            [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
-        ]
+        moves = [timed.later(offset).passes for timed in self.timed if timed.passes]
         return Events(
             up=up,
             start=offset,
             end=offset + self.stop,
             down=offset + self.stop + down + 1,
             first=moves[0][0] if moves else None,
-            passes=tuple(moves[-1]) if moves else (),
+            passes=moves[-1] if moves else (),
         )
 
     def add_overlays(self, states: FloatArray, offset: int) -> None:
@@ -148,9 +146,35 @@ class SegmentPlan:
             elif in_space(location) and not (meets and location.endswith("-mid")) and not segment.strong.touch:
                 strong = translated(strong, self.jitter, self.signer)
             pairs.append((strong, strong if meets else weak.hand))
-        tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
-        touching = [touches(segment, self.sign) for segment in self.sign.segments]
-        return undershot(without_spins(pairs), self.sign, touching, rest, tempo, self.signer)
+        return self._undershot(without_spins(pairs))
+
+    def _undershot(self, pairs: list[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
+        """Both hand states at the end of each segment, the strong one moved towards the segment before, in the first
+        towards rest, unless it touches there; a weak hand that mirrors it moves too. A posture that is kept stays the
+        same.
+        """
+        sign, signer = self.sign, self.signer
+        amount = short_cm(self.tempo * signer.tempo / self.pace.movement, signer)
+        if amount == 0.0 or sign.kind == "written":  # hands of written signs are brought to their places afterwards
+            return pairs
+        states = np.array([pose.of_hands(*pair) for pair in pairs])
+        near = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
+        moved: list[tuple[FloatArray, FloatArray]] = []
+        for n, (strong, weak) in enumerate(pairs):
+            short = strong
+            if n and np.array_equal(strong, pairs[n - 1][0]):
+                short = moved[-1][0]
+            elif not (near[n] or touches(sign.segments[n], sign)):
+                before = states[n - 1] if n else resting(signer, sign.gloss)
+                back = before[pose.WRIST] - strong[pose.WRIST]
+                shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
+                if sign.segments[n].strong.location in ON_HEAD:
+                    shift = shift - np.array([0.0, _LOWER * amount, 0.0])
+                    most = _MOST_CM * signer.manner.undershoot * signer.scale
+                    shift *= min(1.0, most / float(np.linalg.norm(shift)))
+                short = translated(strong, shift, signer)
+            moved.append((short, short if weak is strong else weak))
+        return moved
 
     def _weak_hand(self, posture: Posture | None) -> FloatArray:
         if posture is None or posture.location == REST:
@@ -285,42 +309,6 @@ def short_cm(tempo: float, signer: Signer) -> float:
     return signer.manner.undershoot * min(_USUAL_CM * tempo**3, _MOST_CM) * signer.scale
 
 
-def undershot(
-    pairs: list[tuple[FloatArray, FloatArray]],
-    sign: Sign,
-    touching: list[bool],
-    rest: FloatArray,
-    tempo: float,
-    signer: Signer,
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Strong and weak hand's states (27,) in a sign's segments, the strong one moved towards the segment before, in the
-    first towards ``rest`` (65,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
-    stays the same.
-    """
-    amount = short_cm(tempo, signer)
-    if amount == 0.0 or sign.kind == "written":  # hands of written signs are brought to their places afterwards
-        return pairs
-    states = np.array([pose.of_hands(*pair) for pair in pairs])
-    near = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
-    moved: list[tuple[FloatArray, FloatArray]] = []
-    for n, (strong, weak) in enumerate(pairs):
-        if n and np.array_equal(strong, pairs[n - 1][0]):
-            moved.append((moved[-1][0], moved[-1][0] if weak is strong else weak))
-            continue
-        before = states[n - 1] if n else rest
-        if touching[n] or near[n]:
-            moved.append((strong, weak))
-            continue
-        back = before[pose.WRIST] - strong[pose.WRIST]
-        shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
-        if sign.segments[n].strong.location in ON_HEAD:
-            shift = shift - np.array([0.0, _LOWER * amount, 0.0])
-            shift *= min(1.0, _MOST_CM * signer.manner.undershoot * signer.scale / float(np.linalg.norm(shift)))
-        short = translated(strong, shift, signer)
-        moved.append((short, short if weak is strong else weak))
-    return moved
-
-
 PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""
 REST_S = 0.17
@@ -365,20 +353,12 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
     up = _reach_frames(rest, knots[0].state, signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
     down = _reach_frames(knots[-1].state, rest, signer, fps, RETRACTION_PACE * rng.uniform(0.94, 1.06))
-    states = np.concatenate(
-        [
-            np.broadcast_to(rest, (before, pose.SIZE)),
-            trajectory.from_rest_to_rest(knots, rest, up, down, signer),
-            np.broadcast_to(rest, (after, pose.SIZE)),
-        ]
-    )
+    word = trajectory.from_rest_to_rest(knots, rest, up, down, signer)
+    states = np.concatenate([np.tile(rest, (before, 1)), word, np.tile(rest, (after, 1))])
     offset = before + up
     events = plan.events(before - 1, offset, down)
-    span = events.up, events.start, events.end, events.down
-    near = None
-    if sign.kind == "written":  # hands are brought to their places afterwards
-        near = approximate_nearness(states, replace(signer, left_handed=False), fps)
-    states = two_hands.with_separate_timing(states, sign, signer, take, fps, span, near)
+    near = approximate_nearness(states, signer, fps) if sign.kind == "written" else None
+    states = two_hands.with_separate_timing(states, Take(sign, signer, take, fps), events, near)
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
@@ -432,11 +412,7 @@ def _reach_frames(start: FloatArray, end: FloatArray, signer: Signer, fps: float
 
 def _with_touches(events: Events, clip: Clip, sign: Sign, signer: Signer) -> Events:
     """A word's events with how near its hands come to the skin in its first and last postures."""
-    first, last = skin_clearances(clip, (events.start, events.end), touching_sides(sign, signer))
-    return replace(
-        events,
-        touches_first=bool(first <= TOUCH_CM),
-        touches_last=bool(last <= TOUCH_CM),
-        gap_first_cm=float(first),
-        gap_last_cm=float(last),
-    )
+    gaps = skin_clearances(clip, (events.start, events.end), touching_sides(sign, signer))
+    first, last = gaps.tolist()
+    touch = {"touches_first": first <= TOUCH_CM, "touches_last": last <= TOUCH_CM}
+    return replace(events, **touch, gap_first_cm=first, gap_last_cm=last)

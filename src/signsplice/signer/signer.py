@@ -191,12 +191,10 @@ def draw_signer(seed: int) -> Signer:
 
 
 # Joint centres of the standard body in the T-pose, cm, facing +Z, left +X; proportions after Drillis and Contini 1966.
-_TRUNK = (
+_SPINE = (
     ("Spine", "Hips", (0.0, 10.0, -1.0)),
     ("Spine1", "Spine", (0.0, 12.0, -0.5)),
     ("Spine2", "Spine1", (0.0, 13.0, 0.0)),
-)
-_NECK = (
     ("Neck", "Spine2", (0.0, 16.0, 0.5)),
     ("Head", "Neck", (0.0, 9.0, 2.0)),
     ("HeadTop_End", "Head", (0.0, 18.0, 1.0)),
@@ -225,7 +223,7 @@ def _skeleton(signer: Signer) -> Skeleton:
     scale = signer.scale
     rows: list[tuple[str, str, FloatArray]] = [("Hips", "", np.array([0.0, HIPS_CM, 0.0]) * scale)]
     tips: list[tuple[str, FloatArray]] = []
-    rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in (*_TRUNK, *_NECK)]
+    rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in _SPINE]
     for side in _JOINT_SIDES:
         mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale
         broad = np.array([signer.shoulders, 1.0, 1.0])

@@ -239,9 +239,8 @@ def reach(
 
 def clip_fingers(states: FloatArray) -> None:
     """Clip the finger angles of states (T, 65) to their limits, in place."""
-    for first in (0, 27):
-        fingers = states[:, first : first + 27][:, pose.FINGERS]
-        np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
+    fingers = pose.hands(states)[..., pose.FINGERS]
+    np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
 
 
 def from_rest_to_rest(knots: Sequence[Knot], rest: FloatArray, up: int, down: int, signer: Signer) -> FloatArray:
