@@ -247,13 +247,8 @@ def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> Fl
     radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
     starts, ends = (0.01 * x[:, solid] for x in (posed.capsules.starts, posed.capsules.ends))
     shoulder, elbow, wrist = (0.01 * posed.positions[:, which, n] for n in (1, 2, 3))
-    turns = swivel.choose(
-        swivel.BentArm(shoulder, elbow, wrist, radii[forearm]),
-        swivel.Solid(starts, ends, radii[solid]),
-        np.full((len(elbow), len(solid)), _PRESSED_M),
-        fps,
-        *grid,
-    )
+    arm, in_way = swivel.BentArm(shoulder, elbow, wrist, radii[forearm]), swivel.Solid(starts, ends, radii[solid])
+    turns = swivel.choose(arm, in_way, np.full((len(elbow), len(solid)), _PRESSED_M), fps, *grid)
     return turns if which == 0 else -turns
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import body_capsules, capsule_ends
-from signsplice.body.collision import PosedCapsules, SkinPairs, pair_clearances, skin_pairs
+from signsplice.body.collision import PosedCapsules, pair_clearances, skin_pairs
 from signsplice.motion import Clip, FloatArray, curves, kinematics, rotation
 from signsplice.rig.roles import SIDES
 from signsplice.signer import pose
@@ -29,11 +29,7 @@ _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
 def clear_collisions(
-    states: FloatArray,
-    signer: Signer,
-    ends: bool = False,
-    figure: Figure | None = None,
-    mirrored: bool = False,
+    states: FloatArray, signer: Signer, ends: bool = False, figure: Figure | None = None, mirrored: bool = False
 ) -> FloatArray:
     """States (T, 65) with wrists moved out of head, trunk and the other arm where they lay deeper than the tolerance.
 
@@ -104,10 +100,8 @@ def hand_clearances(states: FloatArray, signer: Signer, most: float = np.inf) ->
     solid = (*groups.head, *groups.trunk)
     parts = zip(body.parts, body.sides, strict=True)
     arm = tuple(n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff"))
-    strong, weak = (
-        capsules.nearest(own, other, most)[0]
-        for own, other in ((groups.right, (solid, arm, groups.left)), (groups.left, (solid,)))
-    )
+    strong = capsules.nearest(groups.right, (solid, arm, groups.left), most)[0]
+    weak = capsules.nearest(groups.left, (solid,), most)[0]
     return np.column_stack([strong[:, 0], weak[:, 0], strong[:, 1:].min(axis=1), strong[:, 2]])
 
 
@@ -130,22 +124,14 @@ def skin_clearances(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> 
     """
     at = list(frames)
     body = body_capsules(clip.skeleton)
-    starts, ends = capsule_ends(
-        body, *kinematics.forward(Clip(clip.skeleton, clip.local_rotations[at], clip.root_positions[at], clip.fps))
-    )
-    pairs = skin_pairs(body, frozenset(body.keys))
-    wanted = np.flatnonzero(_of_hands(pairs, sides, np.array([*body.groups.left, *body.groups.right])))
+    shown = Clip(clip.skeleton, clip.local_rotations[at], clip.root_positions[at], clip.fps)
+    starts, ends = capsule_ends(body, *kinematics.forward(shown))
+    pairs, hands = skin_pairs(body, frozenset(body.keys)), [*body.groups.left, *body.groups.right]
+    own, other = (np.isin(which, [SIDES.index(side) for side in sides]) for which in (pairs.own_side, pairs.other_side))
+    wanted = np.flatnonzero(own | (other & np.isin(pairs.other, hands)))
     rows, k = np.repeat(np.arange(len(at)), len(wanted)), np.tile(wanted, len(at))
     distance = pair_clearances(starts, ends, body.radii, pairs, rows, k).distance
     return np.asarray(distance.reshape(len(at), -1).min(axis=1).round(6))
-
-
-def _of_hands(pairs: SkinPairs, sides: Sequence[str], hands: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which pairs (K,) have a capsule of one of these hands."""
-    numbers = [SIDES.index(side) for side in sides]
-    own = np.isin(pairs.own_side, numbers)
-    other = np.isin(pairs.other_side, numbers) & np.isin(pairs.other, hands)
-    return np.asarray(own | other)
 
 
 def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) -> FloatArray:

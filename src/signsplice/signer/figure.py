@@ -19,9 +19,9 @@ from signsplice.motion.cache import kept
 from signsplice.signer import hand, pose
 from signsplice.signer.hand import hand_part
 from signsplice.signer.phonology import ON_ARM, Posture, on_base
-from signsplice.signer.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
+from signsplice.signer.signer import ARM_JOINTS, COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
 
-ARMS = np.array([[JOINTS[side + n] for n in ("Shoulder", "Arm", "ForeArm", "Hand")] for side in ("Right", "Left")])
+ARMS = np.array([[JOINTS[side + n] for n in ARM_JOINTS] for side in ("Right", "Left")])
 """The joints (2, 4) of both arms, strong first, from the chest on."""
 _SPINE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2")]
 Frames = NDArray[np.intp] | slice

@@ -17,7 +17,6 @@ import numpy as np
 
 from signsplice.motion import Clip, FloatArray
 from signsplice.signer import arms, handshapes, location_targets, locations, path_shape, pose, trajectory, two_hands
-from signsplice.signer.arms import ease_wrists, turn_hands
 from signsplice.signer.body_motion import (
     add_body_motion,
     add_gesture,
@@ -107,14 +106,8 @@ class SegmentPlan:
     def events(self, up: int, offset: int, down: int) -> Events:
         """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
         moves = [timed.later(offset).passes for timed in self.timed if timed.passes]
-        return Events(
-            up=up,
-            start=offset,
-            end=offset + self.stop,
-            down=offset + self.stop + down + 1,
-            first=moves[0][0] if moves else None,
-            passes=moves[-1] if moves else (),
-        )
+        first, passes = (moves[0][0], moves[-1]) if moves else (None, ())
+        return Events(up, offset, offset + self.stop, offset + self.stop + down + 1, first, passes)
 
     def add_overlays(self, states: FloatArray, offset: int) -> None:
         """Add local movements and gestures of head and trunk to states of the whole word, in place; those of written
@@ -386,12 +379,14 @@ def _written(
     planned, hanging = arms.from_hanging(within_reach(states, signer), signer)
     word = WrittenMotion(sign, segments, Figure(planned, hanging), fps)
     directions = facing_as_written(states, word)
-    states = apply_location_targets(turn_hands(planned, directions, hanging), word)
+    states = apply_location_targets(arms.turn_hands(planned, directions, hanging), word)
     if sign.hands == "symmetric" or not all(in_space(one.segment.strong.location) for one in segments):
         states = resolve_collisions(states, word)
-    states = arms.smooth_elbows(turn_hands(states, directions, hanging), hanging, fps, led=True, figure=word.figure)
+    states = arms.smooth_elbows(
+        arms.turn_hands(states, directions, hanging), hanging, fps, led=True, figure=word.figure
+    )
     wrists = wrist_movements(segments, sign.hands, len(states))
-    states = apply_location_targets(ease_wrists(states, directions, hanging, *wrists), word)
+    states = apply_location_targets(arms.ease_wrists(states, directions, hanging, *wrists), word)
     touching = path_shape.keep_path_shape(solve_contacts(resolve_collisions(states, word), word), word)
     touching = path_shape.keep_base_hand(path_shape.keep_circles(touching, planned, word), word)
     touching = path_shape.hold_elbows(touching, word)

@@ -276,5 +276,7 @@ def stature(bones: Skeleton) -> float:
     return STATURE_CM * float(np.linalg.norm(bones.offsets[shin]) / standard)
 
 
+ARM_JOINTS = ("Shoulder", "Arm", "ForeArm", "Hand")
+"""Names of an arm's joints without their side, from the chest on."""
 JOINTS: dict[str, int] = {name.removeprefix("mixamorig:"): n for n, name in enumerate(skeleton().names)}
 """Joint name, without Mixamo's prefix, -> its index."""

@@ -109,8 +109,7 @@ def compile_sign(sign: WrittenSign, lenient: bool = False) -> Sign:
         made = _compiled(sign, lenient)
     except InputError as error:
         raise InputError(f"{_where(sign)}: {error}") from error
-    found = faults(made)
-    if found:
+    if found := faults(made):
         raise InputError(f"{_where(sign)}: {found[0]}")
     return made
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, MOUTH, VISEMES, Face
 from signsplice.signer.body_motion import gesture_level
 from signsplice.signer.phonology import Gesture
-from signsplice.signer.signer import JOINTS
+from signsplice.signer.signer import ARM_JOINTS, JOINTS
 from signsplice.signer.tables import sections, to_vector
 from signsplice.written.reading import Element, Reading, factor
 from signsplice.written.tree import Tier, WrittenSign
@@ -333,7 +334,6 @@ def _track(item: _Item, t: FloatArray, begin: float, end: float) -> FloatArray:
     return blended(t - begin + 2.0 * ramp, lengths, targets) * min(item.tier.amount, 2.0)
 
 
-_CHAIN = ("Shoulder", "Arm", "ForeArm", "Hand")
 _PARTS, _DEEP_CM = (1.0, 0.5, 0.25), 0.4
 """How much of what is written is tried, until no hand is deeper than this in what moves."""
 _REACH = 0.995
@@ -362,12 +362,9 @@ def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Cli
 
 def _turn(quats: FloatArray, side: str, angles: FloatArray, clip: Clip) -> None:
     """Turn a collar bone up and forward by angles (T, 2) in local rotations (T, J, 4), in place."""
-    joints = [JOINTS[side + name] for name in _CHAIN]
+    joints = [JOINTS[side + name] for name in ARM_JOINTS]
     arm, fore, hand = (clip.skeleton.offsets[joint] for joint in joints[1:])
-    collar, *below = (quats[:, joint] for joint in joints)
-    upper_quats = rotation.multiply(collar, below[0])
-    fore_quats = rotation.multiply(upper_quats, below[1])
-    hand_quats = rotation.multiply(fore_quats, below[2])
+    collar, upper_quats, fore_quats, hand_quats = accumulate((quats[:, joint] for joint in joints), rotation.multiply)
     upper, lower = rotation.rotate(upper_quats, fore), rotation.rotate(fore_quats, hand)
     before, sign = rotation.rotate(collar, arm), 1.0 if side == "Left" else -1.0
     turn = rotation.exp(np.stack([0.0 * angles[:, 0], -sign * angles[:, 1], sign * angles[:, 0]], axis=-1))
