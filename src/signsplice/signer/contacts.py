@@ -197,7 +197,8 @@ def _residuals(touches: _Touches, x: FloatArray) -> FloatArray:
 
 
 def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArray, x: FloatArray) -> FloatArray:
-    body, starts, ends = posed.capsules.body, posed.capsules.starts[rows], posed.capsules.ends[rows]
+    capsules = posed.arms.capsules
+    body, starts, ends = capsules.body, capsules.starts[rows], capsules.ends[rows]
     groups, radii, mirror = body.groups, body.radii, pose.MIRRORS[one.which]
     chest = posed.rotations[rows, JOINTS["Spine2"]]
     own, other, arm = (

@@ -128,20 +128,16 @@ class PosedSigner:
     positions: FloatArray
     arms: PosedArms
 
-    @property
-    def capsules(self) -> PosedCapsules:
-        """The capsules of the body."""
-        return self.arms.capsules
-
     def distance(self, posture: Posture, frame: int) -> tuple[float, FloatArray]:
         """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
         cm, and the unit vector (3,) from there to the part, in the chest's axes.
         """
         part, unit, wrist = hand_part(posture.part), self.signer.hands * self.signer.scale, ARMS[0, 3]
         centre = part.centre(hand.points(pose.hands(self.states[frame])[0, pose.FINGERS])) * unit
-        rows = list(surface(posture.location, self.capsules.body, 0))
+        capsules = self.arms.capsules
+        rows = list(surface(posture.location, capsules.body, 0))
         point = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre
-        starts, ends, radii = self.capsules.starts, self.capsules.ends, self.capsules.body.radii
+        starts, ends, radii = capsules.starts, capsules.ends, capsules.body.radii
         out, gaps = out_of_capsules(point, starts[frame, rows], ends[frame, rows], radii[rows])
         n = int(gaps.argmin())
         direction = out[n] / max(float(np.linalg.norm(out[n])), 1e-9)

@@ -8,7 +8,7 @@ States can be added and interpolated number by number: they hold positions in cm
     fingers 21   hand.ANGLES
 
 then rotation vectors of trunk (3) and head (3), the root's displacement (3) from its rest position, cm, and by how much
-each elbow (2) is turned from its easy place, radians (``elbows``). The 27 numbers of one hand are called a hand state.
+each elbow (2) is turned from its easy place, radians (``arms``). The 27 numbers of one hand are called a hand state.
 
 Arms are solved in closed form: two bones, with the elbow easy on its circle where forearm and wrist are nearest to
 their neutral angles. Forearm and wrist angles approach their limits softly, so that no state can break a joint.

@@ -144,7 +144,7 @@ class Signer:
 @dataclass(frozen=True)
 class HangingElbowSigner(Signer):
     """A signer in whose states elbows are turned from where they hang, and not from where they are easy
-    (``elbows.from_hanging``).
+    (``arms.from_hanging``).
     """
 
 

@@ -173,7 +173,7 @@ class TimedSegment:
 class Events:
     """Frames of an isolated word, and how near its hands are to the skin in its first and last postures.
 
-    Skin distances are those of ``avoidance.skin_clearances``: of the strong hand, or of either where the hands mirror
+    Skin distances are those of ``collisions.skin_clearances``: of the strong hand, or of either where the hands mirror
     one another, to head, trunk, the other hand and the other arm.
 
     up: the last frame of rest
