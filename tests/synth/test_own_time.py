@@ -15,7 +15,7 @@ from signsplice.signer.collisions import TOUCH_CM, hand_clearances, penetration
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer, only
-from signsplice.signer.timing import Take
+from signsplice.signer.timing import SignTake
 from signsplice_workshop.corpora import truth
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
@@ -55,7 +55,7 @@ def half_times(fingers: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("gloss", ["MORE", "LEARN", "UNDERSTAND"])
 def test_a_plain_manner_changes_nothing(gloss: str) -> None:
     one = made(gloss)
-    take = Take(one.sign, one.signer, 0, 30.0)
+    take = SignTake(one.sign, one.signer, 0, 30.0)
     assert two_hands.with_separate_timing(one.states, take, one.events) is one.states
     assert planner.short_cm(1.0, one.signer) == 0.0
 

@@ -79,7 +79,7 @@ class _Poses:
 
 
 @dataclass(frozen=True, eq=False)
-class _Touches:
+class _ContactProblem:
     """N touches to be brought about, each in its pose.
 
     word: whose they are
@@ -93,11 +93,11 @@ class _Touches:
     targets: Sequence[_ContactTarget]
     goals: FloatArray
 
-    def __getitem__(self, rows: NDArray[np.intp]) -> _Touches:
+    def __getitem__(self, rows: NDArray[np.intp]) -> _ContactProblem:
         """Some of the touches."""
         at = self.poses
         poses = _Poses(at.states[rows], at.quats[rows], at.elbows[rows])
-        return _Touches(self.word, poses, [self.targets[row] for row in rows], self.goals[rows])
+        return _ContactProblem(self.word, poses, [self.targets[row] for row in rows], self.goals[rows])
 
 
 def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
@@ -118,7 +118,7 @@ def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
         at = _Poses.of(moved[frames], signer)
         posed = posed_figure(word.figure, at.states, frames)
         goals = np.array([location_target(posed, row, one, sign) for row, one in enumerate(targets)])
-        touches = _Touches(word, at, targets, goals)
+        touches = _ContactProblem(word, at, targets, goals)
         cost = np.square(_residuals(touches, np.zeros((len(frames), 1, 7)))).sum(axis=(1, 2))
         if cost.sum() < best:
             best, states = float(cost.sum()), moved
@@ -160,7 +160,7 @@ def _arms(at: _Poses, steps: FloatArray, signer: Signer) -> tuple[FloatArray, tu
     return wrists, (arm, rotation.multiply(rotation.inverse(arm.fore), quats), swivels)
 
 
-def _solved(touches: _Touches) -> FloatArray:
+def _solved(touches: _ContactProblem) -> FloatArray:
     """Movements (N, 7) of wrist, hand and elbow that bring about touches."""
     n = len(touches.targets)
     going, damping = np.arange(n), np.full(n, 0.1)
@@ -185,7 +185,7 @@ def _solved(touches: _Touches) -> FloatArray:
     return best_x
 
 
-def _residuals(touches: _Touches, x: FloatArray) -> FloatArray:
+def _residuals(touches: _ContactProblem, x: FloatArray) -> FloatArray:
     """What is missing (N, K, R) of touches with movements (N, K, 7); 1 is as bad in each number."""
     each, figure = touches[np.repeat(np.arange(len(x)), x.shape[1])], touches.word.figure
     hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in each.targets])

@@ -46,7 +46,7 @@ from signsplice.signer.locations import ON_HEAD, WeakArm, resting
 from signsplice.signer.paths import PathMotion, drifted, rounds, strokes, translated, varied_rounds, without_spins
 from signsplice.signer.phonology import MIRRORED_HANDS, REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.signer.signer import PLAIN, STANDARD, Signer, stream
-from signsplice.signer.timing import LANDING_S, Events, Take, TimedSegment, between_frames, hold_pause, tempo_of
+from signsplice.signer.timing import LANDING_S, Events, SignTake, TimedSegment, between_frames, hold_pause, tempo_of
 from signsplice.signer.trajectory import Knot, low_passed
 
 FPS = 30.0
@@ -351,7 +351,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     offset = before + up
     events = plan.events(before - 1, offset, down)
     near = approximate_nearness(states, signer, fps) if sign.kind == "written" else None
-    states = two_hands.with_separate_timing(states, Take(sign, signer, take, fps), events, near)
+    states = two_hands.with_separate_timing(states, SignTake(sign, signer, take, fps), events, near)
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)

@@ -51,7 +51,7 @@ LANDING_S = 0.2
 
 
 @dataclass(frozen=True)
-class Take:
+class SignTake:
     """One take of a sign: by whom, which one, and at how many frames a second."""
 
     sign: Sign

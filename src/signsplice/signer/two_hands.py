@@ -15,7 +15,7 @@ from signsplice.signer.body_motion import Nearness
 from signsplice.signer.collisions import TOUCH_CM, between_hands, hand_clearances, penetration
 from signsplice.signer.phonology import MIRRORED_HANDS
 from signsplice.signer.signer import Signer, stream
-from signsplice.signer.timing import Events, Take
+from signsplice.signer.timing import Events, SignTake
 
 _FREE_CM = 3.5
 """How much farther than that hands are as free as in the open."""
@@ -25,7 +25,9 @@ _LAG_FRAMES = (0.5, 1.7)
 """Least and greatest lag of one hand, frames of 30 a second."""
 
 
-def with_separate_timing(states: FloatArray, take: Take, events: Events, near: Nearness | None = None) -> FloatArray:
+def with_separate_timing(
+    states: FloatArray, take: SignTake, events: Events, near: Nearness | None = None
+) -> FloatArray:
     """States (T, 65) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
     the states themselves where it is plain.
 
@@ -82,7 +84,7 @@ def _within(frames: FloatArray, begin: int, end: int, fps: float) -> FloatArray:
     return _smooth_step(inside / max(rise, 1e-9))
 
 
-def _difference(seconds: FloatArray, take: Take) -> tuple[float, FloatArray]:
+def _difference(seconds: FloatArray, take: SignTake) -> tuple[float, FloatArray]:
     """By how many frames of 30 a second the weak hand lags, and its displacement (T, 3), cm, that varies slowly about
     one of the word's.
     """
@@ -112,7 +114,7 @@ _GIVE_CM = (0.15, 0.4)
 
 
 def base_motion(
-    states: FloatArray, clearances: FloatArray, take: Take, events: Events
+    states: FloatArray, clearances: FloatArray, take: SignTake, events: Events
 ) -> tuple[FloatArray, FloatArray]:
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
     place while it is touched; and the displacements (T, 65), cm, of both hands for that.
@@ -179,7 +181,7 @@ def _own_times(frames: FloatArray, wrist: FloatArray, up: int, start: int, lag: 
     return own
 
 
-def _give(states: FloatArray, clearance: FloatArray, rng: np.random.Generator, take: Take) -> FloatArray:
+def _give(states: FloatArray, clearance: FloatArray, rng: np.random.Generator, take: SignTake) -> FloatArray:
     """Displacements (T, 65) of both hands together, cm, where the strong one touches the base hand: that gives way in
     the direction of the touch and comes back.
     """
