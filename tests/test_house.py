@@ -158,7 +158,6 @@ def test_splicing_writes_to_no_other_objects_attributes() -> None:
     assert {row for row in found if row[1] != "self"} == {("bundle", "options")}
 
 
-
 def test_no_import_runs_in_a_circle() -> None:
     """Nor behind TYPE_CHECKING; a package's lazy names, which it imports when they are asked for, do not count."""
     graph = {module_name(path): imports(path, False, path.name != "__init__.py") & NAMES for path in MODULES}

@@ -15,6 +15,7 @@ from signsplice.signer.collisions import TOUCH_CM, hand_clearances, penetration
 from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer
+from signsplice.signer.timing import SignTake
 from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.training_data import only
 
@@ -55,11 +56,9 @@ def half_times(fingers: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("gloss", ["MORE", "LEARN", "UNDERSTAND"])
 def test_a_plain_manner_changes_nothing(gloss: str) -> None:
     one = made(gloss)
-    e = one.events
-    span = (e.up, e.start, e.end, e.down)
-    assert two_hands.with_separate_timing(one.states, one.sign, one.signer, 0, 30.0, span) is one.states
-    pairs = [(one.states[0, :27], one.states[0, 27:54])]
-    assert planner.undershot(pairs, one.sign, [False], one.states[0], 1.0, one.signer) is pairs
+    take = SignTake(one.sign, one.signer, 0, 30.0)
+    assert two_hands.with_separate_timing(one.states, take, one.events) is one.states
+    assert planner.short_cm(1.0, one.signer) == 0.0
 
 
 @pytest.mark.parametrize(

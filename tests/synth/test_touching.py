@@ -33,7 +33,7 @@ def test_the_written_part_touches_in_the_written_directions(
     motions = (Motion("straight", ("o",), size="small"),)
     word = isolated(compile_sign(WrittenSign("TRIED", "one", posture=start, motions=motions)))
     posed = posed_signer(word.states, STANDARD)
-    wanted, _ = posture_holds(word.segments, word.sign, 30.0, lambda posture: posture.touch)
+    wanted = [one for one in posture_holds(word.segments, word.sign, 30.0) if one.posture.touch]
     touches = [(stay.first, stay.posture) for stay in wanted if not stay.which]
     assert touches
     for frame, one in touches:

@@ -50,10 +50,9 @@ def smooth_elbows(
     """
     if not signer.manner.low_elbows:
         return states
-    directions, width_s = (
-        (_easiest_directions(states, signer, fps), _LED_S) if led else (directions_of(states, signer), _WIDTH_S)
-    )
-    states = turn_elbows(states, gaussian_filter1d(directions, width_s * fps, axis=0, mode="nearest"), signer)
+    directions = _easiest_directions(states, signer, fps) if led else directions_of(states, signer)
+    width = (_LED_S if led else _WIDTH_S) * fps
+    states = turn_elbows(states, gaussian_filter1d(directions, width, axis=0, mode="nearest"), signer)
     figure = figure or Figure(states, signer)
     posed = figure.posed(states)
     for which in (0, 1):
@@ -150,9 +149,8 @@ def turn_arms(states: FloatArray, arm: pose.Arm, quats: FloatArray, swivels: Flo
     made = states.copy()
     both = pose.hands(made)
     both[..., pose.ROTVEC] = rotation.log(quats)
-    made[:, pose.TURNS] += _short(
-        swivels - pose.easy_swivels(arm, both[..., pose.ROTVEC], signer) - made[:, pose.TURNS]
-    )
+    easy = pose.easy_swivels(arm, both[..., pose.ROTVEC], signer)
+    made[:, pose.TURNS] += _short(swivels - easy - made[:, pose.TURNS])
     return made
 
 
@@ -229,13 +227,8 @@ def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> Fl
     radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
     starts, ends = (0.01 * x[:, solid] for x in (posed.capsules.starts, posed.capsules.ends))
     shoulder, elbow, wrist = (0.01 * posed.positions[:, which, n] for n in (1, 2, 3))
-    turns = swivel.choose(
-        swivel.BentArm(shoulder, elbow, wrist, radii[forearm]),
-        swivel.Solid(starts, ends, radii[solid]),
-        np.full((len(elbow), len(solid)), _PRESSED_M),
-        fps,
-        *grid,
-    )
+    arm, in_way = swivel.BentArm(shoulder, elbow, wrist, radii[forearm]), swivel.Solid(starts, ends, radii[solid])
+    turns = swivel.choose(arm, in_way, np.full((len(elbow), len(solid)), _PRESSED_M), fps, *grid)
     return turns if which == 0 else -turns
 
 

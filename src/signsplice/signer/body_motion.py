@@ -113,10 +113,8 @@ def _apart(capsules: PosedCapsules, most: float) -> FloatArray:
     """Distances (T,) of the hands from one another or a forearm, cm, or ``most`` where they are greater."""
     body = capsules.body
     hands = body.groups.right, body.groups.left
-    arms = [
-        [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == side]
-        for side in ("right", "left")
-    ]
+    parts = [*zip(body.parts, body.sides, strict=True)]
+    arms = [[n for n, part in enumerate(parts) if part == ("cuff", side)] for side in ("right", "left")]
     depths = [capsules.nearest(hands[n], ((*hands[1 - n], *arms[1 - n]),), most)[0][:, 0] for n in (0, 1)]
     return np.minimum(*depths)
 
@@ -300,16 +298,9 @@ def _add_local(hand_states: FloatArray, local: Local, phase: float, signer: Sign
     angle, level = _cycles(local, n, phase)
     swing = np.sin(angle) * level
     amplitude = np.deg2rad(local.amplitude)
-    if local.kind == "twist":
-        hand_states[:, 3] += amplitude * swing
-    elif local.kind == "nod":
-        hand_states[:, 5] += amplitude * swing
-    elif local.kind == "swing":
-        hand_states[:, 4] += amplitude * swing
-    elif local.kind == "stir":
-        hand_states[:, 4] += amplitude * swing
-        hand_states[:, 5] += abs(amplitude) * (1.0 - np.cos(angle)) * level
-    elif local.kind == "tremble":
+    for k, axis in enumerate(_WRIST.get(local.kind, ())):
+        hand_states[:, 3 + axis] += abs(amplitude) * (1.0 - np.cos(angle)) * level if k else amplitude * swing
+    if local.kind == "tremble":
         hand_states[:, 0] += local.amplitude * signer.scale * swing
     fingers = hand_states[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
     if local.kind == "wiggle":
@@ -357,30 +348,23 @@ _MOST_HZ = 2.5
 def add_gestures(states: FloatArray, gestures: tuple[Gesture, ...], events: Events, fps: float) -> None:
     """Add gestures to the states (T, 65) of a word of a right-handed signer, in place."""
     for gesture in gestures:
-        hands, swings = (events.start, events.end), bool(gesture.degrees[1])
-        height = gesture_level(len(states), fps, hands, gesture.begin, gesture.end, gesture.cycles, swings)
+        height = gesture_level(len(states), fps, (events.start, events.end), gesture, bool(gesture.degrees[1]))
         part = pose.HEAD if gesture.part == "head" else pose.TRUNK
         states[:, part] += height[:, None] * np.deg2rad(gesture.degrees)
 
 
 def gesture_level(
-    n_frames: int,
-    fps: float,
-    hands: tuple[int, int],
-    begin: float,
-    end: float,
-    cycles: float = 0.0,
-    swings: bool = False,
+    n_frames: int, fps: float, hands: tuple[int, int], gesture: Gesture, swings: bool = False
 ) -> FloatArray:
-    """How far (T,) a gesture has gone that lasts from ``begin`` to ``end`` of the time of the hands; these sign between
-    the two frames ``hands``. ``cycles``: how often it goes there and back, ``swings``: to both sides.
+    """How far (T,) a gesture has gone whose hands sign between the two frames ``hands``. ``swings``: a gesture with
+    cycles goes to both sides, and not there and back.
     """
     t = np.arange(n_frames) / fps
     start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, 0.3)
-    first, last = start + begin * seconds, start + end * seconds
+    first, last = start + gesture.begin * seconds, start + gesture.end * seconds
     height = pose.smooth_step((t - first + _RAMP_S) / _RAMP_S) * pose.smooth_step((last + _RAMP_S - t) / _RAMP_S)
-    if cycles:
-        cycles = max(1.0, min(cycles, float(np.floor(_MOST_HZ * (last - first)))))
+    if gesture.cycles:
+        cycles = max(1.0, min(gesture.cycles, float(np.floor(_MOST_HZ * (last - first)))))
         phase = 2.0 * np.pi * cycles * np.clip((t - first) / (last - first), 0.0, 1.0)
         height = height * (np.sin(phase) if swings else 0.5 - 0.5 * np.cos(phase))
     return height

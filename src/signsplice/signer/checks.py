@@ -94,10 +94,8 @@ def _contorted(body: _Body) -> Iterator[tuple[float, str]]:
         for side in _sides(body.word):
             bend = float(body.bends[one.begin : one.end + 1, side].max())
             if bend > CONTORTED_DEG:
-                line = (
-                    f"the {_HAND_NAMES[side]} wrist is contorted in {_named(body, n)}: it bends by {bend:.0f} degrees"
-                )
-                yield bend, f"{line}, expected at most {CONTORTED_DEG:.0f}; turn palm= or fingers="
+                line = f"the {_HAND_NAMES[side]} wrist is contorted in {_named(body, n)}: it bends by {bend:.0f}"
+                yield bend, f"{line} degrees, expected at most {CONTORTED_DEG:.0f}; turn palm= or fingers="
 
 
 def _off_the_skin(body: _Body) -> Iterator[tuple[float, str]]:

@@ -4,8 +4,6 @@ hands are from what they may touch, skin to skin.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,11 +25,7 @@ _KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
 
 
 def clear_collisions(
-    states: FloatArray,
-    signer: Signer,
-    ends: bool = False,
-    figure: Figure | None = None,
-    mirrored: bool = False,
+    states: FloatArray, signer: Signer, ends: bool = False, figure: Figure | None = None, mirrored: bool = False
 ) -> FloatArray:
     """States (T, 65) with wrists moved out of head, trunk and the other arm where they lay deeper than the tolerance.
 
@@ -85,7 +79,7 @@ def _depths(capsules: PosedCapsules, slack: float = 0.0) -> tuple[FloatArray, Fl
 
 def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
     """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
-    depth, _ = penetration(states, replace(signer, left_handed=False), NEAR_CM)
+    depth, _ = penetration(states, signer, NEAR_CM)
     return np.asarray(depth.max(axis=1) > -NEAR_CM)
 
 
@@ -102,10 +96,8 @@ def hand_clearances(states: FloatArray, signer: Signer, most: float = np.inf) ->
     solid = (*groups.head, *groups.trunk)
     parts = zip(body.parts, body.sides, strict=True)
     arm = tuple(n for n, (part, side) in enumerate(parts) if side == "left" and part in ("sleeve", "cuff"))
-    strong, weak = (
-        capsules.nearest(own, other, most)[0]
-        for own, other in ((groups.right, (solid, arm, groups.left)), (groups.left, (solid,)))
-    )
+    strong = capsules.nearest(groups.right, (solid, arm, groups.left), most)[0]
+    weak = capsules.nearest(groups.left, (solid,), most)[0]
     return np.column_stack([strong[:, 0], weak[:, 0], strong[:, 1:].min(axis=1), strong[:, 2]])
 
 
@@ -165,7 +157,6 @@ def in_contact(
     a touch: by turns back to where its part touches, and out of what it lies in, rather along ``normal`` (3,). The
     other hand is ``weak`` (27,), or its mirror image where that is None.
     """
-    signer = replace(signer, left_handed=False)
     wanted, made, free = hand_state[:3].copy(), hand_state.copy(), hand_state
     figure = Figure(pose.of_hands(made, made if weak is None else weak)[None], signer)
     for n in range(_TOUCH_ROUNDS):
@@ -173,9 +164,8 @@ def in_contact(
         depth, out = penetration(state[None], signer, figure=figure)
         if depth[0, 0] > TOLERANCE_CM:
             way = out[0, 0] + normal
-            wrist = made[:3] + (depth[0, 0] - 0.5 * TOLERANCE_CM) * (
-                0.6 if weak is None else 1.0
-            ) * way / np.linalg.norm(way)
+            share = 0.6 if weak is None else 1.0
+            wrist = made[:3] + (depth[0, 0] - 0.5 * TOLERANCE_CM) * share * way / np.linalg.norm(way)
         else:
             free = made
             if np.linalg.norm(wanted - made[:3]) < 0.1 or n >= _TOUCH_ROUNDS - 4:

@@ -14,21 +14,19 @@ from numpy.typing import NDArray
 
 from signsplice.body import collision
 from signsplice.motion import FloatArray, rotation
-from signsplice.signer import arms, hand, locations, pose
-from signsplice.signer.figure import ARMS, Figure, PosedSigner, posed_figure, surface
+from signsplice.signer import arms, locations, pose
+from signsplice.signer.figure import ARMS, PosedSigner, out_of_capsules, posed_figure, surface
 from signsplice.signer.hand import hand_part
 from signsplice.signer.location_targets import (
-    RADIUS_S,
     PostureHold,
+    WrittenMotion,
     location_target,
     move_into_reach,
-    posture_holds,
+    part_centre,
     resolve_collisions,
-    spread,
 )
-from signsplice.signer.phonology import MIRRORED_HANDS, Sign, in_space
+from signsplice.signer.phonology import MIRRORED_HANDS, in_space
 from signsplice.signer.signer import JOINTS, Signer
-from signsplice.signer.timing import TimedSegment
 
 _ROUNDS, _STEPS = 5, 8
 """How often all touches are brought about, and in how many steps each time."""
@@ -72,41 +70,56 @@ class _Poses:
     quats: FloatArray
     elbows: FloatArray
 
-    def __getitem__(self, rows: NDArray[np.intp]) -> _Poses:
-        """The signer at some touches."""
-        return _Poses(self.states[rows], self.quats[rows], self.elbows[rows])
+    @classmethod
+    def of(cls, states: FloatArray, signer: Signer) -> _Poses:
+        """The poses of states."""
+        arm, swivels = arms.solve_arms(states, signer)
+        quats = rotation.multiply(arm.fore, rotation.exp(pose.hands(states)[..., pose.ROTVEC]))
+        return cls(states, quats, arms.directions_at(arm, swivels))
 
 
-def _poses(states: FloatArray, signer: Signer) -> _Poses:
-    arm, swivels = arms.solve_arms(states, signer)
-    quats = rotation.multiply(arm.fore, rotation.exp(pose.hands(states)[..., pose.ROTVEC]))
-    return _Poses(states, quats, arms.directions_at(arm, swivels))
+@dataclass(frozen=True, eq=False)
+class _ContactProblem:
+    """N touches to be brought about, each in its pose.
 
-
-def solve_contacts(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
-) -> FloatArray:
-    """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to; ``figure``: of
-    these states.
+    word: whose they are
+    poses: where the signer is
+    targets: what is to touch
+    goals: (N, 3) places of the parts that touch, in the chest's axes, cm
     """
-    signer, mirrored = figure.signer, sign.hands in MIRRORED_HANDS
-    wanted, still = posture_holds(segments, sign, fps, lambda posture: posture.touch)
-    touches = [
-        _ContactTarget(
-            **vars(one), meets=mirrored and in_space(one.posture.location), centre=_centre(states, one, signer)
-        )
-        for one in wanted
-        if not (one.which and mirrored and in_space(one.posture.location))
-    ]
-    if not touches:
+
+    word: WrittenMotion
+    poses: _Poses
+    targets: Sequence[_ContactTarget]
+    goals: FloatArray
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> _ContactProblem:
+        """Some of the touches."""
+        at = self.poses
+        poses = _Poses(at.states[rows], at.quats[rows], at.elbows[rows])
+        return _ContactProblem(self.word, poses, [self.targets[row] for row in rows], self.goals[rows])
+
+
+def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
+    """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to."""
+    signer, sign, mirrored = word.signer, word.sign, word.sign.hands in MIRRORED_HANDS
+    wanted, still = word.parted(lambda posture: posture.touch)
+    targets = list[_ContactTarget]()
+    for one in wanted:
+        meets = mirrored and in_space(one.posture.location)
+        if not (one.which and meets):
+            centre = part_centre(states, one, signer) * pose.MIRRORS[one.which]
+            targets.append(_ContactTarget(**vars(one), meets=meets, centre=centre))
+    if not targets:
         return states
     best, moved = np.inf, states
-    frames = np.array([one.first for one in touches])
+    frames = np.array([one.first for one in targets])
     for n in range(_ROUNDS + 1):
-        at = _poses(moved[frames], signer)
-        posed = posed_figure(figure, at.states, frames)
-        goals = np.array([location_target(posed, row, one.which, one.posture, sign) for row, one in enumerate(touches)])
-        cost = np.square(_residuals(at, touches, goals, np.zeros((len(frames), 1, 7)), figure)).sum(axis=(1, 2))
+        at = _Poses.of(moved[frames], signer)
+        posed = posed_figure(word.figure, at.states, frames)
+        goals = np.array([location_target(posed, row, one, sign) for row, one in enumerate(targets)])
+        touches = _ContactProblem(word, at, targets, goals)
+        cost = np.square(_residuals(touches, np.zeros((len(frames), 1, 7)))).sum(axis=(1, 2))
         if cost.sum() < best:
             best, states = float(cost.sum()), moved
         if n == _ROUNDS:
@@ -116,29 +129,21 @@ def solve_contacts(
             break
         like: dict[int, Hashable] = {row: row for row in some}
         if n == 0:  # repeated touches begin alike, and those of hands that mirror one another
-            like = {row: (mirrored or touches[row].which, touches[row].posture) for row in some}
+            like = {row: (mirrored or targets[row].which, targets[row].posture) for row in some}
         elif sign.hands == "symmetric":
-            like = {row: (touches[row].first, touches[row].posture) for row in some}
+            like = {row: (targets[row].first, targets[row].posture) for row in some}
         firsts = {key: row for row, key in reversed(like.items())}
-        solved = dict(zip(firsts, _solved(at, touches, goals, [*firsts.values()], figure), strict=True))
-        found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(touches))])
-        held = [(replace(one, which=which), x) for one, x in zip(touches, found, strict=True)
-                for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
-        steps = spread([stay for stay, _ in held], [x for _, x in held], still, len(moved), RADIUS_S * fps / (1 + n))
-        moved = resolve_collisions(_moved(moved, steps, signer), figure, sign)
+        solved = dict(zip(firsts, _solved(touches[np.array([*firsts.values()])]), strict=True))
+        found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(targets))])
+        missing = [(replace(one, which=which), x) for one, x in zip(targets, found, strict=True)
+                   for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
+        moved = resolve_collisions(_moved(moved, word.spread(missing, still, 1 + n), signer), word)
     return states
-
-
-def _centre(states: FloatArray, stay: PostureHold, signer: Signer) -> FloatArray:
-    """Where the part that touches is in its hand's axes (3,), cm."""
-    fingers = pose.hands(states)[stay.first, stay.which, pose.FINGERS]
-    centre = hand_part(stay.posture.part).centre(hand.points(fingers))
-    return np.asarray(centre * signer.hands * signer.scale * pose.MIRRORS[stay.which])
 
 
 def _moved(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
     """States (N, 65) with both hands' wrists, hands and elbows moved by ``steps`` (N, 2, 7)."""
-    wrists, (arm, quats, swivels) = _arms(_poses(states, signer), steps, signer)
+    wrists, (arm, quats, swivels) = _arms(_Poses.of(states, signer), steps, signer)
     changed = states.copy()
     pose.hands(changed)[..., pose.WRIST] = wrists
     return arms.turn_arms(changed, arm, quats, swivels, signer)
@@ -155,18 +160,15 @@ def _arms(at: _Poses, steps: FloatArray, signer: Signer) -> tuple[FloatArray, tu
     return wrists, (arm, rotation.multiply(rotation.inverse(arm.fore), quats), swivels)
 
 
-def _solved(
-    at: _Poses, touches: Sequence[_ContactTarget], goals: FloatArray, rows: Sequence[int], figure: Figure
-) -> FloatArray:
-    """Movements (N, 7) of wrist, hand and elbow that bring about some of the touches."""
-    n, going = len(rows), np.arange(len(rows))
-    x, best_x, best, damping = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf), np.full(n, 0.1)
+def _solved(touches: _ContactProblem) -> FloatArray:
+    """Movements (N, 7) of wrist, hand and elbow that bring about touches."""
+    n = len(touches.targets)
+    going, damping = np.arange(n), np.full(n, 0.1)
+    x, best_x, best = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf)
     slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
     probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
     for _ in range(_STEPS):
-        some = np.array(rows)[going]
-        tried = x[going, None] + probes
-        found = _residuals(at[some], [touches[row] for row in some], goals[some], tried, figure)  # (G, 8, R)
+        found = _residuals(touches[going], x[going, None] + probes)  # (G, 8, R)
         for n, values in zip(going.tolist(), found, strict=True):
             cost = float(values[0] @ values[0])
             damping[n] *= 0.3 if cost < best[n] else 8.0
@@ -183,26 +185,20 @@ def _solved(
     return best_x
 
 
-def _residuals(
-    at: _Poses, touches: Sequence[_ContactTarget], goals: FloatArray, x: FloatArray, figure: Figure
-) -> FloatArray:
+def _residuals(touches: _ContactProblem, x: FloatArray) -> FloatArray:
     """What is missing (N, K, R) of touches with movements (N, K, 7); 1 is as bad in each number."""
-    rows = np.repeat(np.arange(len(touches)), x.shape[1])
-    hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in touches])
-    at = at[rows]
-    _, (arm, quats, swivels) = _arms(at, hands[rows, :, None] * x.reshape(-1, 1, 7), figure.signer)
-    frames = np.array([one.first for one in touches])[rows]
-    posed = posed_figure(figure, at.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
-    return np.array(
-        [
-            _missing(posed, slice(row * x.shape[1], (row + 1) * x.shape[1]), one, goals[row], x[row])
-            for row, one in enumerate(touches)
-        ]
-    )
+    each, figure = touches[np.repeat(np.arange(len(x)), x.shape[1])], touches.word.figure
+    hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in each.targets])
+    _, (arm, quats, swivels) = _arms(each.poses, hands[..., None] * x.reshape(-1, 1, 7), figure.signer)
+    frames = np.array([one.first for one in each.targets])
+    posed = posed_figure(figure, each.poses.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
+    rows = [slice(row * x.shape[1], (row + 1) * x.shape[1]) for row in range(len(x))]
+    return np.array([_missing(posed, *one) for one in zip(rows, touches.targets, touches.goals, x, strict=True)])
 
 
 def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArray, x: FloatArray) -> FloatArray:
-    body, starts, ends = posed.capsules.body, posed.capsules.starts[rows], posed.capsules.ends[rows]
+    capsules = posed.arms.capsules
+    body, starts, ends = capsules.body, capsules.starts[rows], capsules.ends[rows]
     groups, radii, mirror = body.groups, body.radii, pose.MIRRORS[one.which]
     chest = posed.rotations[rows, JOINTS["Spine2"]]
     own, other, arm = (
@@ -213,24 +209,11 @@ def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArr
     at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
     here = np.einsum("kb,kba->ka", at, chest) * mirror
     touched = np.array(other if one.meets else surface(one.posture.location, body, one.which))
-    start = starts[:, touched]
-    span = ends[:, touched] - start
-    apart = at[:, None] - start
-    along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
-    thick = radii[touched, 0] + along * (radii[touched, 1] - radii[touched, 0])
-    gap = (np.linalg.norm(apart - along[..., None] * span, axis=-1) - thick).min(axis=1) - part.skin * unit
+    gap = out_of_capsules(at, starts[:, touched], ends[:, touched], radii[touched])[1].min(axis=1) - part.skin * unit
     solid = [*groups.head, *groups.trunk, *arm, *other]
     depth = collision.overlap(starts, ends, radii, own, solid)[0].max(axis=2)
     turned = mirror[:, None] * np.einsum("kba,kbc->kac", chest, posed.rotations[rows, wrist]) * mirror
     written = locations.facing(one.posture.palm, one.posture.fingers)
     away = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
-    return np.concatenate(
-        [
-            gap[:, None] / _GAP_CM,
-            np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM,
-            (here - aim) / _PLACE_CM,
-            away / _TURNED,
-            x / _SIZE,
-        ],
-        axis=1,
-    )
+    deep = np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM
+    return np.hstack([gap[:, None] / _GAP_CM, deep, (here - aim) / _PLACE_CM, away / _TURNED, x / _SIZE])

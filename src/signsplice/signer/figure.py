@@ -18,9 +18,9 @@ from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.signer import hand, pose
 from signsplice.signer.hand import hand_part
 from signsplice.signer.phonology import ON_ARM, Posture, on_base
-from signsplice.signer.signer import COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
+from signsplice.signer.signer import ARM_JOINTS, COLLAR, FOREARM, JOINTS, SHOULDER, UPPER_ARM, Signer, skeleton
 
-ARMS = np.array([[JOINTS[side + n] for n in ("Shoulder", "Arm", "ForeArm", "Hand")] for side in ("Right", "Left")])
+ARMS = np.array([[JOINTS[side + n] for n in ARM_JOINTS] for side in ("Right", "Left")])
 """The joints (2, 4) of both arms, strong first, from the chest on."""
 _SPINE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2")]
 Frames = NDArray[np.intp] | slice
@@ -126,28 +126,30 @@ class PosedSigner:
     positions: FloatArray
     arms: PosedArms
 
-    @property
-    def capsules(self) -> PosedCapsules:
-        """The capsules of the body."""
-        return self.arms.capsules
-
     def distance(self, posture: Posture, frame: int) -> tuple[float, FloatArray]:
         """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
         cm, and the unit vector (3,) from there to the part, in the chest's axes.
         """
         part, unit, wrist = hand_part(posture.part), self.signer.hands * self.signer.scale, ARMS[0, 3]
         centre = part.centre(hand.points(pose.hands(self.states[frame])[0, pose.FINGERS])) * unit
-        rows = list(surface(posture.location, self.capsules.body, 0))
-        starts, radii = self.capsules.starts[frame, rows], self.capsules.body.radii[rows]
-        span = self.capsules.ends[frame, rows] - starts
-        apart = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre - starts
-        along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
-        out = apart - along[..., None] * span
-        lengths = np.linalg.norm(out, axis=-1)
-        gaps = lengths - radii[:, 0] - along * (radii[:, 1] - radii[:, 0])
+        capsules = self.arms.capsules
+        rows = list(surface(posture.location, capsules.body, 0))
+        point = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre
+        starts, ends, radii = capsules.starts, capsules.ends, capsules.body.radii
+        out, gaps = out_of_capsules(point, starts[frame, rows], ends[frame, rows], radii[rows])
         n = int(gaps.argmin())
-        direction = out[n] / max(lengths[n], 1e-9)
+        direction = out[n] / max(float(np.linalg.norm(out[n])), 1e-9)
         return float(gaps[n]) - part.skin * unit, direction @ self.rotations[frame, JOINTS["Spine2"]]
+
+
+def out_of_capsules(
+    points: FloatArray, starts: FloatArray, ends: FloatArray, radii: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Vectors (..., K, 3) from the axes of K capsules to points (..., 3), and distances (..., K) from their skin."""
+    span, apart = ends - starts, points[..., None, :] - starts
+    along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
+    out = apart - along[..., None] * span
+    return out, np.linalg.norm(out, axis=-1) - (radii[:, 0] + along * (radii[:, 1] - radii[:, 0]))
 
 
 def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:

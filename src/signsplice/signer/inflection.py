@@ -59,10 +59,8 @@ def form(signs: Mapping[str, Sign], gloss: str) -> Sign:
         return signs[gloss]
     match = _FORM.fullmatch(gloss)
     if match is None or match["gloss"] not in signs:
-        raise InputError(
-            f"form {gloss[:80]!r}: no sign {match['gloss'][:60] if match else ''!r}, "
-            f"expected a sign's gloss as in 2-GIVE-1, TELL-3 or LOOK-HABITUAL"
-        )
+        what = f"form {gloss[:80]!r}: no sign {match['gloss'][:60] if match else ''!r}"
+        raise InputError(f"{what}, expected a sign's gloss as in 2-GIVE-1, TELL-3 or LOOK-HABITUAL")
     sign = signs[match["gloss"]]
     if match["subject"] or match["object"]:
         sign = agree(sign, *(match[role] and _PRONOUNS.get(match[role].upper(), match[role].lower()) for role in ROLES))
@@ -87,18 +85,15 @@ def agree(sign: Sign, subject: str | None = None, object: str | None = None) -> 
     if subject == object:
         raise InputError(f"{sign.gloss} from {subject} to {object}, expected two persons")
     yaw = _yaw(subject, object)
-    segments = tuple(
-        replace(
-            s,
-            strong=_agreeing(s.strong, persons, yaw),
-            weak=s.weak and _agreeing(s.weak, persons, -yaw, is_weak=True),
-            path=replace(s.path, direction=_turned(s.path.direction, yaw)),
-            weak_path=replace(s.weak_path, direction=_turned(s.weak_path.direction, -yaw)),
+    segments = []
+    for s in sign.segments:
+        strong, weak = _agreeing(s.strong, persons, yaw), s.weak and _agreeing(s.weak, persons, -yaw, is_weak=True)
+        path, weak_path = (
+            replace(one, direction=_turned(one.direction, by)) for one, by in ((s.path, yaw), (s.weak_path, -yaw))
         )
-        for s in sign.segments
-    )
+        segments.append(replace(s, strong=strong, weak=weak, path=path, weak_path=weak_path))
     gloss = "-".join(filter(None, (subject, sign.gloss, object))).upper()
-    return _checked(replace(sign, gloss=gloss, segments=segments, synonyms=()))
+    return _checked(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
 
 
 def inflect(sign: Sign, kind: str) -> Sign:
@@ -144,9 +139,8 @@ def _sidewards(segment: Segment, sign: Sign) -> Segment:
     """A movement in one place, going on to the strong side, or what follows it there."""
     strong, weak = segment.strong, segment.weak
     if sign.hands in MIRRORED_HANDS or strong.location not in IN_SPACE | ON_BASE:
-        raise InputError(
-            f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place, and only hands=one or base in space go on from it"
-        )
+        what = f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place"
+        raise InputError(f"{what}, and only hands=one or base in space go on from it")
     if strong.location not in ON_BASE:
         strong = replace(strong, shift=_plus(strong.shift, 2.0 * _STEP_CM))
     weak = weak and replace(weak, shift=_plus(weak.shift, -2.0 * _STEP_CM))
@@ -193,13 +187,8 @@ def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_w
         return posture
     if is_weak:  # which is written as if it were the strong one
         person = {"3": "3-weak", "3-weak": "3"}.get(person, person)
-    moved = replace(
-        posture,
-        location=f"locus:{person}",
-        shift=_turned(posture.shift, yaw),
-        palm=_turned(posture.palm, yaw),
-        fingers=_turned(posture.fingers, yaw),
-    )
+    shift, palm, fingers = (_turned(v, yaw) for v in (posture.shift, posture.palm, posture.fingers))
+    moved = replace(posture, location=f"locus:{person}", shift=shift, palm=palm, fingers=fingers)
     return moved if yaw == 0.0 or are_easy([moved])[0] else _facing(moved, posture.palm[2] > posture.fingers[2])
 
 

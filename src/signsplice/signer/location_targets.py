@@ -11,8 +11,9 @@ missing at each posture, spread in time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
 from signsplice.signer import arms, hand, locations, pose
 from signsplice.signer.arms import GRID, hardship
-from signsplice.signer.collisions import NEAREST_CM, clear_collisions
+from signsplice.signer.collisions import NEAREST_CM, clear_collisions, penetration
 from signsplice.signer.figure import ARMS, Figure, PosedSigner, posed_figure
 from signsplice.signer.hand import hand_part
 from signsplice.signer.locations import WeakArm, axes, facing, locate, on_joint, on_weak_arm
@@ -42,7 +43,7 @@ _FIRST_OFF_CM, _MOST_OFF_CM = 2.6, 4.5
 def ease_places(sign: Sign, signer: Signer) -> Sign:
     """A written sign at places where its arms are comfortable; the sign itself where something is not in open space."""
     pairs = list(dict.fromkeys((one.strong, one.weak) for one in sign.segments))
-    if not all(_is_open(strong, sign) and (weak is None or _is_open(weak, sign)) for strong, weak in pairs):
+    if not all(_is_open(posture, sign) for pair in pairs for posture in pair if posture):
         return sign
     nothing = np.zeros(27)
     found = []
@@ -101,32 +102,21 @@ _BEFORE = np.array([-0.35, 0.0, 0.9367])
 """Where it is else moved."""
 
 
-def apply_location_targets(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
-) -> FloatArray:
-    """States (T, 65) of a whole word with hands at their places at the end of each of its segments; ``figure``: of
-    these states but for their arms.
-    """
-    signer = figure.signer
-    wanted, still = posture_holds(segments, sign, fps, lambda posture: posture.location not in LEFT_ALONE)
+def apply_location_targets(states: FloatArray, word: WrittenMotion) -> FloatArray:
+    """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
+    signer = word.signer
+    wanted, still = word.parted(lambda posture: posture.location not in LEFT_ALONE)
     moves = np.zeros((len(states), 2, 3))
     if not wanted:
         return states
     frames = sorted({one.first for one in wanted})
     rows = {frame: row for row, frame in enumerate(frames)}
-    fingers = pose.hands(states)[[one.first for one in wanted], [one.which for one in wanted], pose.FINGERS]
-    centres = [
-        hand_part(one.posture.part).centre(points) * signer.hands * signer.scale
-        for one, points in zip(wanted, hand.points(fingers), strict=True)
-    ]
-    quats, steady = pose.hand_rotations(states, signer), arms.directions_of(states, signer)
+    centres = [part_centre(states, one, signer) for one in wanted]
     least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
-        posed = posed_figure(
-            figure, move_hands(states[frames], quats[frames], steady[frames], moves[frames], signer), np.array(frames)
-        )
+        posed = posed_figure(word.figure, move_hands(states[frames], moves[frames], signer), np.array(frames))
         missing = [
-            _missing(posed, rows[one.first], one.which, one.posture, sign, centre)
+            _missing(posed, rows[one.first], one, word.sign, centre)
             for one, centre in zip(wanted, centres, strict=True)
         ]
         left = sum(float(np.linalg.norm(miss)) for miss in missing)
@@ -135,25 +125,28 @@ def apply_location_targets(
         least, best = left, moves
         if n == _ROUNDS or left == 0.0:
             break
-        step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
-        if sign.hands == "base":  # a hand at the other one goes where that one goes
+        step = word.spread(zip(wanted, missing, strict=True), still)
+        if word.sign.hands == "base":  # a hand at the other one goes where that one goes
             missing = [
                 miss + MIRROR * step[one.first, 1] if not one.which and on_base(one.posture.location) else miss
                 for one, miss in zip(wanted, missing, strict=True)
             ]
-            step = spread(wanted, missing, still, len(states), RADIUS_S * fps)
+            step = word.spread(zip(wanted, missing, strict=True), still)
         moves = limit_length(moves + step, _MOST_CM)
-    return move_hands(states, quats, steady, best, signer)
+    return move_hands(states, best, signer)
 
 
-def move_hands(
-    states: FloatArray, quats: FloatArray, steady: FloatArray, moves: FloatArray, signer: Signer
-) -> FloatArray:
-    """States (T, 65) with hands, whose rotations are ``quats`` (T, 2, 4), moved (T, 2, 3), and elbows in the directions
-    ``steady`` (T, 2, 3).
-    """
+def part_centre(states: FloatArray, hold: PostureHold, signer: Signer) -> FloatArray:
+    """Where the part that a posture names is in its hand's axes (3,), of a right hand, cm."""
+    fingers = pose.hands(states)[hold.first, hold.which, pose.FINGERS]
+    return hand_part(hold.posture.part).centre(hand.points(fingers)) * signer.hands * signer.scale
+
+
+def move_hands(states: FloatArray, moves: FloatArray, signer: Signer) -> FloatArray:
+    """States (T, 65) with hands moved (T, 2, 3) that are not turned, and elbows in the directions where they are."""
     if not moves.any():
         return states
+    quats, steady = pose.hand_rotations(states, signer), arms.directions_of(states, signer)
     made = states.copy()
     wrists = move_into_reach(pose.hands(states)[..., pose.WRIST] + moves, signer)
     pose.hands(made)[..., pose.WRIST] = wrists
@@ -162,30 +155,22 @@ def move_hands(
     return arms.turn_arms(made, arm, turned, arms.swivels_to(arm, steady), signer)
 
 
-def facing_as_written(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: Signer, fps: float
-) -> FloatArray:
+def facing_as_written(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """Rotations (T, 2, 4) of the hands of states (T, 65), in the chest's axes, turned so that they are as written in
     each posture: near its shoulder a hand that is moved a little turns far with its forearm.
     """
-    quats = pose.hand_rotations(states, signer)
-    wanted, still = posture_holds(segments, sign, fps, lambda posture: posture.location != REST)
+    quats = pose.hand_rotations(states, word.signer)
+    wanted, still = word.parted(lambda posture: posture.location != REST)
     if not wanted:
         return quats
-    turns = [
-        rotation.log(
-            rotation.multiply(
-                facing(one.posture.palm, one.posture.fingers), rotation.inverse(quats[one.first, one.which])
-            )
-        )
-        for one in wanted
-    ]
-    return rotation.multiply(rotation.exp(spread(wanted, turns, still, len(states), RADIUS_S * fps)), quats)
+    made = [rotation.inverse(quats[one.first, one.which]) for one in wanted]
+    written = [facing(one.posture.palm, one.posture.fingers) for one in wanted]
+    turns = [rotation.log(rotation.multiply(goal, quat)) for goal, quat in zip(written, made, strict=True)]
+    return rotation.multiply(rotation.exp(word.spread(zip(wanted, turns, strict=True), still)), quats)
 
 
 def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     """States (T, 65) with wrists that are no nearer to their shoulders than an elbow can bend; hands are not turned."""
-    signer = replace(signer, left_handed=False)
     reached = states.copy()
     both = pose.hands(reached)
     wrists = move_into_reach(both[..., pose.WRIST], signer)
@@ -194,14 +179,15 @@ def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
     return reached
 
 
-def resolve_collisions(states: FloatArray, figure: Figure, sign: Sign) -> FloatArray:
-    """States (T, 65), those of a figure but for their arms, without collisions, hands pushed no farther than is of use:
-    what an arm cannot reach is not clear anywhere.
+def resolve_collisions(states: FloatArray, word: WrittenMotion) -> FloatArray:
+    """States (T, 65) of a word without collisions, hands pushed no farther than is of use: what an arm cannot reach is
+    not clear anywhere.
     """
-    free = clear_collisions(states, figure.signer, figure=figure, mirrored=sign.hands == "symmetric").copy()
+    mirrored = word.sign.hands == "symmetric"
+    free = clear_collisions(states, word.signer, figure=word.figure, mirrored=mirrored).copy()
     wrists = pose.hands(states)[..., pose.WRIST]
     moves = limit_length(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
-    pose.hands(free)[..., pose.WRIST] = move_into_reach(wrists + moves, figure.signer)
+    pose.hands(free)[..., pose.WRIST] = move_into_reach(wrists + moves, word.signer)
     return free
 
 
@@ -233,78 +219,104 @@ class PostureHold:
     posture: Posture
 
 
-def posture_holds(
-    segments: Sequence[TimedSegment], sign: Sign, fps: float, changes: Callable[[Posture], bool]
-) -> tuple[list[PostureHold], list[PostureHold]]:
-    """Where hands are at the end of each segment, at both ends of each time that a movement is made, and in holds: the
-    postures that ``changes`` holds for, and the others.
+@dataclass(frozen=True, eq=False)
+class WrittenMotion:
+    """A written sign whose motion is corrected.
+
+    sign, segments: the sign, and its segments in time
+    figure: of the states (T, 65) of the whole word but for their arms
+    fps: frames a second
     """
+
+    sign: Sign
+    segments: Sequence[TimedSegment]
+    figure: Figure
+    fps: float
+
+    @property
+    def signer(self) -> Signer:
+        """Who makes it, as if right-handed."""
+        return self.figure.signer
+
+    @cached_property
+    def holds(self) -> list[PostureHold]:
+        """Where hands are at the end of each segment, and so on (``posture_holds``)."""
+        return posture_holds(self.segments, self.sign, self.fps)
+
+    def parted(self, changes: Callable[[Posture], bool]) -> tuple[list[PostureHold], list[PostureHold]]:
+        """The holds of postures that ``changes`` holds for, and the others."""
+        changed = [one for one in self.holds if changes(one.posture)]
+        return changed, [one for one in self.holds if not changes(one.posture)]
+
+    def depth(self, states: FloatArray) -> float:
+        """How deep a hand lies in the body at most, cm."""
+        return float(penetration(states, self.signer, figure=self.figure)[0].max())
+
+    def spread(
+        self, missing: Iterable[tuple[PostureHold, FloatArray]], still: Sequence[PostureHold] = (), parts: int = 1
+    ) -> FloatArray:
+        """Displacements (T, 2, C) that are what is ``missing`` (C,) of holds, 0 in those that are ``still``, go from
+        one to the next between them, and fade within ``RADIUS_S``, or one of its ``parts``, before the first and after
+        the last.
+        """
+        values = [*missing]
+        size, times = len(values[0][1]), np.arange(len(self.figure.positions))
+        values += [(one, np.zeros(size)) for one in still]
+        moves, radius = np.zeros((len(times), 2, size)), max(3.0, RADIUS_S * self.fps / parts)
+        for which in (0, 1):
+            found = {frame: miss for one, miss in values if one.which == which for frame in (one.first, one.last)}
+            if found:
+                frames = np.array(sorted(found), np.intp)
+                at = np.array([found[int(frame)] for frame in frames])
+                u = np.interp(times, frames, np.arange(len(frames)))
+                k = u.astype(np.intp)
+                between = at[k] + minimum_jerk(u - k)[:, None] * (at[np.minimum(k + 1, len(at) - 1)] - at[k])
+                moves[:, which] = between * wendland(times, np.clip(times, frames[0], frames[-1])[:, None], radius)
+        return moves
+
+
+def posture_holds(segments: Sequence[TimedSegment], sign: Sign, fps: float) -> list[PostureHold]:
+    """Where hands are at the end of each segment, at both ends of each time that a movement is made, and in holds."""
     mirrored = sign.hands == "symmetric"
     found: list[PostureHold] = []
     for which in (0, 1):
+        last: PostureHold | None = None
         for before, one in zip((None, *segments), segments, strict=False):
             posture = one.segment.strong if mirrored or not which else one.segment.weak
             if posture is None:
                 continue
-            if one.segment.kind == "H" and found and found[-1].which == which and found[-1].posture == posture:
+            if one.segment.kind == "H" and last is not None and last.posture == posture:
                 lands = before is not None and before.segment.kind == "M" and not posture.touch
                 landed = round(LANDING_S * fps) if lands else 0
-                first = min(found[-1].first + landed, one.end)
-                found[-1] = replace(found[-1], first=first, last=one.end)
+                found[-1] = last = replace(last, first=min(last.first + landed, one.end), last=one.end)
                 continue
-            start = found[-1].posture if found and found[-1].which == which else None
             passes = one.passes if one.segment.times > 1 else ((one.begin, one.end),)
             for n, (begin, stop) in enumerate(passes):
-                if n and start is not None:  # it goes back to where it began
-                    found.append(PostureHold(begin, begin, which, start))
+                if n and last is not None:  # it goes back to where it began
+                    found.append(PostureHold(begin, begin, which, last.posture))
                 found.append(PostureHold(stop, stop, which, posture))
-    return [one for one in found if changes(one.posture)], [one for one in found if not changes(one.posture)]
+            last = found[-1]
+    return found
 
 
-def spread(
-    wanted: Sequence[PostureHold],
-    missing: Sequence[FloatArray],
-    still: Sequence[PostureHold],
-    n_frames: int,
-    radius: float,
-) -> FloatArray:
-    """Displacements (T, 2, C) that are what is ``missing`` (C,) where hands are ``wanted``, 0 where they are ``still``,
-    go from one to the next between them, and fade within ``radius`` frames before the first and after the last.
-    """
-    size = len(missing[0])
-    moves = np.zeros((n_frames, 2, size))
-    radius, times = max(3.0, radius), np.arange(n_frames)
-    values = [*zip(wanted, missing, strict=True), *((one, np.zeros(size)) for one in still)]
-    for which in (0, 1):
-        found = {frame: miss for one, miss in values if one.which == which for frame in (one.first, one.last)}
-        if found:
-            frames = np.array(sorted(found), np.intp)
-            at = np.array([found[int(frame)] for frame in frames])
-            u = np.interp(times, frames, np.arange(len(frames)))
-            k = u.astype(np.intp)
-            between = at[k] + minimum_jerk(u - k)[:, None] * (at[np.minimum(k + 1, len(at) - 1)] - at[k])
-            moves[:, which] = between * wendland(times, np.clip(times, frames[0], frames[-1])[:, None], radius)
-    return moves
-
-
-def _missing(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign, part: FloatArray) -> FloatArray:
+def _missing(posed: PosedSigner, frame: int, hold: PostureHold, sign: Sign, part: FloatArray) -> FloatArray:
     """What moves the part of a hand from where it is to where a posture puts it, (3,), cm, in the chest's axes,
     mirrored for the weak hand as its state is. part: where it is in the hand's axes.
     """
-    joint, mirror = ARMS[which, 3], pose.MIRRORS[which]
+    joint, mirror = ARMS[hold.which, 3], pose.MIRRORS[hold.which]
     here = posed.positions[frame, joint] + posed.rotations[frame, joint] @ (part * mirror)
     here = mirror * (here @ posed.rotations[frame, JOINTS["Spine2"]])
-    missing = location_target(posed, frame, which, posture, sign) - here
+    missing = location_target(posed, frame, hold, sign) - here
     length = float(np.linalg.norm(missing))
-    tolerance = 0.05 if posture.touch else _LEFT_CM * posed.signer.scale
+    tolerance = 0.05 if hold.posture.touch else _LEFT_CM * posed.signer.scale
     return np.asarray(missing * max(0.0, min(length, _MOST_CM) - tolerance) / max(length, 1e-9))
 
 
-def location_target(posed: PosedSigner, frame: int, which: int, posture: Posture, sign: Sign) -> FloatArray:
+def location_target(posed: PosedSigner, frame: int, hold: PostureHold, sign: Sign) -> FloatArray:
     """Where a posture puts the part of a hand, (3,), cm, in the chest's axes of a body as it is then, mirrored for the
     weak hand as its state is.
     """
-    signer, state = posed.signer, posed.states[frame]
+    signer, state, which, posture = posed.signer, posed.states[frame], hold.which, hold.posture
     chest, mirror = posed.rotations[frame, JOINTS["Spine2"]], pose.MIRRORS[which]
     site, unit = hand_part(posture.part), signer.hands * signer.scale
     weak = WeakArm(signer, state[27:54])

@@ -91,10 +91,8 @@ def _body_locations(signer: Signer) -> dict[str, Location]:
     rest = rest_positions(skeleton(signer))
     chest = rest[JOINTS["Spine2"]]
     height = 1.70 * signer.scale * 100.0
-    origins, normals = [], []
-    for joint, inside, out in _ON_BODY.values():
-        origins.append(rest[JOINTS[joint]] + height * axes(inside))
-        normals.append(axes(out) / np.linalg.norm(out))
+    origins = [rest[JOINTS[joint]] + height * axes(inside) for joint, inside, _ in _ON_BODY.values()]
+    normals = [axes(out) / np.linalg.norm(out) for _, _, out in _ON_BODY.values()]
     skin = _skin(np.array(origins), np.array(normals), signer)
     return {name: Location(point - chest, normal) for name, point, normal in zip(_ON_BODY, skin, normals, strict=True)}
 
@@ -202,13 +200,8 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
         part = rotation.rotate(quat, hand_part(posture.part).centre(handshape(posture.shape).points))
         wrist, quat = clear_of_shoulder(wrist, quat, part * signer.hands * signer.scale, signer)
         hand_state[:6] = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer)])
-        return in_contact(
-            hand_state,
-            quat,
-            None if meets else weak.hand,
-            signer,
-            (4.0 if posture.location in ON_ARM else 0.7) * normal,
-        )
+        outward = (4.0 if posture.location in ON_ARM else 0.7) * normal
+        return in_contact(hand_state, quat, None if meets else weak.hand, signer, outward)
     for _ in range(_TOUCH_ROUNDS * (posture.on_skin and normal.any())):
         gaps = hand_clearances(pose.of_hands(hand_state, weak.hand)[None], signer)[0]
         gap = gaps[2 if on_arm(posture.location) else 0]
@@ -328,17 +321,15 @@ def _resting(signer: Signer, *names: str | int) -> FloatArray:
     """``resting``."""
     rng = stream("rest", signer.name, *names)
     state = np.zeros(pose.SIZE)
-    if signer.rest != HANGING:
-        for first, posture in zip((0, 27), _HELD[signer.rest], strict=True):
+    postures = (None, None) if signer.rest == HANGING else _HELD[signer.rest]
+    for first, posture in zip((0, 27), postures, strict=True):
+        jitter = 0.6 * rng.standard_normal(3)
+        if posture is not None:
             hand_state = weak_hand(posture, signer)
-            offset = np.array([0.0, 2.0 * signer.rest_out_cm - _HELD_LOWER_CM, 0.0])
-            hand_state[:3] += 0.6 * rng.standard_normal(3) + offset
+            hand_state[:3] += jitter + np.array([0.0, 2.0 * signer.rest_out_cm - _HELD_LOWER_CM, 0.0])
             hand_state[6:] *= 1.0 + 0.06 * rng.standard_normal()
             state[first : first + 27] = hand_state
-        state.flags.writeable = False
-        return state
-    for first in (0, 27):
-        jitter = 0.6 * rng.standard_normal(3)
+            continue
         wrist = np.array([-26.0 - signer.rest_out_cm, -39.5, 4.0 + signer.rest_fwd_cm]) + jitter
         arms = 0.5 * (signer.arms + 1.0)
         wrist = wrist * np.array([signer.shoulders, arms, 1.0]) * signer.scale

@@ -106,9 +106,8 @@ def _blocks(text: str, name: str) -> Iterable[list[tuple[_Line, str]]]:
         line = _Line(name, number)
         if content[0].isspace():
             if not block:
-                raise line.error(
-                    f"{content.strip()[:80]!r} belongs to no sign, expected GLOSS hands=... at the margin first"
-                )
+                shown = f"{content.strip()[:80]!r}"
+                raise line.error(f"{shown} belongs to no sign, expected GLOSS hands=... at the margin first")
             block.append((line, content.strip()))
         else:
             if block:
@@ -199,11 +198,8 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
         before = Posture("", "", "palm", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     changes: dict[str, object] = {}
     if "at" in fields:
-        changes |= {
-            "location": _composed(line, f"{prefix}at", fields["at"], LOCATIONS, is_location),
-            "off": 0.0,
-            "touch": False,
-        }
+        location = _composed(line, f"{prefix}at", fields["at"], LOCATIONS, is_location)
+        changes |= {"location": location, "off": 0.0, "touch": False}
     if "shape" in fields:
         changes["shape"] = _composed(line, f"{prefix}shape", fields["shape"], HANDSHAPES, is_handshape)
     if "by" in fields:
@@ -244,22 +240,17 @@ def _path(line: _Line, text: str, key: str = "path") -> Path:
     expected = shapes.get(kind, kind)
     if not expected.count(":") <= len(rest) <= expected.count(":") + 2 * (kind == "circle"):
         raise line.error(f"{key}={text}, expected {key}={expected}")
-    if kind == "arc":
-        return Path(kind, _direction(line, rest[0]), size=_number(line, key, rest[1], 0.5, 40.0))
+    if kind not in shapes:
+        return Path(kind)
     if kind == "circle" and ("," in rest[0] or rest[0].partition("-")[0] in DIRECTIONS):
         return _circle(line, rest, key, text)
-    if kind == "circle":
-        plane = _one_of(line, "plane", rest[0], PLANES)
-        revolutions = _number(line, key, rest[2], -6.0, 6.0)
-        if abs(revolutions) < 0.25:
-            raise line.error(f"{key}={text}, expected a quarter of a turn or more")
-        return Path(kind, plane=plane, size=_number(line, key, rest[1], 0.5, 30.0), revolutions=revolutions)
-    if kind == "zigzag":
-        revolutions = _number(line, key, rest[2], 0.5, 8.0)
-        return Path(
-            kind, _direction(line, rest[0]), size=_number(line, key, rest[1], 0.5, 30.0), revolutions=revolutions
-        )
-    return Path(kind)
+    plane = _one_of(line, "plane", rest[0], PLANES) if kind == "circle" else ""
+    low, high = (-6.0, 6.0) if plane else (0.5, 8.0)
+    revolutions = _number(line, key, rest[2], low, high) if kind != "arc" else 0.0
+    if plane and abs(revolutions) < 0.25:
+        raise line.error(f"{key}={text}, expected a quarter of a turn or more")
+    direction = (0.0, 0.0, 0.0) if plane else _direction(line, rest[0])
+    return Path(kind, direction, plane, _number(line, key, rest[1], 0.5, 40.0 if kind == "arc" else 30.0), revolutions)
 
 
 def _circle(line: _Line, words: list[str], key: str, text: str) -> Path:
@@ -375,14 +366,13 @@ def _posture_words(posture: Posture, before: Posture | None, prefix: str, hands:
     lower = lower_cm(posture.location, hands)
     x, y, z = posture.shift
     shift = _vector_text((x, y + lower, z))
+    was = "0,0,0" if anew else _vector_text((old.shift[0], old.shift[1] + lower, old.shift[2]))
     keys = {
         "shape": posture.shape if posture.shape != old.shape else "",
         "at": posture.location if anew else "",
         "by": posture.part if posture.part != old.part else "",
         "off": _number_text(posture.off) if _number_text(posture.off) != _number_text(old.off) else "",
-        "shift": shift
-        if shift != ("0,0,0" if anew else _vector_text((old.shift[0], old.shift[1] + lower, old.shift[2])))
-        else "",
+        "shift": shift if shift != was else "",
         "touch": ("yes" if posture.touch else "no") if posture.touch != old.touch else "",
         "palm": _direction_text(posture.palm) if posture.palm != old.palm else "",
         "fingers": _direction_text(posture.fingers) if posture.fingers != old.fingers else "",
@@ -440,7 +430,7 @@ def _vector_text(vector: Vector) -> str:
 
 def _direction_text(vector: Vector) -> str:
     """A direction by its word, or as three numbers."""
-    near = next(
-        (word for v, word in _WORDS.items() if all(abs(a - b) < 5e-4 for a, b in zip(v, vector, strict=True))), ""
-    )
-    return near or _vector_text(vector)
+    for named, word in _WORDS.items():
+        if all(abs(a - b) < 5e-4 for a, b in zip(named, vector, strict=True)):
+            return word
+    return _vector_text(vector)

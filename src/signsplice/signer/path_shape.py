@@ -16,24 +16,21 @@ import numpy as np
 
 from signsplice.motion import FloatArray
 from signsplice.signer import arms, hand, locations, pose
-from signsplice.signer.collisions import TOLERANCE_CM, penetration
+from signsplice.signer.collisions import TOLERANCE_CM
 from signsplice.signer.figure import Figure
 from signsplice.signer.hand import hand_part
 from signsplice.signer.location_targets import (
     LEFT_ALONE,
     RADIUS_S,
     PostureHold,
+    WrittenMotion,
     limit_length,
     move_hands,
-    posture_holds,
     resolve_collisions,
-    spread,
 )
 from signsplice.signer.locations import WeakArm
-from signsplice.signer.phonology import REST, Posture, Sign, in_space, on_arm
+from signsplice.signer.phonology import REST, Posture, in_space, on_arm
 from signsplice.signer.pose import MIRROR
-from signsplice.signer.signer import HangingElbowSigner, Signer
-from signsplice.signer.timing import TimedSegment
 from signsplice.signer.trajectory import wendland
 
 _MOST_CM = 8.0
@@ -50,53 +47,44 @@ _BLOCKED_CM = 1.5
 """How far from where it was to go a posture is that something is in the way of."""
 
 
-def keep_path_shape(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
-) -> FloatArray:
-    """States (T, 65) of a whole word, those of a figure but for their arms, free of collisions, with strokes as they
-    are written.
-    """
-    signer = figure.signer
-    every, _ = posture_holds(segments, sign, fps, lambda posture: True)
-    rows = _rows(every, sign)
-    still = [one for one in every if not _is_open(one.posture)]
+def keep_path_shape(states: FloatArray, word: WrittenMotion) -> FloatArray:
+    """States (T, 65) of a whole word, free of collisions, with strokes as they are written."""
+    signer, every = word.signer, word.holds
+    rows = _rows(word)
+    _, still = word.parted(_is_open)
     before: list[FloatArray] = []
     goals: list[FloatArray] = []
     for first in (True, False):
-        palms = _palms(states, figure)
+        palms = _palms(states, word.figure)
         places = [_steadiest(palms[:, one.which], one) for one in every]
         if first:
-            before, places = places, _in_rows(places, rows, every, sign, signer)
+            before, places = places, _in_rows(places, rows, word)
         else:  # a row with a posture that was pushed out of the body goes back
             for row in rows:
                 if any(float(np.linalg.norm(places[n] - goals[n])) > _BLOCKED_CM * signer.scale for n in row):
                     places = [before[n] if n in row else place for n, place in enumerate(places)]
         goals = places
-        wanted = [
+        missing = [
             (replace(one, first=frame, last=frame), place - palms[frame, one.which])
             for one, place in zip(every, places, strict=True)
             if _is_open(one.posture)
             for frame in range(one.first, one.last + 1)
         ]
-        if max((float(np.linalg.norm(miss)) for _, miss in wanted), default=0.0) < _LEFT_CM * signer.scale:
+        if max((float(np.linalg.norm(miss)) for _, miss in missing), default=0.0) < _LEFT_CM * signer.scale:
             break
-        moves = spread([one for one, _ in wanted], [miss for _, miss in wanted], still, len(states), RADIUS_S * fps)
-        quats, steady = pose.hand_rotations(states, signer), arms.directions_of(states, signer)
-        whole = resolve_collisions(move_hands(states, quats, steady, moves, signer), figure, sign)
-        depth = float(penetration(whole, signer, figure=figure)[0].max())
-        if depth <= TOLERANCE_CM or depth <= float(penetration(states, signer, figure=figure)[0].max()):
+        whole = resolve_collisions(move_hands(states, word.spread(missing, still), signer), word)
+        depth = word.depth(whole)
+        if depth <= TOLERANCE_CM or depth <= word.depth(states):
             states = whole
     return states
 
 
-def keep_circles(
-    states: FloatArray, planned: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure
-) -> FloatArray:
-    """States (T, 65) of a whole word, those of a figure but for their arms, with circles as they were ``planned``
-    (T, 65) between where they begin and end now: what was in the way moves all of a circle, not a side of it.
+def keep_circles(states: FloatArray, planned: FloatArray, word: WrittenMotion) -> FloatArray:
+    """States (T, 65) of a whole word with circles as they were ``planned`` (T, 65) between where they begin and end
+    now: what was in the way moves all of a circle, not a side of it.
     """
     moves = np.zeros((len(states), 2, 3))
-    for one in segments:
+    for one in word.segments:
         if not one.segment.circles:
             continue
         frames = slice(one.begin, one.end + 1)
@@ -106,29 +94,24 @@ def keep_circles(
         moves[frames] = off - off[0] - share * (off[-1] - off[0])
     if not moves.any():
         return states
-    signer = figure.signer
-    quats, steady = pose.hand_rotations(states, signer), arms.directions_of(states, signer)
-    whole = resolve_collisions(move_hands(states, quats, steady, moves, signer), figure, sign)
-    return arms.turn_elbows(whole, steady, signer)
+    return arms.keep_elbows(resolve_collisions(move_hands(states, moves, word.signer), word), states, word.signer)
 
 
-def keep_base_hand(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, figure: Figure, fps: float
-) -> FloatArray:
+def keep_base_hand(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """States (T, 65) of a whole word with base hands that stay while they are written to: what moved them apart from
     the strong hand moves that one, where it is near.
     """
-    if sign.hands != "base":
+    if word.sign.hands != "base":
         return states
     moves = np.zeros((len(states), 2, 3))
     spans: list[tuple[int, int]] = []
-    for before, one in zip((None, *segments), segments, strict=False):
+    for before, one in zip((None, *word.segments), word.segments, strict=False):
         own = one.segment.weak_local or one.segment.weak_path.kind == "circle"
         if before is None or own or before.segment.weak != one.segment.weak:
             spans.append((one.end, one.end))
         elif one.segment.weak and one.segment.weak.location != REST:
             spans[-1] = spans[-1][0], one.end
-    signer, times = figure.signer, np.arange(len(states))
+    signer, times = word.signer, np.arange(len(states))
     for first, last in spans:
         weak = pose.hands(states)[first : last + 1, 1, pose.WRIST]
         off = weak - np.median(weak, axis=0)
@@ -136,44 +119,37 @@ def keep_base_hand(
         if not back.any():
             continue
         within = np.clip(times, first, last)
-        fade = wendland(times, within[:, None], RADIUS_S * fps)
+        fade = wendland(times, within[:, None], RADIUS_S * word.fps)
         frames = np.flatnonzero(fade[:, 0])
-        capsules = figure.posed(states[frames], frames).capsules
+        capsules = word.figure.posed(states[frames], frames).capsules
         groups = capsules.body.groups
         apart = capsules.nearest(groups.right, (groups.left,), _TOGETHER_CM)[0]
         along = fade[frames] * back[within[frames] - first]
         moves[frames, 1] += along
         moves[frames, 0] += MIRROR * along * pose.smooth_step(2.0 - 2.0 * apart / _TOGETHER_CM)
-    return move_hands(states, pose.hand_rotations(states, signer), arms.directions_of(states, signer), moves, signer)
+    return move_hands(states, moves, signer)
 
 
-def hold_elbows(
-    states: FloatArray, segments: Sequence[TimedSegment], sign: Sign, signer: HangingElbowSigner, fps: float
-) -> FloatArray:
+def hold_elbows(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """States (T, 65) of a whole word with elbows that stay while hands stay: where these bend wrists least."""
-    directions, wrist = arms.directions_of(states, signer), pose.posed_arms(states, signer)[1]
-    bent = arms.beyond_easy(wrist.angles)
-    every, reach = posture_holds(segments, sign, fps, lambda posture: True)[0], round(_HELD_S * fps)
+    directions, wrist = arms.directions_of(states, word.signer), pose.posed_arms(states, word.signer)[1]
+    bent, reach = arms.beyond_easy(wrist.angles), round(_HELD_S * word.fps)
     # What is farther away in time stays; of the same frame the later one counts.
-    wanted = [replace(one, first=max(one.first - reach, 0), last=one.last + reach) for one in every]
-    missing = [np.zeros(3)] * len(wanted)
-    for one in every:
+    missing = [
+        (replace(one, first=max(one.first - reach, 0), last=one.last + reach), np.zeros(3)) for one in word.holds
+    ]
+    for one in word.holds:
         frames = range(one.first, one.last + 1)
         best = min(frames, key=lambda frame: float(np.linalg.norm(bent[frame, one.which])))
-        wanted += [replace(one, first=frame, last=frame) for frame in frames]
-        missing += [*(directions[best, one.which] - directions[frames, one.which])]
-    return arms.turn_elbows(states, directions + spread(wanted, missing, [], len(states), RADIUS_S * fps), signer)
+        turns = directions[best, one.which] - directions[frames, one.which]
+        missing += [(replace(one, first=frame, last=frame), x) for frame, x in zip(frames, turns, strict=True)]
+    return arms.turn_elbows(states, directions + word.spread(missing), word.signer)
 
 
-def _in_rows(
-    places: Sequence[FloatArray],
-    rows: Sequence[Sequence[int]],
-    every: Sequence[PostureHold],
-    sign: Sign,
-    signer: Signer,
-) -> list[FloatArray]:
+def _in_rows(places: Sequence[FloatArray], rows: Sequence[Sequence[int]], word: WrittenMotion) -> list[FloatArray]:
     """The places (3,) of palms, those of a row all as far off what is written."""
     made, written = [*places], dict[tuple[Posture, Posture | None], FloatArray]()
+    every, signer = word.holds, word.signer
     for row in rows:
         if len(row) == 1:
             continue
@@ -182,7 +158,7 @@ def _in_rows(
             if key not in written:
                 posture, weak = key
                 arm = WeakArm(signer, locations.weak_hand(weak, signer) if weak else np.zeros(27))
-                written[key] = locations.palm(posture, arm, sign.hands == "symmetric")
+                written[key] = locations.palm(posture, arm, word.sign.hands == "symmetric")
         off = np.array([places[n] - written[key] for n, key in zip(row, keys, strict=True)])
         lead = 0 if every[row[0]].posture.touch else int(np.linalg.norm(off, axis=1).argmax())
         goal = off[lead]
@@ -197,15 +173,14 @@ def _is_open(posture: Posture) -> bool:
     return not posture.touch and posture.location not in LEFT_ALONE
 
 
-def _rows(every: Sequence[PostureHold], sign: Sign) -> list[list[int]]:
+def _rows(word: WrittenMotion) -> list[list[int]]:
     """Stays that strokes lead through, by their numbers: a row begins anew at each touch, at a place that is written
     again, with the other hand, and at the other hand, which itself moves. A base hand stays where the other one is at
     it.
     """
-    rows: list[list[int]] = []
+    rows, sign = list[list[int]](), word.sign
     led = sign.hands == "base" and any(on_arm(segment.strong.location) for segment in sign.segments)
-    for n, one in enumerate(every):
-        before = every[n - 1] if n else None
+    for n, (before, one) in enumerate(zip((None, *word.holds), word.holds, strict=False)):
         if (
             before is not None
             and before.which == one.which

@@ -298,18 +298,12 @@ def strokes(path: PathMotion, count: int, n_frames: int, *names: str | int) -> l
     rng = stream("pass-difference", path.signer.name, *names)
     sizes = 1.0 - difference * rng.uniform(0.0, 1.0 - _LEAST_SIZE, count)
     times = 1.0 + difference * rng.uniform(-_TIME_SPREAD, _TIME_SPREAD, count)
-    starts, stops = _touches(path)
+    starts, stops = touching(np.array([path.at(0.0), path.at(1.0)]), path.signer)
     made = [Stroke(0.0, 1.0, n_frames)]
     for size, time in zip(sizes[1:].tolist(), times[1:].tolist(), strict=True):
         back, forth = 0.0 if starts else 1.0 - size, size if starts and not stops else 1.0
         made.append(Stroke(made[-1].stop, back if made[-1].forward else forth, max(4, round(n_frames * time))))
     return made
-
-
-def _touches(path: PathMotion) -> tuple[bool, bool]:
-    """Whether any hand touches at the start of a path, and at its end."""
-    at_ends = touching(np.array([path.at(0.0), path.at(1.0)]), path.signer)
-    return bool(at_ends[0]), bool(at_ends[1])
 
 
 def varied_rounds(path: PathMotion, *names: str | int) -> tuple[PathMotion, Callable[[float], float]]:

@@ -326,9 +326,8 @@ def faults(sign: Sign) -> list[str]:
             if abs(dot) > 0.9:
                 found.append(f"segment {n}: palm and fingers must be at least 25 degrees from parallel")
             if p.location in LOCI and sign.hands in MIRRORED_HANDS:
-                found.append(
-                    f"segment {n}: at={p.location} needs hands=one or hands=base; mirrored hands have no common locus"
-                )
+                needs = f"at={p.location} needs hands=one or hands=base"
+                found.append(f"segment {n}: {needs}; mirrored hands have no common locus")
     if sum(s.kind == "H" for s in sign.segments) == len(sign.segments) > 1:
         found.append("has holds only, expected an M between two")
     return found

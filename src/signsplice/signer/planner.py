@@ -17,7 +17,6 @@ import numpy as np
 
 from signsplice.motion import Clip, FloatArray
 from signsplice.signer import arms, handshapes, location_targets, locations, path_shape, pose, trajectory, two_hands
-from signsplice.signer.arms import ease_wrists, turn_hands
 from signsplice.signer.body_motion import (
     add_body_motion,
     add_gesture,
@@ -26,16 +25,11 @@ from signsplice.signer.body_motion import (
     approximate_nearness,
     wrist_movements,
 )
-from signsplice.signer.collisions import (
-    TOUCH_CM,
-    clear_collisions,
-    hand_clearances,
-    penetration,
-    touching,
-)
+from signsplice.signer.collisions import TOUCH_CM, clear_collisions, hand_clearances, touching
 from signsplice.signer.contacts import solve_contacts
 from signsplice.signer.figure import Figure
 from signsplice.signer.location_targets import (
+    WrittenMotion,
     apply_location_targets,
     facing_as_written,
     resolve_collisions,
@@ -45,7 +39,7 @@ from signsplice.signer.locations import ON_HEAD, WeakArm, resting
 from signsplice.signer.paths import PathMotion, drifted, rounds, strokes, translated, varied_rounds, without_spins
 from signsplice.signer.phonology import MIRRORED_HANDS, REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.signer.signer import PLAIN, STANDARD, Signer, stream
-from signsplice.signer.timing import LANDING_S, Events, TimedSegment, between_frames, hold_pause, tempo_of
+from signsplice.signer.timing import LANDING_S, Events, SignTake, TimedSegment, between_frames, hold_pause, tempo_of
 from signsplice.signer.trajectory import Knot, low_passed
 
 FPS = 30.0
@@ -96,7 +90,7 @@ class SegmentPlan:
             return states
         frames = [frame + offset for frame in self.stops()]
         told = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
-        passes = [(begin + offset, stop + offset) for t in self.timed for begin, stop in t.passes]
+        passes = [span for t in self.timed for span in t.later(offset).passes]
         if self.sign.kind != "written":
             touched = touching(states[frames], self.signer)
             told |= {frame for frame, one in zip(frames, touched, strict=True) if one}
@@ -104,17 +98,9 @@ class SegmentPlan:
 
     def events(self, up: int, offset: int, down: int) -> Events:
         """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
-        moves = [
-            [(begin + offset, stop + offset) for begin, stop in timed.passes] for timed in self.timed if timed.passes
-        ]
-        return Events(
-            up=up,
-            start=offset,
-            end=offset + self.stop,
-            down=offset + self.stop + down + 1,
-            first=moves[0][0] if moves else None,
-            passes=tuple(moves[-1]) if moves else (),
-        )
+        moves = [timed.later(offset).passes for timed in self.timed if timed.passes]
+        first, passes = (moves[0][0], moves[-1]) if moves else (None, ())
+        return Events(up, offset, offset + self.stop, offset + self.stop + down + 1, first, passes)
 
     def add_overlays(self, states: FloatArray, offset: int) -> None:
         """Add local movements and gestures of head and trunk to states of the whole word, in place; those of written
@@ -146,9 +132,35 @@ class SegmentPlan:
             elif in_space(location) and not (meets and location.endswith("-mid")) and not segment.strong.touch:
                 strong = translated(strong, self.jitter, self.signer)
             pairs.append((strong, strong if meets else weak.hand))
-        tempo, rest = self.tempo * self.signer.tempo / self.pace.movement, resting(self.signer, self.sign.gloss)
-        touching = [touches(segment, self.sign) for segment in self.sign.segments]
-        return undershot(without_spins(pairs), self.sign, touching, rest, tempo, self.signer)
+        return self._undershot(without_spins(pairs))
+
+    def _undershot(self, pairs: list[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
+        """Both hand states at the end of each segment, the strong one moved towards the segment before, in the first
+        towards rest, unless it touches there; a weak hand that mirrors it moves too. A posture that is kept stays the
+        same.
+        """
+        sign, signer = self.sign, self.signer
+        amount = short_cm(self.tempo * signer.tempo / self.pace.movement, signer)
+        if amount == 0.0 or sign.kind == "written":  # hands of written signs are brought to their places afterwards
+            return pairs
+        states = np.array([pose.of_hands(*pair) for pair in pairs])
+        near = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
+        moved: list[tuple[FloatArray, FloatArray]] = []
+        for n, (strong, weak) in enumerate(pairs):
+            short = strong
+            if n and np.array_equal(strong, pairs[n - 1][0]):
+                short = moved[-1][0]
+            elif not (near[n] or touches(sign.segments[n], sign)):
+                before = states[n - 1] if n else resting(signer, sign.gloss)
+                back = before[pose.WRIST] - strong[pose.WRIST]
+                shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
+                if sign.segments[n].strong.location in ON_HEAD:
+                    shift = shift - np.array([0.0, _LOWER * amount, 0.0])
+                    most = _MOST_CM * signer.manner.undershoot * signer.scale
+                    shift *= min(1.0, most / float(np.linalg.norm(shift)))
+                short = translated(strong, shift, signer)
+            moved.append((short, short if weak is strong else weak))
+        return moved
 
     def _weak_hand(self, posture: Posture | None) -> FloatArray:
         if posture is None or posture.location == REST:
@@ -283,42 +295,6 @@ def short_cm(tempo: float, signer: Signer) -> float:
     return signer.manner.undershoot * min(_USUAL_CM * tempo**3, _MOST_CM) * signer.scale
 
 
-def undershot(
-    pairs: list[tuple[FloatArray, FloatArray]],
-    sign: Sign,
-    touching: list[bool],
-    rest: FloatArray,
-    tempo: float,
-    signer: Signer,
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Strong and weak hand's states (27,) in a sign's segments, the strong one moved towards the segment before, in the
-    first towards ``rest`` (65,), unless it touches there; a weak hand that mirrors it moves too. A posture that is kept
-    stays the same.
-    """
-    amount = short_cm(tempo, signer)
-    if amount == 0.0 or sign.kind == "written":  # hands of written signs are brought to their places afterwards
-        return pairs
-    states = np.array([pose.of_hands(*pair) for pair in pairs])
-    near = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
-    moved: list[tuple[FloatArray, FloatArray]] = []
-    for n, (strong, weak) in enumerate(pairs):
-        if n and np.array_equal(strong, pairs[n - 1][0]):
-            moved.append((moved[-1][0], moved[-1][0] if weak is strong else weak))
-            continue
-        before = states[n - 1] if n else rest
-        if touching[n] or near[n]:
-            moved.append((strong, weak))
-            continue
-        back = before[pose.WRIST] - strong[pose.WRIST]
-        shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
-        if sign.segments[n].strong.location in ON_HEAD:
-            shift = shift - np.array([0.0, _LOWER * amount, 0.0])
-            shift *= min(1.0, _MOST_CM * signer.manner.undershoot * signer.scale / float(np.linalg.norm(shift)))
-        short = translated(strong, shift, signer)
-        moved.append((short, short if weak is strong else weak))
-    return moved
-
-
 PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
 """Duration of the reaches from and to rest, over what the travel law gives."""
 REST_S = 0.17
@@ -363,20 +339,12 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
     up = _reach_frames(rest, knots[0].state, signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
     down = _reach_frames(knots[-1].state, rest, signer, fps, RETRACTION_PACE * rng.uniform(0.94, 1.06))
-    states = np.concatenate(
-        [
-            np.broadcast_to(rest, (before, pose.SIZE)),
-            trajectory.from_rest_to_rest(knots, rest, up, down, signer),
-            np.broadcast_to(rest, (after, pose.SIZE)),
-        ]
-    )
+    word = trajectory.from_rest_to_rest(knots, rest, up, down, signer)
+    states = np.concatenate([np.tile(rest, (before, 1)), word, np.tile(rest, (after, 1))])
     offset = before + up
     events = plan.events(before - 1, offset, down)
-    span = events.up, events.start, events.end, events.down
-    near = None
-    if sign.kind == "written":  # hands are brought to their places afterwards
-        near = approximate_nearness(states, replace(signer, left_handed=False), fps)
-    states = two_hands.with_separate_timing(states, sign, signer, take, fps, span, near)
+    near = approximate_nearness(states, signer, fps) if sign.kind == "written" else None
+    states = two_hands.with_separate_timing(states, SignTake(sign, signer, take, fps), events, near)
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
@@ -386,52 +354,42 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     add_gestures(states, sign.gestures, events, fps)
     states = add_body_motion(states, events, signer, fps, near)
     segments = tuple(one.later(offset) for one in plan.timed)
-    states = _settled(states, segments, sign, signer, fps)
+    if sign.kind == "written":
+        states = _written(states, segments, sign, signer, fps)
+    else:
+        for _ in range(2):  # a forearm that is turned can meet the other hand
+            states = clear_collisions(arms.smooth_elbows(states, signer, fps), signer)
     clip = pose.clip(states, signer, fps, sign.gloss)
     return IsolatedWord(sign, signer, states, clip, events, segments)
-
-
-def _settled(
-    states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
-) -> FloatArray:
-    """States (T, 65) of a whole word with steady elbows and without collisions; of a written sign at its places."""
-    if sign.kind == "written":
-        return _written(states, segments, sign, signer, fps)
-    for _ in range(2):  # a forearm that is turned can meet the other hand
-        states = clear_collisions(arms.smooth_elbows(states, signer, fps), signer)
-    return states
 
 
 def _written(
     states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
-    """The same of a written sign, with hands at their written places, in the written directions as far as is easy."""
-    directions = facing_as_written(states, segments, sign, signer, fps)
-    states, hanging = arms.from_hanging(within_reach(states, signer), signer)
-    figure = Figure(states, hanging)
-    planned = states
-    states = apply_location_targets(turn_hands(states, directions, hanging), segments, sign, figure, fps)
+    """States (T, 65) of a whole word of a written sign with hands at their written places, in the written directions as
+    far as is easy, steady elbows, and without collisions.
+    """
+    planned, hanging = arms.from_hanging(within_reach(states, signer), signer)
+    word = WrittenMotion(sign, segments, Figure(planned, hanging), fps)
+    directions = facing_as_written(states, word)
+    states = apply_location_targets(arms.turn_hands(planned, directions, hanging), word)
     if sign.hands == "symmetric" or not all(in_space(one.segment.strong.location) for one in segments):
-        states = resolve_collisions(states, figure, sign)
-    states = arms.smooth_elbows(turn_hands(states, directions, hanging), hanging, fps, led=True, figure=figure)
-    wrists = wrist_movements(segments, sign.hands, len(states))
-    states = resolve_collisions(
-        apply_location_targets(ease_wrists(states, directions, hanging, *wrists), segments, sign, figure, fps),
-        figure,
-        sign,
+        states = resolve_collisions(states, word)
+    states = arms.smooth_elbows(
+        arms.turn_hands(states, directions, hanging), hanging, fps, led=True, figure=word.figure
     )
-    touching = solve_contacts(states, segments, sign, figure, fps)
-    touching = path_shape.keep_path_shape(touching, segments, sign, figure, fps)
-    touching = path_shape.keep_circles(touching, planned, segments, sign, figure)
-    touching = path_shape.keep_base_hand(touching, segments, sign, figure, fps)
-    touching = path_shape.hold_elbows(touching, segments, sign, hanging, fps)
+    wrists = wrist_movements(segments, sign.hands, len(states))
+    states = apply_location_targets(arms.ease_wrists(states, directions, hanging, *wrists), word)
+    touching = path_shape.keep_path_shape(solve_contacts(resolve_collisions(states, word), word), word)
+    touching = path_shape.keep_base_hand(path_shape.keep_circles(touching, planned, word), word)
+    touching = path_shape.hold_elbows(touching, word)
     states = arms.limit_forearm_speed(arms.limit_elbow_speed(touching, hanging, fps), hanging, fps)
     if states is not touching:
-        states = arms.keep_elbows(resolve_collisions(states, figure, sign), states, hanging)
+        states = arms.keep_elbows(resolve_collisions(states, word), states, hanging)
     for _ in range(_CLEARED_AGAIN):
-        if penetration(states, hanging, figure=figure)[0].max() <= _DEEPEST_CM:
+        if word.depth(states) <= _DEEPEST_CM:
             break
-        states = path_shape.keep_base_hand(resolve_collisions(states, figure, sign), segments, sign, figure, fps)
+        states = path_shape.keep_base_hand(resolve_collisions(states, word), word)
     return arms.from_easy(states, signer)
 
 

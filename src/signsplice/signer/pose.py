@@ -8,7 +8,7 @@ States can be added and interpolated number by number: they hold positions in cm
     fingers 21   hand.ANGLES
 
 then rotation vectors of trunk (3) and head (3), the root's displacement (3) from its rest position, cm, and by how much
-each elbow (2) is turned from its easy place, radians (``elbows``). The 27 numbers of one hand are called a hand state.
+each elbow (2) is turned from its easy place, radians (``arms``). The 27 numbers of one hand are called a hand state.
 
 Arms are solved in closed form: two bones, with the elbow easy on its circle where forearm and wrist are nearest to
 their neutral angles. Forearm and wrist angles approach their limits softly, so that no state can break a joint.
@@ -16,6 +16,7 @@ their neutral angles. Forearm and wrist angles approach their limits softly, so 
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.curves import minimum_jerk
 from signsplice.signer import hand
 from signsplice.signer.signer import (
+    ARM_JOINTS,
     COLLAR,
     FOREARM,
     JOINTS,
@@ -392,16 +394,11 @@ def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip
 def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 65)."""
     local_quats, roots = without_arms(states, signer)
-    collar, upper, fore, hand_quats = arm_rotations(*posed_arms(states, signer))
-    chain = {
-        "Shoulder": collar,
-        "Arm": rotation.multiply(rotation.inverse(collar), upper),
-        "ForeArm": rotation.multiply(rotation.inverse(upper), fore),
-        "Hand": rotation.multiply(rotation.inverse(fore), hand_quats),
-    }
+    turns = arm_rotations(*posed_arms(states, signer))
+    chain = [turns[0], *(rotation.multiply(rotation.inverse(a), b) for a, b in itertools.pairwise(turns))]
     for n, side in enumerate(_sides(signer)):
         mirror = MIRROR_QUAT if side == "Left" else 1.0
-        for name, q in chain.items():
+        for name, q in zip(ARM_JOINTS, chain, strict=True):
             local_quats[:, JOINTS[side + name]] = q[:, n] * mirror
     return local_quats, roots
 

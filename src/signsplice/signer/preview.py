@@ -71,11 +71,7 @@ def write_names(folder: Path) -> list[Path]:
     """Write a picture of every place, part of the hand, handshape and movement into a folder: the paths written."""
     shapes = [(_hand_at(Posture(name, "space", "palm", _FORWARD, _UP)), name) for name in HANDSHAPES]
     moves = [(_move(sign), sign.source) for sign in notation.read(FOLDER / "examples.signs").values()]
-    swings = [
-        *(("local", name) for name in LOCALS),
-        *(("head", name) for name in HEAD),
-        *(("trunk", name) for name in TRUNK),
-    ]
+    swings = [(key, name) for key, names in (("local", LOCALS), ("head", HEAD), ("trunk", TRUNK)) for name in names]
     moves += [(_swing(key, name), f"{key}={name}") for key, name in swings]
     pages = {
         "places": ([(_place(name), name) for name in LOCATIONS], 9),

@@ -133,7 +133,7 @@ class Signer:
 @dataclass(frozen=True)
 class HangingElbowSigner(Signer):
     """A signer in whose states elbows are turned from where they hang, and not from where they are easy
-    (``elbows.from_hanging``).
+    (``arms.from_hanging``).
     """
 
 
@@ -175,12 +175,10 @@ def draw_signer(seed: int) -> Signer:
 
 
 # Joint centres of the standard body in the T-pose, cm, facing +Z, left +X; proportions after Drillis and Contini 1966.
-_TRUNK = (
+_SPINE = (
     ("Spine", "Hips", (0.0, 10.0, -1.0)),
     ("Spine1", "Spine", (0.0, 12.0, -0.5)),
     ("Spine2", "Spine1", (0.0, 13.0, 0.0)),
-)
-_NECK = (
     ("Neck", "Spine2", (0.0, 16.0, 0.5)),
     ("Head", "Neck", (0.0, 9.0, 2.0)),
     ("HeadTop_End", "Head", (0.0, 18.0, 1.0)),
@@ -209,7 +207,7 @@ def _skeleton(signer: Signer) -> Skeleton:
     scale = signer.scale
     rows: list[tuple[str, str, FloatArray]] = [("Hips", "", np.array([0.0, HIPS_CM, 0.0]) * scale)]
     tips: list[tuple[str, FloatArray]] = []
-    rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in (*_TRUNK, *_NECK)]
+    rows += [(name, parent, np.array(offset) * scale) for name, parent, offset in _SPINE]
     for side in _JOINT_SIDES:
         mirror = np.array([1.0 if side == "Left" else -1.0, 1.0, 1.0]) * scale
         broad = np.array([signer.shoulders, 1.0, 1.0])
@@ -249,5 +247,7 @@ def shoulder(signer: Signer) -> FloatArray:
     return np.asarray((COLLAR + SHOULDER) * np.array([-signer.shoulders, 1.0, 1.0]))
 
 
+ARM_JOINTS = ("Shoulder", "Arm", "ForeArm", "Hand")
+"""Names of an arm's joints without their side, from the chest on."""
 JOINTS: dict[str, int] = {name.removeprefix("mixamorig:"): n for n, name in enumerate(skeleton().names)}
 """Joint name, without Mixamo's prefix, -> its index."""

@@ -47,6 +47,16 @@ LANDING_S = 0.2
 
 
 @dataclass(frozen=True)
+class SignTake:
+    """One take of a sign: by whom, which one, and at how many frames a second."""
+
+    sign: Sign
+    signer: Signer
+    number: int
+    fps: float
+
+
+@dataclass(frozen=True)
 class Tempo:
     """Factors on the durations of one take of a word.
 

@@ -92,10 +92,8 @@ def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
 
     Half of it is the signer's habit, half the word's.
     """
-    fingers = sum(
-        0.5 * stream("finger_stagger", *names).uniform(-1.0, 1.0, (2, 5))
-        for names in ((signer.name,), (signer.name, gloss, take))
-    )
+    rngs = stream("finger_stagger", signer.name), stream("finger_stagger", signer.name, gloss, take)
+    fingers = sum(0.5 * rng.uniform(-1.0, 1.0, (2, 5)) for rng in rngs)
     return np.repeat(signer.manner.finger_stagger * _MOST_FRAMES * fingers, _PER_FINGER, axis=1)
 
 
@@ -239,9 +237,8 @@ def reach(
 
 def clip_fingers(states: FloatArray) -> None:
     """Clip the finger angles of states (T, 65) to their limits, in place."""
-    for first in (0, 27):
-        fingers = states[:, first : first + 27][:, pose.FINGERS]
-        np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
+    fingers = pose.hands(states)[..., pose.FINGERS]
+    np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
 
 
 def from_rest_to_rest(knots: Sequence[Knot], rest: FloatArray, up: int, down: int, signer: Signer) -> FloatArray:
@@ -254,13 +251,9 @@ def from_rest_to_rest(knots: Sequence[Knot], rest: FloatArray, up: int, down: in
     rising = np.arange(1.0, up + 1 + math.ceil(first)) / (up + 1 + first)
     stop = round(last) + down + 1
     falling = (np.arange(math.floor(last) + 1.0, stop) - last) / (stop - last)
-    return np.concatenate(
-        [
-            reach(still, _passing(knots[0].state, core[1] - core[0], knots[0].stop), up, signer, rising),
-            core,
-            reach(_passing(end, core[-2] - core[-1], knots[-1].stop)[::-1], still, down, signer, falling),
-        ]
-    )
+    preparation = reach(still, _passing(knots[0].state, core[1] - core[0], knots[0].stop), up, signer, rising)
+    retraction = reach(_passing(end, core[-2] - core[-1], knots[-1].stop)[::-1], still, down, signer, falling)
+    return np.concatenate([preparation, core, retraction])
 
 
 def _still(state: FloatArray) -> FloatArray:

@@ -6,17 +6,16 @@ hand comes and goes in a time of its own, and gives way a little where it is tou
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from signsplice.motion import FloatArray
-from signsplice.signer import hand, pose, trajectory
+from signsplice.signer import pose, trajectory
 from signsplice.signer.body_motion import Nearness
 from signsplice.signer.collisions import TOUCH_CM, between_hands, hand_clearances, penetration
-from signsplice.signer.phonology import MIRRORED_HANDS, Sign
+from signsplice.signer.phonology import MIRRORED_HANDS
 from signsplice.signer.signer import Signer, stream
+from signsplice.signer.timing import Events, SignTake
 
 _FREE_CM = 3.5
 """How much farther than that hands are as free as in the open."""
@@ -27,24 +26,16 @@ _LAG_FRAMES = (0.5, 1.7)
 
 
 def with_separate_timing(
-    states: FloatArray,
-    sign: Sign,
-    signer: Signer,
-    take: int,
-    fps: float,
-    span: tuple[int, int, int, int],
-    near: Nearness | None = None,
+    states: FloatArray, take: SignTake, events: Events, near: Nearness | None = None
 ) -> FloatArray:
     """States (T, 65) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
     the states themselves where it is plain.
 
-    span: the last frame of rest, the first posture, the last one, the first frame of rest again
     near: where hands are, if that is known
     """
-    up, start, end, down = span
-    manner = signer.manner
+    sign, signer, fps, manner = take.sign, take.signer, take.fps, take.signer.manner
     mirrored, base = sign.hands in MIRRORED_HANDS, sign.hands == "base"
-    inner = states[start : end + 1, :54].reshape(-1, 2, 27)[..., pose.FINGERS]
+    inner = states[events.start : events.end + 1, :54].reshape(-1, 2, 27)[..., pose.FINGERS]
     formed = manner.finger_stagger > 0.0 and float(np.ptp(inner, axis=0).max()) > 0.05
     if not (formed or (mirrored and manner.hand_difference) or (base and manner.base_lag)):
         return states
@@ -55,25 +46,23 @@ def with_separate_timing(
     free = _freedom(clearances, fps)  # (T, 2)
     frames = np.arange(len(states), dtype=np.float64)
     times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 65)
-    shift = np.zeros_like(states)
+    shift, inside = np.zeros_like(states), _within(frames, events.up, events.down, fps)
     if mirrored and manner.hand_difference:
-        level = free.min(axis=1) * _within(frames, up, down, fps)
-        lag, place = _difference(frames / fps, sign, signer, take)
+        level = free.min(axis=1) * inside
+        lag, place = _difference(frames / fps, take)
         times[:, 27:54] -= (lag * fps / 30.0 * level)[:, None]
         shift[:, 27:30] = place * level[:, None]
     if base and manner.base_lag:
-        own, shift = base_motion(states, clearances, sign, signer, take, fps, span)
+        own, shift = base_motion(states, clearances, take, events)
         times[:, 27:54] = own[:, None]
     if formed:
-        late = trajectory.delays(signer, sign.gloss, take) * fps / 30.0
-        inside = _within(frames, up, down, fps)
+        late = trajectory.delays(signer, sign.gloss, take.number) * fps / 30.0
         for which, first in enumerate((6, 33)):
             times[:, first : first + 21] -= (free[:, which] * inside)[:, None] * late[which]
     times = np.clip(np.maximum.accumulate(times, axis=0), 0.0, frames[-1])
     states = trajectory.taken_at(states, times) + shift
     if formed:
-        fingers = pose.hands(states)[..., pose.FINGERS]
-        np.clip(fingers, hand.LIMITS[:, 0], hand.LIMITS[:, 1], out=fingers)
+        trajectory.clip_fingers(states)
     return states
 
 
@@ -95,11 +84,12 @@ def _within(frames: FloatArray, begin: int, end: int, fps: float) -> FloatArray:
     return _smooth_step(inside / max(rise, 1e-9))
 
 
-def _difference(seconds: FloatArray, sign: Sign, signer: Signer, take: int) -> tuple[float, FloatArray]:
+def _difference(seconds: FloatArray, take: SignTake) -> tuple[float, FloatArray]:
     """By how many frames of 30 a second the weak hand lags, and its displacement (T, 3), cm, that varies slowly about
     one of the word's.
     """
-    habit, rng = stream("hand_difference", signer.name), stream("hand_difference", signer.name, sign.gloss, take)
+    signer, label = take.signer, "hand_difference"
+    habit, rng = stream(label, signer.name), stream(label, signer.name, take.sign.gloss, take.number)
     amount = signer.manner.hand_difference
     lag = amount * float(rng.uniform(*_LAG_FRAMES)) * (1.0 if rng.random() < 0.7 else -1.0)
     direction = 0.6 * habit.standard_normal(3) + 0.8 * rng.standard_normal(3)
@@ -124,32 +114,27 @@ _GIVE_CM = (0.15, 0.4)
 
 
 def base_motion(
-    states: FloatArray,
-    clearances: FloatArray,
-    sign: Sign,
-    signer: Signer,
-    take: int,
-    fps: float,
-    span: tuple[int, int, int, int],
+    states: FloatArray, clearances: FloatArray, take: SignTake, events: Events
 ) -> tuple[FloatArray, FloatArray]:
     """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
     place while it is touched; and the displacements (T, 65), cm, of both hands for that.
 
     clearances: ``hand_clearances`` of the states, those up to ``TOUCH_CM`` at least
-    span: as of ``with_separate_timing``
     """
-    up, start, end, down = span
-    rng = stream("base_lag", signer.name, sign.gloss, take)
+    signer, fps, start, end = take.signer, take.fps, events.start, events.end
+    rng = stream("base_lag", signer.name, take.sign.gloss, take.number)
     lags = signer.manner.base_lag * _LAG_S * fps * rng.uniform(-1.0, 1.0, 2)
     touched = np.flatnonzero(clearances[start : end + 1, 2] < TOUCH_CM) + start
     middle = (start + end) // 2
     first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
     back = len(states) - 1
-    times, shift = np.arange(len(states), dtype=np.float64), _give(states, clearances[:, 3], rng, signer, fps)
-    own, displacement = _coming(states[: first + 1], clearances[: first + 1, 3], up, start, float(lags[0]), signer)
+    times, shift = np.arange(len(states), dtype=np.float64), _give(states, clearances[:, 3], rng, take)
+    own, displacement = _coming(
+        states[: first + 1], clearances[: first + 1, 3], events.up, start, float(lags[0]), signer
+    )
     times[: first + 1] = own
     shift[: first + 1, :3] += displacement
-    ends = back - down, back - end
+    ends = back - events.down, back - end
     own, displacement = _coming(states[last:][::-1], clearances[last:, 3][::-1], *ends, -float(lags[1]), signer)
     times[last:] = back - own[::-1]
     shift[last:, :3] += displacement[::-1]
@@ -168,7 +153,7 @@ def _coming(
     frames = np.arange(len(states), dtype=np.float64)
     u = np.clip((frames - up) / max(1, start - up), 0.0, 1.0)
     hill = trajectory.bump(u**2)[:, None]  # highest near to the touch, where the base hand is in the way
-    out = penetration(states[-1:], replace(signer, left_handed=False), 1e9)[1][0, 0]
+    out = penetration(states[-1:], signer, 1e9)[1][0, 0]
     for fraction, detour in _ATTEMPTS:
         times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
         displacement = detour * signer.scale * hill * out
@@ -196,9 +181,7 @@ def _own_times(frames: FloatArray, wrist: FloatArray, up: int, start: int, lag: 
     return own
 
 
-def _give(
-    states: FloatArray, clearance: FloatArray, rng: np.random.Generator, signer: Signer, fps: float
-) -> FloatArray:
+def _give(states: FloatArray, clearance: FloatArray, rng: np.random.Generator, take: SignTake) -> FloatArray:
     """Displacements (T, 65) of both hands together, cm, where the strong one touches the base hand: that gives way in
     the direction of the touch and comes back.
     """
@@ -207,10 +190,10 @@ def _give(
     frames = np.arange(len(states))
     for onset in (np.flatnonzero(touching[1:] & ~touching[:-1]) + 1).tolist():
         strong = states[max(0, onset - 3) : onset + 1, :3]
-        velocity = (strong[-1] - strong[0]) * fps / max(1, len(strong) - 1)  # cm/s
+        velocity = (strong[-1] - strong[0]) * take.fps / max(1, len(strong) - 1)  # cm/s
         speed = float(np.linalg.norm(velocity))
-        size = float(rng.uniform(*_GIVE_CM)) * signer.manner.base_lag * min(1.0, speed / 20.0)
-        u = np.maximum(frames - onset, 0) * 30.0 / fps / 3.0
+        size = float(rng.uniform(*_GIVE_CM)) * take.signer.manner.base_lag * min(1.0, speed / 20.0)
+        u = np.maximum(frames - onset, 0) * 30.0 / take.fps / 3.0
         push = (size * u**2 * np.exp(2.0 * (1.0 - u)))[:, None] * velocity / max(speed, 1e-9)
         shift[:, :3] += push
         shift[:, 27:30] += push * pose.MIRROR

@@ -7,6 +7,7 @@ two hands as ``hands=base``: the weak hand has postures and paths of its own.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from signsplice.signer.locations import WeakArm, strong_hand
 from signsplice.signer.notation import notation_path, notation_text, parse
 from signsplice.signer.phonology import Path, Posture, Segment, Sign, faults, on_base
 from signsplice.signer.signer import STANDARD
-from signsplice.written.hands import HANGING, KINDS, HandState, checked, from_skin, palm_point, weak_arm
+from signsplice.written.hands import KINDS, HandState, checked, from_skin, palm_point, weak_arm
 from signsplice.written.nonmanual import body_tracks
 from signsplice.written.steps import Step, View, common_tempo, spread, steps
 from signsplice.written.tree import (
@@ -82,15 +83,9 @@ def _longer(before: Segment, segment: Segment) -> Segment:
     if not segment.circles:
         local = local and replace(local, cycles=min(local.cycles + 2.0, 10.0))
         own = own and replace(own, cycles=min(own.cycles + 2.0, 10.0))
-    turns = [min(a.revolutions + b.revolutions, 6.0) for a, b in
-             ((before.path, segment.path), (before.weak_path, segment.weak_path))]  # fmt: skip
-    return replace(
-        before,
-        local=local,
-        weak_local=own,
-        path=replace(before.path, revolutions=turns[0]),
-        weak_path=replace(before.weak_path, revolutions=turns[1]),
-    )
+    path, weak_path = (replace(a, revolutions=min(a.revolutions + b.revolutions, 6.0)) for a, b in
+                       ((before.path, segment.path), (before.weak_path, segment.weak_path)))  # fmt: skip
+    return replace(before, local=local, weak_local=own, path=path, weak_path=weak_path)
 
 
 _GAP_CM = {"close": 3.0, "armextended": 12.0}
@@ -114,8 +109,7 @@ def compile_sign(sign: WrittenSign, lenient: bool = False) -> Sign:
         made = _compiled(sign, lenient)
     except InputError as error:
         raise InputError(f"{_where(sign)}: {error}") from error
-    found = faults(made)
-    if found:
+    if found := faults(made):
         raise InputError(f"{_where(sign)}: {found[0]}")
     return made
 
@@ -129,19 +123,11 @@ def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
     gloss = re.sub(r"[\s=:]+", "-", sign.gloss.strip()) or "SIGN"
     mirrored = all(is_symmetric(part) for part in parts)
     two = any(is_two_handed(part) for part in parts)
-    made = _Compiler("symmetric" if mirrored else "base" if two else "one", lenient)
-    for part in parts:
-        made.add(part)
-    hands = made.hands
-    if mirrored and any(map(alternates, parts)):
-        if _one_move(made):
-            hands = "alternating"
-        else:
-            made = _Compiler("base", lenient)
-            for part in parts:
-                made.add(part)
-            hands = "base"
-    segments = collapsed(made.track)
+    made = _Compiler(parts, "symmetric" if mirrored else "base" if two else "one", lenient)
+    alternating = mirrored and any(map(alternates, parts))
+    if alternating and not _one_move(made):
+        made, alternating = _Compiler(parts, "base", lenient), False
+    hands, segments = "alternating" if alternating else made.hands, collapsed(made.track)
     if any(s.kind == "M" for s in segments):
         segments = [*segments, Segment("H", segments[-1].strong, segments[-1].weak)]
     else:
@@ -178,15 +164,17 @@ def _one_move(made: _Compiler) -> bool:
 class _Compiler:
     """The segments of a sign so far and both hands at their end."""
 
-    def __init__(self, hands: str, lenient: bool) -> None:
+    def __init__(self, parts: Sequence[WrittenSign], hands: str, lenient: bool) -> None:
         self.hands, self.lenient = hands, lenient
         self.track: list[Tracked] = []
         self.strong, self.weak = HandState(0), HandState(1)
         self.pair: Pair | None = None
         self.saved: dict[tuple[int, int], HandState] = {}
         self.kind, self.two = "one", False
+        for part in parts:
+            self._add(part)
 
-    def add(self, sign: WrittenSign) -> None:
+    def _add(self, sign: WrittenSign) -> None:
         """Add a sign, or a part of a compound."""
         self.kind, self.two = sign.hands, sign.hands not in ("one", "weak")
         held = self.weak if sign.holdover else HandState(1)
@@ -228,7 +216,7 @@ class _Compiler:
                 self.saved[k, mark] = (self.strong, self.weak)[k]
         if mine.brushing is not None:
             self._brush(mine.brushing)
-        before = self.weak.made if self.weak.posture is not None else None
+        before = self.weak.posture
         if mine.anywhere and not (on_base(self.strong.made.location) and its.path.kind == "circle"):
             mine = replace(mine, path=from_skin(mine.path, self.strong.made, before, self.hands == "symmetric"))
         if its.anywhere:
@@ -237,9 +225,8 @@ class _Compiler:
         if mine.swaps or its.swaps:
             self._swap()
         self.weak = self._moved(self.weak, its, None, None)
-        now = self.weak.made if self.weak.posture is not None else None
         alone = its.path.kind != "straight" and not _same_direction(mine, its)
-        self.strong = self._moved(self.strong, mine, now, before, alone)
+        self.strong = self._moved(self.strong, mine, self.weak.posture, before, alone)
         for target in dict.fromkeys(t for t in targets if t is not None):
             self._place(target, first=False, hands=(target is mine.target, target is its.target))
         self._emit(mine, its, first=False)
@@ -267,23 +254,21 @@ class _Compiler:
 
     def _brush(self, brushing: Place | Pair) -> None:
         """Let the hand touch first what it then brushes along."""
-        posture = WrittenPosture(place=replace(brushing, contact="touch")) if isinstance(brushing, Place) else (
-            WrittenPosture(pair=replace(brushing, contact="touch")))  # fmt: skip
         if self.strong.made.touch:
             return
+        along = replace(brushing, contact="touch")
+        posture = WrittenPosture(place=along) if isinstance(along, Place) else WrittenPosture(pair=along)
         self.strong = self.strong.written(posture, self.kind)
         self._place(posture, first=False, hands=(True, False))
         self._emit(Step(), Step(), first=False)
 
     def _place(self, posture: WrittenPosture, first: bool, hands: tuple[bool, bool]) -> None:
         """Bring the hands to where a posture is written to be."""
-        pair = posture.pair
-        own = posture.weak
-        if pair is None and own is not None and own.pair is not None:
-            pair = own.pair
+        own = posture.weak or WrittenPosture()
+        pair = posture.pair or own.pair
         if (first or posture.place is not None) and hands[0]:
             self.strong = self.strong.at_place(self.two)
-        if hands[1] and (first or posture.place is not None or (own is not None and own.place is not None)):
+        if hands[1] and (first or posture.place is not None or own.place is not None):
             self.weak = self.weak.at_place(self.two)
         if pair is None:
             return
@@ -311,9 +296,9 @@ class _Compiler:
         """Bring both hands together: the parts that are written, or else where they are nearest."""
         gap = _GAP_CM.get(pair.contact, 0.0)
         where = self._middle(pair.place or place, first)
+        strong_part = part_of_hand(pair.strong) if pair.strong is not None else "palm"
         if self.hands == "symmetric":
-            part = part_of_hand(pair.strong) if pair.strong is not None else "palm"
-            here = replace(where, part=part, off=0.5 * gap, touches=False)
+            here = replace(where, part=strong_part, off=0.5 * gap, touches=False)
             if where.touches:
                 here = replace(here, off=0.0, shift=(1.5 + 0.5 * gap, 0.0, 0.0))
             else:
@@ -328,7 +313,6 @@ class _Compiler:
             raise InputError("hands meet, but the sign has one")
         arm = pair.weak is not None and ON_ARM.get(pair.weak.part)
         weak_part = part_of_hand(pair.weak) if pair.weak is not None and not arm else "palm"
-        strong_part = part_of_hand(pair.strong) if pair.strong is not None else "palm"
         if pair.place is not None or place is not None or first:
             if not where.touches:
                 out, up, forward = point_of(where)
@@ -339,9 +323,8 @@ class _Compiler:
         if pair.weak is None and pair.strong is None:
             self.strong = self._nearest(weak, gap)
         else:
-            self.strong = self.strong.at(
-                Spot(arm or f"base-{weak_part}", gap, part=strong_part), False, touch=gap < 1.0
-            )
+            where = Spot(arm or f"base-{weak_part}", gap, part=strong_part)
+            self.strong = self.strong.at(where, False, touch=gap < 1.0)
 
     def _apart(self, gap: float) -> HandState:
         """The strong hand so far from the midline that the skins of both hands, which mirror one another, are ``gap``
@@ -388,7 +371,7 @@ class _Compiler:
     def _emit(self, mine: Step, its: Step, first: bool) -> None:
         """Add a movement to the postures of both hands now, or the first posture."""
         strong = self.strong.made
-        weak = (self.weak.made if self.weak.posture is not None else HANGING) if self.hands == "base" else None
+        weak = self.weak.made if self.hands == "base" else None
         last = self.track[-1].segment if self.track else None
         if last is None:
             self.track.append(Tracked(Segment("X", strong, weak)))
@@ -396,15 +379,14 @@ class _Compiler:
         if on_base(strong.location) and on_base(last.strong.location) and its.path.kind != "straight":
             mine = replace(mine, path=Path())  # carried along
         back = mine.back is not None or its.back is not None
+        tempo = _RETURN_TEMPO if back else float(np.clip(common_tempo(mine.tempo, its.tempo), *_TEMPO))
         segment = Segment(
             "M", strong, weak,
             path=mine.path, local=mine.local,
             weak_path=its.path if self.hands == "base" else Path(),
             weak_local=its.local if self.hands == "base" else None,
-            tempo=float(np.clip(common_tempo(mine.tempo, its.tempo), *_TEMPO)),
+            tempo=tempo,
         )  # fmt: skip
-        if back:
-            segment = replace(segment, tempo=_RETURN_TEMPO)
         still = strong == last.strong and weak == last.weak
         if not still or segment.local or segment.weak_local or segment.circles:
             if still and not segment.circles:

@@ -150,15 +150,15 @@ def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> Wri
     """
     given = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     named = [file for path in given for file in (_below(path) if path.is_dir() else [path])]
-    found, refused = list[WrittenSign](), list[InputError]()
+    items = list[WrittenSign | InputError]()
     for file in named:
         try:
-            _sort(_signs(read_bytes(file, _MOST_BYTES), str(file), lenient), found, refused)
+            items += _signs(read_bytes(file, _MOST_BYTES), str(file), lenient)  # up to an error
         except InputError as error:
             if len(named) == 1:
                 raise
-            refused.append(error)
-    return _numbered(found, refused, str(given[0]))
+            items.append(error)
+    return _numbered(items, str(given[0]))
 
 
 def _below(folder: Path) -> list[Path]:
@@ -172,20 +172,9 @@ def _below(folder: Path) -> list[Path]:
     return found
 
 
-def _sort(read: Iterable[WrittenSign | InputError], found: list[WrittenSign], refused: list[InputError]) -> None:
-    """Add what is read to signs and errors."""
-    for item in read:
-        if isinstance(item, InputError):
-            refused.append(item)
-        else:
-            found.append(item)
-
-
 def parse(content: bytes, name: str, lenient: bool = False) -> WrittenSigns:
     """The signs of a file's content; its suffix says what it is. Raises as ``read`` does."""
-    found, refused = list[WrittenSign](), list[InputError]()
-    _sort(_signs(content, name, lenient), found, refused)
-    return _numbered(found, refused, name)
+    return _numbered([*_signs(content, name, lenient)], name)
 
 
 def one(text: str, gloss: str = "SIGN", lenient: bool = False) -> WrittenSign:
@@ -193,12 +182,12 @@ def one(text: str, gloss: str = "SIGN", lenient: bool = False) -> WrittenSign:
     return _of_text(text, Reading("<text>", gloss, lenient, by_line=False))
 
 
-def _numbered(found: list[WrittenSign], refused: list[InputError], name: str) -> WrittenSigns:
-    if not found and not refused:
+def _numbered(items: Sequence[WrittenSign | InputError], name: str) -> WrittenSigns:
+    """What is read, with a number at a gloss that comes again. Raises ``FormatError`` where it is nothing."""
+    if not items:
         raise FormatError("holds no sign, expected hamgestural_sign, hns_sign or HamNoSys", file=name)
-    counts = Counter[str]()
-    signs: dict[str, WrittenSign] = {}
-    taken = {_fold(sign.gloss) for sign in found}
+    found = [item for item in items if isinstance(item, WrittenSign)]
+    counts, signs, taken = Counter[str](), dict[str, WrittenSign](), {_fold(sign.gloss) for sign in found}
     for sign in found:
         folded = _fold(sign.gloss)
         counts[folded] += 1
@@ -207,7 +196,7 @@ def _numbered(found: list[WrittenSign], refused: list[InputError], name: str) ->
             counts[folded] += 1
         taken.add(_fold(gloss))
         signs[gloss] = replace(sign, gloss=gloss)
-    return WrittenSigns(signs, tuple(refused))
+    return WrittenSigns(signs, tuple(item for item in items if isinstance(item, InputError)))
 
 
 def _fold(gloss: str) -> str:
@@ -245,9 +234,8 @@ def _of_xml(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | 
     root = parse_xml(content, name)
     for child in root.children if root.tag == "sigml" else ():
         if not any(child.named(*_SIGNS)):
-            yield FormatError(
-                f"<{child.tag[:60]}> is no sign that is read, and is left out", file=name, line=child.line
-            )
+            what = f"<{child.tag[:60]}> is no sign that is read, and is left out"
+            yield FormatError(what, file=name, line=child.line)
     for n, element in enumerate(root.named(*_SIGNS)):
         if n >= _MOST_SIGNS:
             raise FormatError(f"holds more than {_MOST_SIGNS:,} signs", file=name)

@@ -154,11 +154,9 @@ class _Gestural:
         """The handshape of a ``handconfig``; None where it has none."""
         base = self.choice(e, "handshape")
         if not base:
-            others = [
-                key for key in e.attributes if key in KNOWN[e.tag] and "extfidir" not in key and "palmor" not in key
-            ]
-            if others:
-                self.refuse(e, f"{others[0]} without a handshape")
+            others = (k for k in e.attributes if k in KNOWN[e.tag] and "extfidir" not in k and "palmor" not in k)
+            if key := next(others, ""):
+                self.refuse(e, f"{key} without a handshape")
             return None
         between = self.choice(e, "second_handshape")
         second = WrittenShape(
@@ -186,11 +184,10 @@ class _Gestural:
         if side and "_" not in side:
             self.reading.note(f"side={side} of <location_bodyarm> is left out", e.line)
             side = ""
-        other = self.choice(e, "second_location")
-        second = Place(other, self.choice(e, "second_side"))
-        name = self.choice(e, "location")
-        behind = self.flag(e, "behind")
-        return Place(name, side, self.choice(e, "contact"), behind, second if other else None, own[0] if own else None)
+        other = Place(self.choice(e, "second_location"), self.choice(e, "second_side"))
+        name, behind = self.choice(e, "location"), self.flag(e, "behind")
+        contact, between = self.choice(e, "contact"), other if other.name else None
+        return Place(name, side, contact, behind, between, own[0] if own else None)
 
     def site(self, e: Element, weak: bool) -> Site | None:
         """A part of a hand; None where the element names none."""

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import takewhile
-from typing import Any
 
 from signsplice.written import symbols
 from signsplice.written.hamnosys_slots import Slots
@@ -112,8 +111,8 @@ class _Parser(Slots):
                 continue
             found.append(self.action())
         if top:
-            for t in self.rest():
-                self.reading.refuse("stands where no symbol of its kind is expected", t.shown, t.position)
+            while (t := self.peek()).name:
+                self.reading.refuse("stands where no symbol of its kind is expected", t.shown, self.next().position)
             last = self.tokens[-1].name if self.tokens else ""
             earlier = any(m.repeat for m in found[:-1])
             if len(found) > 1 and last in symbols.REPEATS and found[-1].repeat and not earlier:
@@ -311,8 +310,7 @@ def _sized(m: Motion, key: str, size: str) -> Motion:
     """A motion of a size, or the motions within brackets that have none of their own."""
     if m.parts and key == "size":
         return replace(m, parts=tuple(part if part.size else _sized(part, key, size) for part in m.parts))
-    changed: dict[str, Any] = {key: size}
-    return replace(m, **changed)
+    return replace(m, **{key: size})  # type: ignore[arg-type]
 
 
 def sign_of_element(element: Element, reading: Reading) -> WrittenSign:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 
 from signsplice.written import symbols
@@ -50,9 +50,8 @@ class Slots(Row):
             return self.location()
         if t.name in symbols.SHAPES:
             if before.shape is not None:
-                self.reading.refuse(
-                    "is a second handshape, expected hambetween or hamplus before it", t.shown, t.position
-                )
+                what = "is a second handshape, expected hambetween or hamplus before it"
+                self.reading.refuse(what, t.shown, t.position)
             return WrittenPosture(shape=self.shape())
         if t.name.startswith("extfinger"):
             return WrittenPosture(fingers=self.directions("extfinger"))
@@ -62,18 +61,24 @@ class Slots(Row):
 
     def split(self) -> WrittenPosture:
         """Slots of the strong hand, plus, slots of the weak one, in brackets."""
-        opener = self.next()
-        halves = [self.inner()]
+        closer = symbols.BRACKETS[self.peek().name]
+        halves = self.halves(lambda _: self.inner(), closer, "a posture", "parts")
+        return halves[0] if len(halves) == 1 else with_weak(halves[0], halves[1])
+
+    def halves(
+        self, read: Callable[[bool], WrittenPosture], closer: str, within: str, parts: str
+    ) -> list[WrittenPosture]:
+        """What stands in brackets on either side of plus, each read as the first or a later one."""
+        opener, found = self.next(), [read(False)]
         while self.take("plus"):
             self.second = True
-            halves.append(self.inner())
+            found.append(read(True))
         self.second = False
-        closer = symbols.BRACKETS[opener.name]
-        self.refuse_until(closer, "a posture")
+        self.refuse_until(closer, within)
         self.take(closer)
-        if len(halves) > 2:
-            self.reading.refuse(f"holds {len(halves)} parts, expected two", opener.shown, opener.position)
-        return halves[0] if len(halves) == 1 else with_weak(halves[0], halves[1])
+        if len(found) > 2:
+            self.reading.refuse(f"holds {len(found)} {parts}, expected two", opener.shown, opener.position)
+        return found
 
     def inner(self) -> WrittenPosture:
         """Slots up to a plus or a closing bracket."""
@@ -191,16 +196,11 @@ class Slots(Row):
 
     def hands_together(self) -> WrittenPosture:
         """Brackets with two sites (the first on the weak hand), a site and a place, or a place for each hand."""
-        opener = self.next()
-        halves = [self.location() if self.is_location() else WrittenPosture()]
-        while self.take("plus"):
-            self.second = True
-            halves.append(self.location(weak=False) if self.is_location() else WrittenPosture())
-        self.second = False
-        self.refuse_until("parend", "a location")
-        self.take("parend")
-        if len(halves) > 2:
-            self.reading.refuse(f"holds {len(halves)} places, expected two", opener.shown, opener.position)
+
+        def read(later: bool) -> WrittenPosture:
+            return self.location(weak=not later) if self.is_location() else WrittenPosture()
+
+        halves = self.halves(read, "parend", "a location", "places")
         if len(halves) == 1:
             return halves[0]
         first, second = halves[:2]

@@ -6,9 +6,7 @@ says, and are then its own: l is left for either hand.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -19,8 +17,19 @@ from signsplice.signer.phonology import REST, Path, Posture, on_arm
 from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import STANDARD
 from signsplice.signer.tables import Vector
-from signsplice.written.tree import Place, WrittenPosture, WrittenShape
-from signsplice.written.vocabulary import Spot, dot, facing, oriented, plus, shape_text, spot, unit, usual_part
+from signsplice.written.tree import Place, WrittenPosture, WrittenShape, merged
+from signsplice.written.vocabulary import (
+    Spot,
+    dot,
+    facing,
+    in_space,
+    oriented,
+    plus,
+    shape_text,
+    spot,
+    unit,
+    usual_part,
+)
 
 KINDS: dict[str, tuple[str, str, Vector]] = {
     "mirrored": ("lr", "lr", (1.0, 1.0, 1.0)),
@@ -45,7 +54,6 @@ _UPRIGHT, _TURNED_OUT = 0.7, 0.5
 HANGING = Posture("rest", REST, "palm", (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 """The posture of a hand that takes no part."""
 Words = tuple[str, ...]
-_Value = TypeVar("_Value")
 
 
 def swapped(word: str, letters: str) -> str:
@@ -60,6 +68,17 @@ def other_side(place: Place) -> Place:
     sides = {"right": "left", "left": "right"}
     side, _, rest = place.side.partition("_")
     return replace(place, side=f"{sides[side]}_{rest}" if side in sides else place.side, between=between)
+
+
+def _of_weak_hand(posture: WrittenPosture, kind: str) -> WrittenPosture:
+    """What a posture that is written for both hands says of the weak one."""
+    ahead, faces, _ = KINDS[kind]
+    return WrittenPosture(
+        posture.shape,
+        posture.fingers and tuple(swapped(word, ahead) for word in posture.fingers),
+        posture.palm and tuple(swapped(word, faces) for word in posture.palm),
+        posture.place and other_side(posture.place),
+    )
 
 
 @dataclass(frozen=True)
@@ -99,24 +118,10 @@ class HandState:
         """The hand with what a posture says of it, which is not yet made. ``literal``: it is written for this hand."""
         if posture is None:
             return self
-        if not self.which or literal:
-            values = (posture.shape, posture.fingers, posture.palm, posture.place)
-        else:
-            own, (fingers, palm, _) = posture.weak or WrittenPosture(), KINDS[kind]
-            values = (
-                _first(own.shape, posture.shape),
-                _first(own.fingers, posture.fingers, lambda words: tuple(swapped(w, fingers) for w in words)),
-                _first(own.palm, posture.palm, lambda words: tuple(swapped(w, palm) for w in words)),
-                _first(own.place, posture.place, other_side),
-            )
-        shape, ahead, faces, place = values
-        return replace(
-            self,
-            shape=shape or self.shape,
-            fingers=ahead or self.fingers,
-            palm=faces or self.palm,
-            place=place or self.place,
-        )
+        if self.which and not literal:
+            posture = merged(_of_weak_hand(posture, kind), posture.weak) or posture
+        names = ("shape", "fingers", "palm", "place")
+        return replace(self, **{name: getattr(posture, name) or getattr(self, name) for name in names})
 
     def at(self, where: Spot, one_handed: bool, touch: bool | None = None) -> HandState:
         """The hand in the posture that it makes at a place."""
@@ -159,26 +164,29 @@ class HandState:
         if on_arm(old.location) and (weak != before or alone):
             if not alone and steady and _together(travel, weak, before):
                 return self
-            return self._in_space(turned, old, travel, before)
+            return self._in_space(turned, travel, before)
         if steady and still:
             return replace(self, posture=turned)
         if self.meets and old.location.startswith("space:0,") and not (steady and abs(travel[0]) < 0.01):
-            return self._in_space(turned, old, travel, before)
+            return self._in_space(turned, travel, before)
         if steady:
             return replace(self, posture=_shifted(turned, travel, weak, fast))
         if still and formed and old.off < 1.0 and not old.location.startswith("space"):
             return replace(self, posture=turned)
         here = palm_point(old, before, self.meets)
-        turned = replace(turned, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
+        turned = _by_palm(turned)
         shift = plus(plus(here, travel), palm_point(turned, weak), -1.0)
         return replace(self, posture=replace(turned, shift=shift))
 
-    def _in_space(self, turned: Posture, old: Posture, travel: Vector, before: Posture | None) -> HandState:
+    def _in_space(self, turned: Posture, travel: Vector, before: Posture | None) -> HandState:
         """The hand after a motion away from the other hand."""
-        here = plus(palm_point(old, before, self.meets), travel)
-        location = "space:" + ",".join(f"{round(c, 2) + 0.0:g}" for c in here)
-        turned = replace(turned, location=location, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
-        return replace(self, posture=turned)
+        location = in_space(plus(palm_point(self.made, before, self.meets), travel))
+        return replace(self, posture=replace(_by_palm(turned), location=location))
+
+
+def _by_palm(posture: Posture) -> Posture:
+    """A posture whose palm is at its location."""
+    return replace(posture, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
 
 
 def _together(travel: Vector, weak: Posture | None, before: Posture | None) -> bool:
@@ -187,16 +195,8 @@ def _together(travel: Vector, weak: Posture | None, before: Posture | None) -> b
         return False
     moved = _own(plus(palm_point(weak, None), palm_point(before, None), -1.0))
     apart = plus(travel, moved, -1.0)
-    return (weak.fingers, weak.palm, weak.shape) == (before.fingers, before.palm, before.shape) and dot(
-        apart, apart
-    ) < 1.0
-
-
-def _first(
-    own: _Value | None, shared: _Value | None, change: Callable[[_Value], _Value] = lambda value: value
-) -> _Value | None:
-    """What is written for the hand, or else what is written for both, changed."""
-    return own if own is not None else None if shared is None else change(shared)
+    turns = (weak.fingers, weak.palm, weak.shape) != (before.fingers, before.palm, before.shape)
+    return not turns and dot(apart, apart) < 1.0
 
 
 def _own(v: Vector) -> Vector:
@@ -206,12 +206,12 @@ def _own(v: Vector) -> Vector:
 
 def checked(state: HandState, lenient: bool) -> HandState:
     """The hand with a shape and directions. Raises ``InputError`` for what is not written, unless ``lenient``."""
-    missing = [name for name in ("shape", "fingers", "palm") if getattr(state, name) is None]
+    words = {"shape": "handshape", "fingers": "finger direction", "palm": "palm direction"}
+    missing = [words[name] for name in words if getattr(state, name) is None]
     if missing and not lenient:
-        words = {"shape": "handshape", "fingers": "finger direction", "palm": "palm direction"}
-        raise InputError(f"has no {words[missing[0]]}")
-    usual = {"shape": WrittenShape("flat"), "fingers": ("o",), "palm": ("d",)}
-    return replace(state, **{name: usual[name] for name in missing})  # type: ignore[arg-type]
+        raise InputError(f"has no {missing[0]}")
+    shape, fingers, palm = state.shape or WrittenShape("flat"), state.fingers or ("o",), state.palm or ("d",)
+    return replace(state, shape=shape, fingers=fingers, palm=palm)
 
 
 def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool) -> Posture:

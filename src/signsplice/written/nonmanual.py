@@ -19,6 +19,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, MOUTH, VISEMES, Face
 from signsplice.signer.body_motion import gesture_level
 from signsplice.signer.phonology import Gesture
-from signsplice.signer.signer import JOINTS
+from signsplice.signer.signer import ARM_JOINTS, JOINTS
 from signsplice.signer.tables import sections, to_vector
 from signsplice.written.reading import Element, Reading, factor
 from signsplice.written.tree import Tier, WrittenSign
@@ -67,9 +68,8 @@ def visemes(sampa: str) -> list[list[str]]:
             continue
         sound = _SIGNS.match(sampa, at)
         if sound is None:
-            raise InputError(
-                f"mouth {sampa[:60]!r}: {sampa[at]!r} is no sound of SAMPA that is known: {' '.join(SOUNDS)}"
-            )
+            known = " ".join(SOUNDS)
+            raise InputError(f"mouth {sampa[:60]!r}: {sampa[at]!r} is no sound of SAMPA that is known: {known}")
         found.append(list(SOUNDS[sound[0]]))
         at = sound.end()
     if not found:
@@ -126,18 +126,13 @@ LANES = {
     "eye_gaze": "gaze", "head": "head", "body": "body", "shoulder": "shoulder",
 }  # fmt: skip
 """Tier -> the lane in which its items follow one another where the text has no lanes of its own."""
-_TIERS = {
-    "mouth_picture": ("mouth_picture", "picture"), "mouth_gesture": ("mouth_gesture", "movement"),
-    "eye_brows": ("eye_brows", "movement"), "eye_lids": ("eye_lids", "movement"),
-    "eye_gaze": ("eye_gaze", "direction"), "nose": ("nose", "movement"), "head_movement": ("head", "movement"),
-    "body_movement": ("body", "movement"), "shoulder_movement": ("shoulder", "movement"),
-}  # fmt: skip
+_TIERS = {tier if "_" in tier or tier == "nose" else f"{tier}_movement": tier for tier in LANES}
+"""Element of gestural SiGML -> its tier."""
+_KEYS = {"mouth_picture": "picture", "eye_gaze": "direction"}
+"""Tier -> the attribute that holds its code, where that is not ``movement``."""
 _PARALLEL = ("mouthing_par", "head_par", "body_par", "facial_expr_par", "shoulder_par", "eye_par")
-_HNS = {
-    "hnm_mouthpicture": "mouth_picture", "hnm_mouthgesture": "mouth_gesture", "hnm_eyebrows": "eye_brows",
-    "hnm_eyelids": "eye_lids", "hnm_eyegaze": "eye_gaze", "hnm_nose": "nose", "hnm_head": "head", "hnm_body": "body",
-    "hnm_shoulder": "shoulder",
-}  # fmt: skip
+_HNS = {"hnm_" + tier.replace("_", ""): tier for tier in LANES}
+"""Element of HamNoSys SiGML -> its tier."""
 
 
 def gestural_tiers(nonmanual: Element, reading: Reading) -> list[Tier]:
@@ -157,7 +152,8 @@ def gestural_tiers(nonmanual: Element, reading: Reading) -> list[Tier]:
 
 
 def _tier(e: Element, lane: str, start: int, reading: Reading) -> Tier | None:
-    name, key = _TIERS.get(e.tag, ("", ""))
+    name = _TIERS.get(e.tag, "")
+    key = _KEYS.get(name, "movement")
     code = e.attributes.get(key) or e.attributes.get("movement", "")
     if not name or not code:
         reading.refuse(f"is no {'item of a tier' if not name else key} that is known", f"<{e.tag}>", e.line)
@@ -187,8 +183,8 @@ def hns_tiers(items: Iterable[Element], reading: Reading) -> list[Tier]:
     return found
 
 
-_FACES = ("mouth_picture", "mouth_gesture", "eye_brows", "eye_lids", "eye_gaze", "nose")
 _BODIES = ("head", "body")
+_FACES = tuple(tier for tier in LANES if tier not in (*_BODIES, "shoulder"))
 _MOUTH_RAMP_S, _RAMP_S = 0.08, 0.2
 """How long the mouth, and other parts of the face, take from rest and to rest, on either side of an item's time."""
 _EARLY_S = 0.15
@@ -242,8 +238,7 @@ def with_face(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Clip:
     """A clip with the face of its sign, whose hands sign in the half-open frames ``hands``; itself where the sign has
     none.
     """
-    face = face_of(sign, hands, len(clip), clip.fps)
-    return clip if face is None else replace(clip, face=face)
+    return replace(clip, face=face) if (face := face_of(sign, hands, len(clip), clip.fps)) else clip
 
 
 def face_of(sign: WrittenSign, hands: tuple[int, int], n_frames: int, fps: float) -> Face | None:
@@ -272,31 +267,17 @@ def face_of(sign: WrittenSign, hands: tuple[int, int], n_frames: int, fps: float
     return Face(tuple(shown), np.clip(weights[:, columns], 0.0, 1.0)) if shown else None
 
 
-def body_tracks(sign: WrittenSign) -> tuple[Gesture, ...]:
-    """The gestures of head and trunk of a sign. What ``left_out`` names is not among them."""
-    return tuple(
-        Gesture(part, to_vector(amount * float(angle) for angle in degrees.split(",")), float(cycles), begin, end)
-        for (part, degrees, cycles), amount, begin, end in _codes(sign, _BODIES)
-    )
-
-
-def shoulder_tracks(sign: WrittenSign) -> Iterator[tuple[str, FloatArray, float, float, float]]:
-    """Of each movement of the shoulders of a sign that is made: the side (Left, Right, both), degrees (2,) up and
-    forward, cycles, and the fractions of the time of the hands at which it begins and ends.
-    """
-    for (side, degrees, cycles), amount, begin, end in _codes(sign, ("shoulder",)):
-        yield side, amount * np.array(degrees.split(","), np.float64), float(cycles), begin, end
-
-
-def _codes(sign: WrittenSign, tiers: Sequence[str]) -> Iterator[tuple[tuple[str, ...], float, float, float]]:
-    """Of each item of some tiers whose code is known: the words of the code, the item's amount, and the fractions of
-    the time of the hands at which it begins and ends.
-    """
+def body_tracks(sign: WrittenSign, tiers: Sequence[str] = _BODIES) -> tuple[Gesture, ...]:
+    """The gestures of head and trunk of a sign, or those of other tiers. What ``left_out`` names is not among them."""
+    made = list[Gesture]()
     for lane in _lanes(sign, tiers):
         for n, group in enumerate(lane):
             for tier in {tier.code: tier for tier in group}.values():  # what is written twice is made once
                 if words := _CODES[tier.tier].get(tier.code):
-                    yield words, tier.amount, n / len(lane), (n + 1) / len(lane)
+                    part, angles, cycles = words
+                    degrees = to_vector(tier.amount * float(angle) for angle in (*angles.split(","), "0")[:3])
+                    made.append(Gesture(part, degrees, float(cycles), n / len(lane), (n + 1) / len(lane)))
+    return tuple(made)
 
 
 def left_out(sign: WrittenSign) -> tuple[str, ...]:
@@ -353,7 +334,6 @@ def _track(item: _Item, t: FloatArray, begin: float, end: float) -> FloatArray:
     return blended(t - begin + 2.0 * ramp, lengths, targets) * min(item.tier.amount, 2.0)
 
 
-_CHAIN = ("Shoulder", "Arm", "ForeArm", "Hand")
 _PARTS, _DEEP_CM = (1.0, 0.5, 0.25), 0.4
 """How much of what is written is tried, until no hand is deeper than this in what moves."""
 _REACH = 0.995
@@ -364,16 +344,16 @@ def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Cli
     """A clip of the synthetic signer with the shoulders of its sign, whose hands sign in the half-open frames
     ``hands``, as far as these are not in their way; itself where the sign has none.
     """
-    tracks = list(shoulder_tracks(sign))
+    tracks = body_tracks(sign, ("shoulder",))  # of Left, Right or both: up, forward
     if not tracks:
         return clip
     least = max(_DEEP_CM, float(collision.hand_depths(clip).max()))
     for part in _PARTS:
         quats = clip.local_rotations.copy()
-        for side, degrees, cycles, begin, end in tracks:
-            level = part * gesture_level(len(clip), clip.fps, hands, begin, end, cycles)
-            for name in ("Left", "Right") if side == "both" else (side,):
-                _turn(quats, name, np.deg2rad(degrees) * level[:, None], clip)
+        for track in tracks:
+            level = part * gesture_level(len(clip), clip.fps, hands, track)
+            for side in ("Left", "Right") if track.part == "both" else (track.part,):
+                _turn(quats, side, np.deg2rad(track.degrees[:2]) * level[:, None], clip)
         moved = replace(clip, local_rotations=quats)
         if collision.hand_depths(moved).max() <= least:
             return moved
@@ -382,12 +362,9 @@ def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Cli
 
 def _turn(quats: FloatArray, side: str, angles: FloatArray, clip: Clip) -> None:
     """Turn a collar bone up and forward by angles (T, 2) in local rotations (T, J, 4), in place."""
-    joints = [JOINTS[side + name] for name in _CHAIN]
+    joints = [JOINTS[side + name] for name in ARM_JOINTS]
     arm, fore, hand = (clip.skeleton.offsets[joint] for joint in joints[1:])
-    collar, *below = (quats[:, joint] for joint in joints)
-    upper_quats = rotation.multiply(collar, below[0])
-    fore_quats = rotation.multiply(upper_quats, below[1])
-    hand_quats = rotation.multiply(fore_quats, below[2])
+    collar, upper_quats, fore_quats, hand_quats = accumulate((quats[:, joint] for joint in joints), rotation.multiply)
     upper, lower = rotation.rotate(upper_quats, fore), rotation.rotate(fore_quats, hand)
     before, sign = rotation.rotate(collar, arm), 1.0 if side == "Left" else -1.0
     turn = rotation.exp(np.stack([0.0 * angles[:, 0], -sign * angles[:, 1], sign * angles[:, 0]], axis=-1))

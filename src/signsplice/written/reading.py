@@ -86,11 +86,8 @@ def _parsed(content: bytes, file: str) -> Element:
         nonlocal count
         count += 1
         if count > _MOST_ELEMENTS or len(open_elements) >= _MOST_DEPTH:
-            raise LimitError(
-                f"expected at most {_MOST_ELEMENTS:,} elements, {_MOST_DEPTH} levels deep",
-                file=file,
-                line=parser.CurrentLineNumber,
-            )
+            most = f"{_MOST_ELEMENTS:,} elements, {_MOST_DEPTH} levels deep"
+            raise LimitError(f"expected at most {most}", file=file, line=_line(parser))
         tag = tag.rpartition(":")[2].lower()
         open_elements.append((tag, attributes, [], parser.CurrentLineNumber, []))
 
@@ -110,9 +107,8 @@ def _parsed(content: bytes, file: str) -> Element:
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:
-        raise FormatError(
-            f"is no well-formed XML ({expat.ErrorString(error.code)})", file=file, line=error.lineno
-        ) from error
+        what = f"is no well-formed XML ({expat.ErrorString(error.code)})"
+        raise FormatError(what, file=file, line=error.lineno) from error
     except (LookupError, ValueError) as error:  # an encoding that nobody knows
         raise FormatError(f"is no XML that can be read ({error})", file=file, line=_line(parser)) from error
     return roots[0]

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
 from signsplice.errors import InputError
 from signsplice.signer.phonology import LOCALS, Local, Path
 from signsplice.signer.tables import Vector, to_vector
-from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenPosture
+from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenPosture, merged
 from signsplice.written.vocabulary import cross, direction, dot, facing, plus, unit
 
 _TRAVEL = {"small": 6.0, "": 12.0, "big": 20.0}
@@ -107,7 +108,7 @@ def steps(motion: Motion, view: View, group: int = 0) -> list[Step]:
     made = _once(motion, view, 10 * group + 1)
     if motion.target is not None:
         made = made or [Step()]
-        made[-1] = replace(made[-1], target=_joined(made[-1].target, motion.target), literal=view.literal)
+        made[-1] = replace(made[-1], target=merged(made[-1].target, motion.target), literal=view.literal)
         pair = motion.target.pair
         if motion.target.place is not None or (pair is not None and pair.place is not None):
             made[-1] = replace(made[-1], travel=_STILL)
@@ -117,20 +118,16 @@ def steps(motion: Motion, view: View, group: int = 0) -> list[Step]:
 
 def _once(motion: Motion, view: View, group: int) -> list[Step]:
     """The steps of a motion without its target, manner and repetition."""
-    brushing = motion.brushing or motion.brushing_pair
-    if motion.kind == "straight":
-        return [replace(_straight(motion, view), brushing=brushing)]
-    if motion.kind == "circle":
-        return [replace(_circle(motion, view), brushing=brushing)]
+    if motion.kind in ("straight", "circle"):
+        made = _straight(motion, view) if motion.kind == "straight" else _circle(motion, view)
+        return [replace(made, brushing=motion.brushing or motion.brushing_pair)]
     if motion.kind in _WRIST:
         kind, amplitude = _WRIST[motion.kind]
         return [Step(local=Local(kind, amplitude * _WRIST_SIZE[motion.size], _CYCLES))]
     if motion.kind == "fingerplay":
         return [Step(local=Local("wiggle", LOCALS["wiggle"][0], _CYCLES))]
-    if motion.kind in ("posture", "hold"):
-        return [Step()]
-    if motion.kind == "swap":
-        return [Step(swaps=True)]
+    if motion.kind in ("posture", "hold", "swap"):
+        return [Step(swaps=motion.kind == "swap")]
     if motion.kind == "crossing":
         raise InputError("two strokes that cross (crossmotion) are not known, write them one after the other")
     if motion.kind == "split":
@@ -184,8 +181,7 @@ def _circle(motion: Motion, view: View) -> Step:
     if view.opposite:
         start = (-start[0], -start[1], -start[2])
     path = Path("circle", view.axis(axis), size=size, revolutions=turns, start=view.polar(start), ratio=ratio)
-    chord = _chord(path)
-    return Step(chord, path, anywhere=not (motion.start or motion.end or view.opposite))
+    return Step(_chord(path), path, anywhere=not (motion.start or motion.end or view.opposite))
 
 
 def _chord(path: Path) -> Vector:
@@ -239,14 +235,7 @@ def _repeated(made: list[Step], motion: Motion, view: View, group: int) -> list[
 def together(parts: Sequence[list[Step]]) -> list[Step]:
     """Steps that are made at the same time, stretched to as many as the longest has."""
     count = max((len(part) for part in parts), default=0)
-    columns = [spread(part, count) for part in parts]
-    made = []
-    for row in zip(*columns, strict=True):
-        one = row[0]
-        for other in row[1:]:
-            one = _merged(one, other)
-        made.append(one)
-    return made
+    return [reduce(_merged, row) for row in zip(*(spread(part, count) for part in parts), strict=True)]
 
 
 def _merged(one: Step, other: Step) -> Step:
@@ -258,7 +247,7 @@ def _merged(one: Step, other: Step) -> Step:
         travel=plus(one.travel, other.travel),
         path=other.path if one.path.kind == "straight" else one.path,
         local=locals_,
-        target=_joined(one.target, other.target),
+        target=merged(one.target, other.target),
         literal=one.literal or other.literal,
         tempo=common_tempo(one.tempo, other.tempo),
         pause_s=max(one.pause_s, other.pause_s),
@@ -276,15 +265,6 @@ def common_tempo(one: float, other: float) -> float:
     return min(one, other) if min(one, other) < 1.0 else max(one, other)
 
 
-def _joined(one: WrittenPosture | None, other: WrittenPosture | None) -> WrittenPosture | None:
-    """What two postures say, the other one first."""
-    if one is None or other is None:
-        return one or other
-    names = ("shape", "fingers", "palm", "place", "pair")
-    values = {n: getattr(other, n) if getattr(other, n) is not None else getattr(one, n) for n in names}
-    return WrittenPosture(weak=_joined(one.weak, other.weak), **values)
-
-
 def spread(made: list[Step], count: int) -> list[Step]:
     """Steps as ``count`` steps, at least as many: each is made in even pieces."""
     if not made:
@@ -292,30 +272,15 @@ def spread(made: list[Step], count: int) -> list[Step]:
     pieces = [count // len(made) + (n < count % len(made)) for n in range(len(made))]
     out = []
     for step, n in zip(made, pieces, strict=True):
-        travel = to_vector(x / n for x in step.travel)
-        whole = n == 1
-        local = (
-            step.local if whole or step.local is None else replace(step.local, cycles=max(1.0, step.local.cycles / n))
-        )
-        path = step.path if whole else Path() if step.path.kind != "circle" else _part_of(step.path, n)
-        for k in range(n):
-            last = k == n - 1
-            out.append(
-                replace(
-                    step,
-                    travel=travel,
-                    path=path,
-                    local=local,
-                    target=step.target if last else None,
-                    pause_s=step.pause_s if last else 0.0,
-                    marks=step.marks if k == 0 else (),
-                    back=step.back if last else None,
-                    swaps=step.swaps and last,
-                )
-            )
+        if n == 1:
+            out.append(step)
+            continue
+        travel, path, local = to_vector(x / n for x in step.travel), Path(), step.local
+        if step.path.kind == "circle":  # whole turns as near as may be
+            path = replace(step.path, revolutions=max(1.0, round(step.path.revolutions / n)))
+        if local is not None:
+            local = replace(local, cycles=max(1.0, local.cycles / n))
+        piece = replace(step, travel=travel, path=path, local=local)
+        first, last = replace(piece, target=None, pause_s=0.0, back=None, swaps=False), replace(piece, marks=())
+        out += [first, *[replace(first, marks=())] * (n - 2), last]
     return out
-
-
-def _part_of(path: Path, n: int) -> Path:
-    """One of ``n`` pieces of a circle that are made one after another: whole turns as near as may be."""
-    return replace(path, revolutions=max(1.0, round(path.revolutions / n)))

@@ -5,7 +5,7 @@ left to right, and a text as such a row, with the defects of dictionaries mended
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, takewhile
 
@@ -102,11 +102,6 @@ class Row:
             if len(names) == 1:
                 break
         return found
-
-    def rest(self) -> Iterator[Token]:
-        """All that is left."""
-        while self.peek().name:
-            yield self.next()
 
     def refuse_until(self, closer: str, place: str) -> None:
         """Refuse all up to a closing bracket, as what stands within a ``place``."""

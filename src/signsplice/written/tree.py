@@ -253,14 +253,9 @@ def merged(before: WrittenPosture | None, after: WrittenPosture | None) -> Writt
     """A posture to which another adds what it says."""
     if before is None or after is None:
         return before or after
-    return WrittenPosture(
-        shape=after.shape or before.shape,
-        fingers=after.fingers or before.fingers,
-        palm=after.palm or before.palm,
-        place=after.place or before.place,
-        pair=after.pair or before.pair,
-        weak=merged(before.weak, after.weak),
-    )
+    names = ("shape", "fingers", "palm", "place", "pair")
+    values = {name: getattr(after, name) or getattr(before, name) for name in names}
+    return WrittenPosture(**values, weak=merged(before.weak, after.weak))
 
 
 def with_weak(strong: WrittenPosture, weak: WrittenPosture) -> WrittenPosture:

@@ -17,18 +17,13 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.signer import locations
 from signsplice.signer.locations import Location, WeakArm
+from signsplice.signer.phonology import DIRECTIONS
 from signsplice.signer.signer import STANDARD
 from signsplice.signer.tables import Vector, to_vector
 from signsplice.written.tree import Place, Site, WrittenShape
 
-_LETTERS: dict[str, Vector] = {
-    "u": (0.0, 1.0, 0.0),
-    "d": (0.0, -1.0, 0.0),
-    "l": (-1.0, 0.0, 0.0),
-    "r": (1.0, 0.0, 0.0),
-    "o": (0.0, 0.0, 1.0),
-    "i": (0.0, 0.0, -1.0),
-}
+_WORDS = {"u": "up", "d": "down", "l": "in", "r": "out", "o": "fwd", "i": "back"}
+_LETTERS = {letter: DIRECTIONS[word] for letter, word in _WORDS.items()}
 _SMALL = 1e-6
 _LEVEL = 1e-3
 """Least part of a direction that counts."""
@@ -64,12 +59,15 @@ def direction(words: Sequence[str]) -> Vector:
             if letter not in _LETTERS:
                 raise InputError(f"direction {word!r}: {letter!r} is none of {' '.join(_LETTERS)}")
             total = plus(total, _LETTERS[letter])
-        one = unit(total)
-        if one is None:
+        if (one := unit(total)) is None:
             raise InputError(f"direction {word!r} points nowhere")
         ends.append(one)
-    between = unit(plus(ends[0], ends[-1]))
-    return ends[0] if between is None else between  # of two opposite ones the first
+    return _mean(ends)
+
+
+def _mean(ends: Sequence[Vector]) -> Vector:
+    """Midway between the first and the last of some unit vectors; of opposite ones the first."""
+    return unit(plus(ends[0], ends[-1])) or ends[0]
 
 
 def oriented(fingers: Sequence[str], palm: Sequence[str]) -> tuple[Vector, Vector]:
@@ -86,8 +84,7 @@ def oriented(fingers: Sequence[str], palm: Sequence[str]) -> tuple[Vector, Vecto
         if cosine > -0.999:  # turned as the fingers are
             faces = plus(faces, plus(own, along), -dot(faces, along) / (1.0 + cosine))
         total = plus(total, faces)
-    between = unit(total)
-    return along, facing(along, palm) if between is None else between
+    return along, unit(total) or facing(along, palm)
 
 
 def facing(fingers: Vector, words: Sequence[str]) -> Vector:
@@ -95,9 +92,7 @@ def facing(fingers: Vector, words: Sequence[str]) -> Vector:
     side. ``d`` is the lower side in the vertical plane through the fingers, ``l`` across it, towards the signer's left
     where the fingers point away and towards the signer where they point left.
     """
-    ends = [_facing(fingers, word) for word in words]
-    between = unit(plus(ends[0], ends[-1]))
-    return ends[0] if between is None else between
+    return _mean([_facing(fingers, word) for word in words])
 
 
 def _facing(fingers: Vector, word: str, back: bool = False) -> Vector:
@@ -107,21 +102,19 @@ def _facing(fingers: Vector, word: str, back: bool = False) -> Vector:
     across = unit(cross((0.0, 1.0, 0.0), plus(fingers, (0.0, 0.0, -1.0 if back else 1.0)) if level else fingers))
     assert across is not None
     if back:
-        across = (-across[0], -across[1], -across[2])
+        across = to_vector(-x for x in across)
     below = unit(cross(across, fingers))
     assert below is not None
     lower = fingers[1] * below[2] * (-1.0 if back else 1.0) if level else -below[1]
     if lower < 0.0:
-        below = (-below[0], -below[1], -below[2])
+        below = to_vector(-x for x in below)
     a, b = word.count("d") - word.count("u"), word.count("l") - word.count("r")
     depth = word.count("o") - word.count("i")
     if depth:  # no letter of a palm: as nearly as the fingers allow
         literal = (float(-b), float(-a), float(depth))
-        flat = unit(plus(literal, fingers, -dot(literal, fingers)))
-        if flat is not None:
+        if flat := unit(plus(literal, fingers, -dot(literal, fingers))):
             return flat
-    found = unit(plus((a * below[0], a * below[1], a * below[2]), across, b))
-    return below if found is None else found
+    return unit(plus((a * below[0], a * below[1], a * below[2]), across, b)) or below
 
 
 _HEIGHTS = {
@@ -194,9 +187,8 @@ def spot(place: Place, own_side: bool) -> Spot:
     contact = place.contact or place.between.contact
     one, other = (_one(end, contact, own_side) for end in (place, place.between))
     if one.location.startswith("space:") or other.location.startswith("space:"):
-        return Spot(_space(_halfway(one, other)), part=part, head=one.head and other.head)
-    names = [one.location, other.location]
-    location = names[0] if names[0] == names[1] else "/".join(names)
+        return Spot(in_space(_halfway(one, other)), part=part, head=one.head and other.head)
+    location = "/".join(dict.fromkeys((one.location, other.location)))
     found = Spot(location, 0.5 * (one.off + other.off), part=part, touches=one.touches, head=one.head or other.head)
     if one.touches:
         return found
@@ -225,12 +217,12 @@ def _one(place: Place, contact: str, own_side: bool) -> Spot:
     head = place.name not in _TRUNK
     organ = head and place.name != "head" and not place.side.endswith("beside")
     touches = contact in _TOUCHES or (organ and not contact)
-    in_space = (not head or (place.name == "head" and contact != "close")) and not touches
-    if in_space and not place.behind:
-        return Spot(_space((_sideways(place, own_side), _HEIGHTS[place.name], _FORWARD[contact])), head=head)
+    before = (not head or (place.name == "head" and contact != "close")) and not touches
+    if before and not place.behind:
+        return Spot(in_space((_sideways(place, own_side), _HEIGHTS[place.name], _FORWARD[contact])), head=head)
     if place.behind:
         back = -16.0 if head else -24.0
-        return Spot(_space((_sideways(place, own_side), _HEIGHTS.get(place.name, 30.0), back)), head=head)
+        return Spot(in_space((_sideways(place, own_side), _HEIGHTS.get(place.name, 30.0), back)), head=head)
     off = 0.0 if touches else _HEAD_OFF[contact] + 2.0 * (place.name == "head")
     shift = (0.0 if touches else beside, 0.0, 0.0)
     found = Spot(location, off, shift, touches=touches, head=head)
@@ -279,7 +271,8 @@ def _skin(place: Place, own_side: bool) -> tuple[str, float]:
     return text, side * max(away, 0.0)
 
 
-def _space(point: tuple[float, ...]) -> str:
+def in_space(point: Sequence[float]) -> str:
+    """A point (out, up, forward), cm from the chest, in words of the notation."""
     return "space:" + ",".join(f"{round(c, 2) + 0.0:g}" for c in point)
 
 
@@ -314,9 +307,7 @@ def usual_part(shape: WrittenShape, touches: bool) -> str:
         return "palm"
     if shape.special:
         return f"{shape.special[0]}.tip"
-    return {"finger2": "2.tip", "finger23": "23.tip", "finger23spread": "23.tip", "pinchall": "12.tip"}.get(
-        shape.base, "12.tip"
-    )
+    return {"finger2": "2.tip", "finger23": "23.tip", "finger23spread": "23.tip"}.get(shape.base, "12.tip")
 
 
 def shape_text(shape: WrittenShape) -> str:
