@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from signsplice.cli.options import AS_JSON, LEXICON, SEED, preset
+from signsplice.cli.options import AS_JSON, LEXICON, SEED, option, preset
 from signsplice.cli.terminal import note, progress, require
 from signsplice.errors import InputError
 from signsplice.formats import atomic
@@ -48,7 +48,7 @@ def service(streams: int, rate: float, seconds: float, minutes: float, as_json: 
 @preset("--count", 200, "N", "Sentences of each timing.")
 @preset("--memory", 10_000, "N", "Sentences made for memory.")
 @SEED
-@click.option("-o", "--output", metavar="R.json", help="File of the figures; tables of them go to R.md beside it.")
+@option("-o --output", "R.json", "File of the figures; tables of them go to R.md beside it.")
 @AS_JSON
 def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str | None, as_json: bool) -> None:
     """Measure sentences in bulk: time a core, growth with workers, memory and bytes; and what they come to."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice import formats
-from signsplice.cli.options import ROLES
+from signsplice.cli.options import ROLES, flag, option
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
-SKIN = click.option(
-    "--skin", multiple=True, metavar="NAME", help="Mesh, node or material of the avatar that is skin; others are cloth."
-)
+SKIN = option("--skin", "NAME", "Mesh, node or material of the avatar that is skin; others are cloth.", multiple=True)
 """An option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
@@ -38,7 +36,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 def reads_clips(command: Command) -> Command:
     """Add the option that lifts the limits of clips to a command that reads some."""
 
-    @click.option("--no-limits", "lifted", is_flag=True, help="Read clips of any size: for files that you trust.")
+    @flag("--no-limits lifted", "Read clips of any size: for files that you trust.")
     @wraps(command)
     def with_limits(*args: Any, lifted: bool, **options: Any) -> Any:
         click.get_current_context().meta[_LIFTED] = lifted
@@ -60,13 +58,13 @@ def reads_poses(command: Command) -> Command:
     motion of a file is read.
     """
 
-    @click.option(
+    @option(
         "--rest-frame",
+        "N",
+        "Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]",
         type=click.IntRange(0),
-        metavar="N",
-        help="Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]",
     )
-    @click.option("--take", metavar="NAME", help="Take of an .fbx file.  [default: the first that moves its joints]")
+    @option("--take", "NAME", "Take of an .fbx file.  [default: the first that moves its joints]")
     @wraps(command)
     def with_frame(*args: Any, rest_frame: int | None, take: str | None, **options: Any) -> Any:
         click.get_current_context().meta.update({_REST_FRAME: rest_frame, _TAKE: take})
@@ -109,20 +107,19 @@ def posed(clip: Clip) -> Clip:
 
 def reads_faces(command: Command) -> Command:
     """Add the options of clips that are given a face."""
-    with_offset = click.option(
+    with_offset = option(
         "--face-offset",
+        "S",
+        "Seconds from a clip's first frame to its face's first row or frame.",
         type=float,
         default=0.0,
-        metavar="S",
-        help="Seconds from a clip's first frame to its face's first row or frame.",
     )
-    files = click.option(
-        "--face",
-        "faces",
-        multiple=True,
-        metavar="FACE.csv",
-        help="Face of a clip: a CSV of ARKit's coefficients, or a clip with one; may be repeated.  [default: NAME.csv "
+    files = option(
+        "--face faces",
+        "FACE.csv",
+        "Face of a clip: a CSV of ARKit's coefficients, or a clip with one; may be repeated.  [default: NAME.csv "
         "beside NAME.bvh]",
+        multiple=True,
     )
     return files(with_offset(command))
 

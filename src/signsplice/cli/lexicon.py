@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.clips import check_apart, check_output, limits, read_roles, reads_rigs
-from signsplice.cli.options import AS_JSON
+from signsplice.cli.options import AS_JSON, flag, option
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
@@ -23,17 +23,13 @@ def lexicon() -> None:
     """Build, list and check lexicons: gloss -> clip."""
 
 
-_OUTPUT = click.option(
-    "-o", "--output", required=True, metavar="LEX", help="Folder to make; a lexicon there is replaced."
-)
-_COMPACT = click.option("--compact", is_flag=True, help="Rotations in 16 bits: half the size, within 0.0001 rad.")
-_JOBS = click.option("--jobs", type=click.IntRange(1), metavar="N", help="Processes.  [default: one a core, for many]")
-_LENIENT = click.option(
-    "--lenient", is_flag=True, help="Of written signs, leave out what is not understood, with a warning."
-)
-_STRICT = click.option("--strict", is_flag=True, help="Exit status 1 where a written sign was left out.")
+_OUTPUT = option("-o --output", "LEX", "Folder to make; a lexicon there is replaced.", required=True)
+_COMPACT = flag("--compact", "Rotations in 16 bits: half the size, within 0.0001 rad.")
+_JOBS = option("--jobs", "N", "Processes.  [default: one a core, for many]", type=click.IntRange(1))
+_LENIENT = flag("--lenient", "Of written signs, leave out what is not understood, with a warning.")
+_STRICT = flag("--strict", "Exit status 1 where a written sign was left out.")
 
-_WARNINGS = click.option("--warnings", "all_warnings", metavar="FILE", help="Write every warning to FILE, one a line.")
+_WARNINGS = option("--warnings all_warnings", "FILE", "Write every warning to FILE, one a line.")
 _MOST_WARNINGS = 20
 """More are shown by kind, with how often each kind occurs."""
 
@@ -42,9 +38,9 @@ _MOST_WARNINGS = 20
 @click.argument("inputs", nargs=-1, required=True, metavar="IN...")
 @_OUTPUT
 @_COMPACT
-@click.option("--signer", default="", metavar="NAME", help="Who signs, where glosses.csv does not say.")
-@click.option("--skip-broken", is_flag=True, help="Leave broken clips out, with a warning each.")
-@click.option("--recipe", default="", metavar="NAME|FILE", help="How an archive names its words: see docs/archives.md.")
+@option("--signer", "NAME", "Who signs, where glosses.csv does not say.", default="")
+@flag("--skip-broken", "Leave broken clips out, with a warning each.")
+@option("--recipe", "NAME|FILE", "How an archive names its words: see docs/archives.md.", default="")
 @_JOBS
 @_LENIENT
 @_STRICT
@@ -126,7 +122,7 @@ def _build(inputs: tuple[str, ...], output: str, strict: bool, all_warnings: str
 
 @lexicon.command("list")
 @click.argument("path", metavar="[LEX]", required=False)
-@click.option("--search", metavar="TEXT", help="Only words with TEXT in their gloss or a synonym, in any case.")
+@option("--search", "TEXT", "Only words with TEXT in their gloss or a synonym, in any case.")
 @AS_JSON
 def list_words(path: str | None, search: str | None, as_json: bool) -> None:
     """List the words of a lexicon; default the one that ships."""
@@ -173,9 +169,7 @@ def _count(n_words: int, n_letters: int) -> str:
 
 @lexicon.command()
 @click.argument("path", metavar="DIR")
-@click.option(
-    "--page", metavar="PAGE.html", help="Of a lexicon: write a page of its lengths, sizes and doubtful words."
-)
+@option("--page", "PAGE.html", "Of a lexicon: write a page of its lengths, sizes and doubtful words.")
 @reads_rigs
 def check(path: str, page: str | None, roles: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.

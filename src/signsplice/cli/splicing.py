@@ -28,7 +28,17 @@ from signsplice.cli.clips import (
     write,
 )
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, added, preset, two_numbers
+from signsplice.cli.options import (
+    AS_JSON,
+    BUNDLE,
+    DROP_FUNCTION_WORDS,
+    LEXICONS,
+    added,
+    flag,
+    option,
+    preset,
+    two_numbers,
+)
 from signsplice.cli.terminal import note, progress, warn
 from signsplice.errors import InputError
 
@@ -38,29 +48,26 @@ if TYPE_CHECKING:
     from signsplice.splicing.systems import WholeSystem
 
 _joining_options = added(
-    click.option("-o", "--output", required=True, metavar="OUT", help=f"File to write: {' '.join(OUTPUT_SUFFIXES)}"),
-    click.option(
+    option("-o --output", "OUT", f"File to write: {' '.join(OUTPUT_SUFFIXES)}", required=True),
+    option(
         "--transition",
-        metavar="NAME",
-        help="How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
+        "NAME",
+        "How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
     ),
     BUNDLE,
-    click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
+    option("--avatar", "A.vrm", "Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
     SKIN,
-    click.option(
+    option(
         "--avoid-collisions/--no-avoid-collisions",
+        None,
+        "Keep hands out of head, trunk and each other in transitions.  [default: if the transition is learned]",
         default=None,
-        help="Keep hands out of head, trunk and each other in transitions.  [default: if the transition is learned]",
     ),
-    click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file."),
+    option("--report", "R.json", "Write spans, seams and timing to this JSON file."),
     reads_poses,
 )
 _splicing_options = added(
-    click.option(
-        "--cutter",
-        metavar="NAME",
-        help="How splice points are found: see `signsplice methods`, or a trained system's folder.",
-    ),
+    option("--cutter", "NAME", "How splice points are found: see `signsplice methods`, or a trained system's folder."),
     preset(
         "--transition-time",
         "auto",
@@ -74,23 +81,17 @@ _splicing_options = added(
         "citation|natural|SECONDS",
         "Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
     ),
-    click.option("--fps", type=float, metavar="N", help="Output frame rate.  [default: that of the first clip]"),
+    option("--fps", "N", "Output frame rate.  [default: that of the first clip]", type=float),
     preset(
         "--free-hand",
         "transition",
         "transition|natural",
         "Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
     ),
-    click.option(
-        "--system",
-        metavar="DIR",
-        help="A trained system of the paper, run whole: its positions, its number of frames, its frames.",
+    option(
+        "--system", "DIR", "A trained system of the paper, run whole: its positions, its number of frames, its frames."
     ),
-    click.option(
-        "--fill-misses",
-        is_flag=True,
-        help="Join words for which the system finds no positions by the defaults, instead of stopping.",
-    ),
+    flag("--fill-misses", "Join words for which the system finds no positions by the defaults, instead of stopping."),
     _joining_options,
 )
 """Options that ``splice`` and ``sentence`` share."""
@@ -130,15 +131,16 @@ def splice(
 @click.command()
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICONS
-@click.option("--fallback", metavar="FILE", help="Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
-@click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
-@click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
+@option("--fallback", "FILE", "Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
+@flag("--no-spell", "Refuse words that are not in the lexicon instead of spelling them.")
+@flag("--no-compounds", "Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @DROP_FUNCTION_WORDS
-@click.option("--no-pauses", is_flag=True, help="Hold no sign at a comma or a full stop.")
-@click.option(
+@flag("--no-pauses", "Hold no sign at a comma or a full stop.")
+@option(
     "--face-rules/--no-face-rules",
+    None,
+    "Blinks, and brows of questions, in words without a face of their own.  [default: unless OUT is a .bvh]",
     default=None,
-    help="Blinks, and brows of questions, in words without a face of their own.  [default: unless OUT is a .bvh]",
 )
 @_splicing_options
 def sentence(
@@ -285,9 +287,7 @@ def deliver(
 
 @click.command()
 @click.argument("clip", metavar="CLIP")
-@click.option(
-    "--gap", "gaps", multiple=True, required=True, metavar="A:B", help="Frames A..B-1 to make anew; may be repeated."
-)
+@option("--gap gaps", "A:B", "Frames A..B-1 to make anew; may be repeated.", multiple=True, required=True)
 @_joining_options
 def inbetween(
     clip: str,
