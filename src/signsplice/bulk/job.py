@@ -120,10 +120,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         "signsplice": version("signsplice"),
         "lexicon_sha256": lexicon_sha256,
         "bundle_sha256": open_learned(options.bundle).sha256,
-        "store": options.store,
-        "format": options.format,
-        "poses": options.poses,
-        "shard_size": options.shard_size,
+        **{name: getattr(options, name) for name in ("store", "format", "poses", "shard_size")},
         "made_with": libraries(),
     }
     folders = [str(lexicon_folder(path).resolve()) for path in paths(options.lexicon)]

@@ -46,19 +46,7 @@ _MOST_WARNINGS = 20
 @_STRICT
 @_WARNINGS
 @reads_rigs
-def build(
-    inputs: tuple[str, ...],
-    output: str,
-    compact: bool,
-    signer: str,
-    roles: str | None,
-    skip_broken: bool,
-    recipe: str,
-    jobs: int | None,
-    lenient: bool,
-    strict: bool,
-    all_warnings: str | None,
-) -> None:
+def build(inputs: tuple[str, ...], output: str, roles: str | None, recipe: str, **others: Any) -> None:
     """Make a lexicon of every clip below folders, and of signs written in SiGML or HamNoSys.
 
     Glosses are the files' names, or stand in DIR/glosses.csv. With --recipe what is broken, or fits no word, is left
@@ -66,9 +54,7 @@ def build(
     columns gloss and hamnosys (.csv), or its like in .json or .txt (docs/hamnosys.md).
     """
     check_apart(output, [*inputs, roles, recipe] if len(inputs) > 1 else [roles, recipe])
-    joint_of = read_roles(roles)
-    others = {"signer": signer, "roles": joint_of, "skip_broken": skip_broken, "recipe": recipe, "limits": limits()}
-    _build(inputs, output, strict, all_warnings, compact=compact, jobs=jobs, lenient=lenient, **others)
+    _build(inputs, output, roles=read_roles(roles), recipe=recipe, limits=limits(), **others)
 
 
 @lexicon.command()
@@ -78,7 +64,7 @@ def build(
 @_JOBS
 @_STRICT
 @_WARNINGS
-def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool, all_warnings: str | None) -> None:
+def ngt(folder: str, output: str, **others: Any) -> None:
     """Make a lexicon of the signs of NGT that the SignON project wrote, from a folder of their .sigml files.
 
     They are data/dictionaries/NGT/Glosses of github.com/upf-gti/performs (Apache-2.0, whose licence file is beside
@@ -91,7 +77,7 @@ def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool,
             f"{folder}: expected a folder of .sigml files, such as data/dictionaries/NGT/Glosses of performs"
         )
     check_apart(output, [folder])
-    _build((folder,), output, strict, all_warnings, compact=compact, jobs=jobs)
+    _build((folder,), output, **others)
     print("no signer has checked these signs; whether you may pass them on, their licence says")
 
 

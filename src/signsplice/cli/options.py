@@ -28,9 +28,9 @@ def option(names: str, metavar: str | None, text: str, **kind: Any) -> Callable[
     return click.option(*names.split(), metavar=metavar, help=text, **kind)
 
 
-def flag(names: str, text: str) -> Callable[[Command], Command]:
+def flag(names: str, text: str, **kind: Any) -> Callable[[Command], Command]:
     """An option without a value; ``names`` as of ``option``."""
-    return option(names, None, text, is_flag=True)
+    return option(names, None, text, is_flag=True, **kind)
 
 
 def preset(name: str, default: Any, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:

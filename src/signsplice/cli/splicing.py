@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
     from signsplice.body.capsules import Avatar
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
     from signsplice.splicing.systems import WholeSystem
+
+Chosen = TypeVar("Chosen")
 
 _joining_options = added(
     option("-o --output", "OUT", f"File to write: {' '.join(OUTPUT_SUFFIXES)}", required=True),
@@ -102,30 +105,19 @@ _splicing_options = added(
 @reads_faces
 @_splicing_options
 def splice(
-    clips: tuple[str, ...],
-    faces: tuple[str, ...],
-    face_offset: float,
-    output: str,
-    report: str | None,
-    roles: str | None,
-    avatar: str | None,
-    skin: tuple[str, ...],
-    **method_options: Any,
+    clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, roles: str | None, **others: Any
 ) -> None:
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
 
     if len(clips) < 2:
         raise InputError(f"one clip, {clips[0]}, expected two or more: signsplice splice A.bvh B.bvh -o OUT.bvh")
-    check_outputs(output, report, [*clips, *faces, roles, avatar, *_networks(**method_options)])
-    options = _splice_options(**method_options)
-    signer = _signer(avatar, skin)
+    target, options = _begin(_splice_options, [*clips, *faces, roles], **others)
     began = time.perf_counter()
     given = zip(clips, faces_of(clips, faces), strict=True)
     loaded = [load(path, roles, warns=False, face=face, face_offset=face_offset) for path, face in given]
     load_ms = 1e3 * (time.perf_counter() - began)
-    result = engine.splice(loaded, options)
-    deliver(result, output, report, load_ms, signer)
+    target.deliver(engine.splice(loaded, options), load_ms)
 
 
 @click.command()
@@ -153,11 +145,8 @@ def sentence(
     no_pauses: bool,
     face_rules: bool | None,
     output: str,
-    report: str | None,
     roles: str | None,
-    avatar: str | None,
-    skin: tuple[str, ...],
-    **method_options: Any,
+    **others: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
     from signsplice.lexicon.sentence import parse, signed, spelled
@@ -165,13 +154,12 @@ def sentence(
     from signsplice.splicing.faces import RULES
     from signsplice.splicing.word import words_of
 
-    check_outputs(output, report, [roles, avatar, fallback, *_networks(**method_options)])
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
-    options = _splice_options(**method_options, face_rules=RULES if has_rules else ())
-    signer = _signer(avatar, skin)
+    read = partial(_splice_options, face_rules=RULES if has_rules else ())
+    target, options = _begin(read, [roles, fallback], output, **others)
     began = time.perf_counter()
     with open_words(*lexicons, fallback=fallback) as words:
-        for path in (output, report or output):
+        for path in (output, target.report or output):
             check_apart(path, [source.path for source in words.sources])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(signed(units))}
@@ -183,14 +171,26 @@ def sentence(
     warn(unit.warning for unit in units if unit.warning)
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses), options)
     more = {"units": [asdict(unit) for unit in units], "spelled": spelled(units)}
-    deliver(result, output, report, load_ms, signer, more)
+    target.deliver(result, load_ms, more)
 
 
-def _signer(avatar: str | None, skin: tuple[str, ...]) -> Avatar | None:
-    """The avatar that a call names, None without one."""
+def _begin(
+    read: Callable[..., Chosen],
+    inputs: Iterable[str | None],
+    output: str,
+    report: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
+    **dials: Any,
+) -> tuple[_Target, Chosen]:
+    """Where the result of a call goes, and what ``read`` makes of its dials, before any clip is read. Raises
+    ``InputError`` for an output that is one of ``inputs`` or of what else the call reads.
+    """
+    check_outputs(output, report, [*inputs, avatar, *_networks(**dials)])
+    chosen = read(**dials)
     if skin and avatar is None:
         raise InputError("--skin names meshes of an avatar, expected --avatar too")
-    return None if avatar is None else load_avatar(avatar, skin=skin)
+    return _Target(output, report, None if avatar is None else load_avatar(avatar, skin=skin)), chosen
 
 
 def _splice_options(
@@ -251,67 +251,53 @@ def _opened(folder: str) -> WholeSystem:
     return open_system(folder)
 
 
-def deliver(
-    result: SpliceResult,
-    output: str,
-    report: str | None,
-    load_ms: float,
-    avatar: Avatar | None = None,
-    more: Mapping[str, Any] | None = None,
-) -> None:
-    """Write the clip, on an avatar where one is given, and the report, with ``more`` keys, and print the warnings and a
-    line about the clip.
-    """
-    from signsplice.splicing import report as reports
+@dataclass(frozen=True)
+class _Target:
+    """Where the result of a call goes: the files of the clip and of its report, and the avatar that signs."""
 
-    if avatar is not None:
-        from signsplice.splicing.engine import onto_avatar
+    output: str
+    report: str | None
+    avatar: Avatar | None
 
-        result = onto_avatar(result, avatar)
-    began = time.perf_counter()
-    is_recorded = result.face is not None and bool(result.face.recorded)
-    spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
-    write(result.clip, output, spans, names_lost=is_recorded)
-    save_ms = 1e3 * (time.perf_counter() - began)
-    if report is not None:
-        reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | dict(more or {}), report)
-    warn(result.warnings)
-    for seam in result.seams:
-        warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
-    n_seams, tempo = len(result.seams), result.tempo
-    told = f"{output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n_seams} seam{'s' * (n_seams != 1)}"
-    if tempo.asked_seconds is not None and tempo.seconds is not None:
-        told += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
-    print(told)
+    def deliver(self, result: SpliceResult, load_ms: float, more: Mapping[str, Any] = {}) -> None:
+        """Write the clip and the report, with ``more`` keys, and print the warnings and a line about the clip."""
+        from signsplice.splicing import report as reports
+
+        if self.avatar is not None:
+            from signsplice.splicing.engine import onto_avatar
+
+            result = onto_avatar(result, self.avatar)
+        began = time.perf_counter()
+        is_recorded = result.face is not None and bool(result.face.recorded)
+        spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
+        write(result.clip, self.output, spans, names_lost=is_recorded)
+        save_ms = 1e3 * (time.perf_counter() - began)
+        if self.report is not None:
+            reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | {**more}, self.report)
+        warn(result.warnings)
+        for seam in result.seams:
+            warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
+        n, tempo = len(result.seams), result.tempo
+        told = f"{self.output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n} seam{'s' * (n != 1)}"
+        if tempo.asked_seconds is not None and tempo.seconds is not None:
+            told += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
+        print(told)
 
 
 @click.command()
 @click.argument("clip", metavar="CLIP")
 @option("--gap gaps", "A:B", "Frames A..B-1 to make anew; may be repeated.", multiple=True, required=True)
 @_joining_options
-def inbetween(
-    clip: str,
-    gaps: tuple[str, ...],
-    output: str,
-    transition: str | None,
-    bundle: str | None,
-    avoid_collisions: bool | None,
-    roles: str | None,
-    report: str | None,
-    avatar: str | None,
-    skin: tuple[str, ...],
-) -> None:
+def inbetween(clip: str, gaps: tuple[str, ...], roles: str | None, **others: Any) -> None:
     """Make frames of a clip anew from those around them; all other frames stay as they are."""
     from signsplice.splicing.engine import inbetween as fill_gaps
 
-    check_outputs(output, report, [clip, roles, avatar, *_networks(bundle, transition=transition)])
-    signer = _signer(avatar, skin)
+    target, dials = _begin(dict[str, Any], [clip, roles], **others)
     ranges = [two_numbers(gap, ":", f"--gap {gap!r}, expected A:B, frame numbers with B not included") for gap in gaps]
     began = time.perf_counter()
     loaded = load(clip, roles, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
-    result = fill_gaps(loaded, ranges, _method(transition), avoid_collisions, bundle)
-    deliver(result, output, report, load_ms, signer)
+    target.deliver(fill_gaps(loaded, ranges, **dials | {"transition": _method(dials["transition"])}), load_ms)
 
 
 @click.command()

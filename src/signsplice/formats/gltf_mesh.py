@@ -31,34 +31,9 @@ _LOOSE = {
 }
 """Words in the names of what is no skin: of joints without a role, meshes, nodes and materials."""
 _CLOTH = {
-    *(
-        "cloth",
-        "clothes",
-        "clothing",
-        "tops",
-        "top",
-        "bottoms",
-        "bottom",
-        "outfit",
-        "shirt",
-        "tshirt",
-        "blouse",
-        "dress",
-    ),
-    *(
-        "robe",
-        "kimono",
-        "yukata",
-        "sleeve",
-        "sleeves",
-        "jacket",
-        "sweater",
-        "hoodie",
-        "suit",
-        "vest",
-        "pants",
-        "trousers",
-    ),
+    *("cloth", "clothes", "clothing", "tops", "top", "bottoms", "bottom", "outfit", "shirt", "tshirt", "blouse"),
+    *("dress", "robe", "kimono", "yukata", "sleeve", "sleeves", "jacket", "sweater", "hoodie", "suit", "vest"),
+    *("pants", "trousers"),
     *("jeans", "shorts", "gloves", "glove", "cuff", "cuffs", "onepiece", "uniform", "socks", "shoes", "shoe", "boots"),
 }
 """Words in the names of materials, nodes and meshes that cover skin."""

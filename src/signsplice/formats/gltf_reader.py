@@ -31,7 +31,6 @@ from signsplice.formats.gltf_document import (
     printable,
     sample,
     to_rest_axes,
-    unique,
 )
 from signsplice.formats.gltf_face import FaceReader, as_object, target_names, vrm_expressions
 from signsplice.formats.json_files import shortened
@@ -82,8 +81,7 @@ class _AnimationReader(FaceReader):
         name: Any,
     ) -> Clip:
         """The clip of joint nodes ``order`` (J), parents first, at ``times`` (T,)."""
-        rows = {node: k for k, node in enumerate(order)}
-        parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])
+        rows, parents, names = self._tree(order)
         local_quats, translations = np.empty((len(times), len(order), 4)), np.empty((len(times), len(order), 3))
         rest_quats, offsets, scales = np.empty((len(order), 4)), np.empty((len(order), 3)), np.empty(len(order))
         world_position, world_quat, world_scale = self._world_pose(self.parents.get(order[0]))
@@ -108,7 +106,6 @@ class _AnimationReader(FaceReader):
         translations[:, 0] = 0.0
         change = float(np.ptp(translations[:, 1:], axis=0).max()) if len(order) > 1 else 0.0
         stretches = change > _HELD * float(np.abs(offsets).max())
-        names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
         named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._stored_roles(names)
         clip = Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=named or None),

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import FormatError, InputError, LimitError
-from signsplice.formats.atomic import write as write_file
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, opened, read_bytes
 from signsplice.motion import Clip, FloatArray, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
@@ -194,8 +193,3 @@ def encode(clip: Clip) -> bytes:
         code = f"{minutes // 60:02d}:{minutes % 60:02d}:{int(seconds) % 60:02d}:{frame:06.3f}"
         lines.append(",".join((code, str(len(channels) + len(rest)), *(f"{w:.9g}" for w in row), *("0" for _ in rest))))
     return ("\n".join(lines) + "\n").encode()
-
-
-def save_sidecar(clip: Clip, path: str | Path) -> None:
-    """Write a clip's face as NAME.csv beside its NAME.bvh, whole or not at all."""
-    write_file(Path(path).with_suffix(".csv"), encode(clip).decode())

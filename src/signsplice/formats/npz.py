@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
-from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, opened, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, format_errors, opened, stem
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
 from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
@@ -75,8 +75,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
     """The clip in the bytes of an archive that ``encode`` made, or that holds poses of SMPL-X. Raises
     ``InputError``, or what numpy and zipfile raise, for any other.
     """
-    if content.count(_ENTRY) > limits.members:  # before zipfile makes an object of each
-        raise LimitError(f"{content.count(_ENTRY):,} members, expected at most {limits.members:,.0f}", file=file)
+    check_most(content.count(_ENTRY), "members", limits.members, file)  # before zipfile makes an object of each
     with zipfile.ZipFile(BytesIO(content)) as archive:
         unpacked = sum(member.file_size for member in archive.infolist())
         most = min(limits.unpacked_bytes, max(_LEAST_ALLOWED, limits.expansion * len(content)))

@@ -76,13 +76,12 @@ def encode(clip: Clip, form: str) -> bytes:
         varying = track[:, changes]
         parts.append(track[0, ~changes].tobytes())
         parts.append(_compressed(varying) if varying.dtype.kind == "i" else varying.tobytes())
-    return _padded(b"".join(parts)) + (b"" if clip.face is None else _face_bytes(clip.face))
-
-
-def _face_bytes(face: Face) -> bytes:
-    channels = tuple(name for name in ARKIT_CHANNELS if name in face.channels)
-    bits = sum(1 << k for k, name in enumerate(ARKIT_CHANNELS) if name in channels)
-    return _padded(struct.pack("<Q", bits) + face.of(channels).astype("<f4").tobytes())
+    block = _padded(b"".join(parts))
+    if clip.face is not None:
+        channels = tuple(name for name in ARKIT_CHANNELS if name in clip.face.channels)
+        bits = sum(1 << k for k, name in enumerate(ARKIT_CHANNELS) if name in channels)
+        block += _padded(struct.pack("<Q", bits) + clip.face.of(channels).astype("<f4").tobytes())
+    return block
 
 
 def _face(block: Buffer, n_frames: int, at: int) -> Face | None:

@@ -146,14 +146,12 @@ class Index:
             _check_types(self.head)
             if self.head.n_words < 1:
                 raise InputError(f"{path}: {self.head.n_words} words, expected at least one; {REBUILD}")
-        except (IndexError, TypeError) as error:
+        except BaseException as error:
             self.close()
-            raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
-        except (OSError, sqlite3.Error) as error:
-            self.close()
-            raise InputError(f"{path}: cannot be opened ({error}); {REBUILD}") from error
-        except BaseException:
-            self.close()
+            if isinstance(error, IndexError | TypeError):
+                raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
+            if isinstance(error, OSError | sqlite3.Error):
+                raise InputError(f"{path}: cannot be opened ({error}); {REBUILD}") from error
             raise
 
     def _step(self) -> bool:

@@ -195,13 +195,8 @@ class LimitedHttpProtocol(HttpToolsProtocol):
             self._n_bytes += len(piece)
             super().data_received(piece)
             if self._n_bytes > limit:
-                self._answer(*self._too_large())
-
-    def _too_large(self) -> tuple[HTTPStatus, str]:
-        limit = self.settings.max_head_bytes
-        return HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, (
-            f"the head or the trailer of the request, or the framing of its chunks, is longer than {limit} bytes"
-        )
+                what = "the head or the trailer of the request, or the framing of its chunks,"
+                self._answer(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, f"{what} is longer than {limit} bytes")
 
     # what the parser calls
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.body.capsules import BodyCapsules, body_capsules
+from signsplice.body.capsules import body_capsules
 from signsplice.body.retarget import signing
 from signsplice.errors import InputError
 from signsplice.formats import FORMATS, glb
@@ -134,10 +134,13 @@ def fit_source(clip: Clip) -> dict[str, Any] | None:
 
 
 def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
-    """The capsules of head, trunk, arms and hands as ``wire.FitCapsule``."""
+    """The capsules that hands may touch, of head, trunk, arms and hands, as ``wire.FitCapsule``."""
     info, body = rig_info(skeleton), body_capsules(skeleton)
     metres, rest, role_of = info.sizes.unit.metres, info.t_pose, info.roles.role_of
-    regions, found = _regions(body), []
+    groups, found = body.groups, []
+    regions = dict.fromkeys(groups.head, "head") | dict.fromkeys(groups.trunk, "trunk")
+    regions |= dict.fromkeys((*groups.left, *groups.right), "hand")
+    regions |= {row: _ARM_REGIONS[part] for row, part in enumerate(body.parts) if part in _ARM_REGIONS}
     for row, region in sorted(regions.items()):
         joint = int(body.joints[row])
         bone = next((k for k in kinematics.path_to_root(skeleton, joint) if k in role_of), info.roles.joints["hips"])
@@ -148,12 +151,3 @@ def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
             "start": start, "end": end, "radii": np.round(metres * body.radii[row], 6).tolist(),
         })  # fmt: skip
     return found
-
-
-def _regions(body: BodyCapsules) -> dict[int, str]:
-    """Row of a capsule -> the part of the body that it is of, for those that hands may touch."""
-    groups = body.groups
-    regions = dict.fromkeys(groups.head, "head") | dict.fromkeys(groups.trunk, "trunk")
-    regions |= dict.fromkeys((*groups.left, *groups.right), "hand")
-    arms = {row: _ARM_REGIONS[part] for row, part in enumerate(body.parts) if part in _ARM_REGIONS}
-    return regions | arms
