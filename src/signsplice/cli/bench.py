@@ -36,6 +36,7 @@ def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
 @AS_JSON
 def service(streams: int, rate: float, seconds: float, minutes: float, as_json: bool) -> None:
     """Measure the service under load: many streams, then many requests, then half of both for longer."""
+    require("this needs", "dev", "httpx", "psutil", "websockets")
     from signsplice.bench import service as loads
 
     with progress("bench service") as advance:

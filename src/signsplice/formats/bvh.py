@@ -480,12 +480,8 @@ def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str
     moving = np.any(translations[:, 1:] != translations[:1, 1:])
     offsets = written.copy()
     offsets[1:] = np.median(translations[:, 1:], axis=0) if moving else translations[0, 1:]
-    skeleton = Skeleton(
-        names=tuple(hierarchy.names),
-        parents=np.array(hierarchy.parents, np.intp),
-        offsets=offsets,
-        end_sites=tuple(EndSite(joint, np.array(offset)) for joint, offset in hierarchy.sites),
-    )
+    sites = tuple(EndSite(joint, np.array(offset)) for joint, offset in hierarchy.sites)
+    skeleton = Skeleton(tuple(hierarchy.names), np.array(hierarchy.parents, np.intp), offsets, sites)
     return Clip(
         skeleton=skeleton,
         local_rotations=rotations,

@@ -68,19 +68,13 @@ class _AnimationReader(FaceReader):
         order = self._joint_order(joints, {node for node, _ in targets})
         wanted = {*order}
         channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in wanted})
-        times, fps = self._times(channels, animation, len(order))
-        return self._sampled_clip(order, roles, channels, times, fps, animation.get("name"))
+        return self._sampled(order, roles, channels, animation)
 
-    def _sampled_clip(
-        self,
-        order: list[int],
-        roles: Mapping[str, int],
-        channels: Mapping[tuple[int, str], Keys],
-        times: FloatArray,
-        fps: float,
-        name: Any,
+    def _sampled(
+        self, order: list[int], roles: Mapping[str, int], channels: Mapping[tuple[int, str], Keys], animation: Fields
     ) -> Clip:
-        """The clip of joint nodes ``order`` (J), parents first, at ``times`` (T,)."""
+        """The clip of joint nodes ``order`` (J), parents first, that an animation moves."""
+        times, fps = self._times(channels, animation, len(order))
         rows, parents, names = self._tree(order)
         local_quats, translations = np.empty((len(times), len(order), 4)), np.empty((len(times), len(order), 3))
         rest_quats, offsets, scales = np.empty((len(order), 4)), np.empty((len(order), 3)), np.empty(len(order))
@@ -112,11 +106,11 @@ class _AnimationReader(FaceReader):
             local_quats,
             roots,
             fps,
-            name=printable(name, stem(self.file)),
+            name=printable(animation.get("name"), stem(self.file)),
             translations=translations if stretches else None,
-            left_out=left_out(self.json, self.json["animations"][0]),
+            left_out=left_out(self.json, animation),
             notes=_notes(self.json["animations"]),
-            face=self._face(self.json["animations"][0], times, fps),
+            face=self._face(animation, times, fps),
         )
         return self._with_bones(clip)
 

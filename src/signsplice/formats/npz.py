@@ -126,15 +126,8 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
         raise InputError("names, end_joints: expected lists of joint names and joint numbers")
     if len(head["end_joints"]) != len(arrays["end_offsets"]):
         raise InputError(f"{len(head['end_joints'])} end sites with {len(arrays['end_offsets'])} offsets")
-    skeleton = Skeleton(
-        names=tuple(head["names"]),
-        parents=arrays["parents"],
-        offsets=arrays["offsets"],
-        end_sites=tuple(
-            EndSite(joint, tip) for joint, tip in zip(head["end_joints"], arrays["end_offsets"], strict=True)
-        ),
-        roles=head["roles"],
-    )
+    sites = tuple(map(EndSite, head["end_joints"], arrays["end_offsets"]))
+    skeleton = Skeleton(tuple(head["names"]), arrays["parents"], arrays["offsets"], sites, head["roles"])
     if not _are([head["fps"]], int, float):
         raise InputError(f"fps {head['fps']!r:.40}, expected a number")
     return Clip(
@@ -182,13 +175,7 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
         raise InputError("channel_offsets: not finite, or others than offsets where no channel replaces them")
     if not _are([head["frame_time"]], int, float):
         raise InputError("frame_time: expected seconds")
-    return Channels(
-        names=tuple(tuple(row) for row in names),
-        values=values,
-        offsets=offsets,
-        frame_time=float(head["frame_time"]),
-        starts=tuple(starts),
-    )
+    return Channels(tuple(map(tuple, names)), values, offsets, float(head["frame_time"]), tuple(starts))
 
 
 def _are(values: Any, *kinds: type) -> bool:

@@ -6,8 +6,6 @@ The file holds no mesh and no eyes, which the format leaves to look-at; a face i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from pygltflib import GLTF2
 
@@ -63,9 +61,10 @@ def document(clip: Clip) -> GLTF2:
     nodes = {role: writer.node(role) for role in bones}
     writer.scene(nodes["hips"])
     times = writer.times(clip)
-    column = {role: k for k, role in enumerate(bones)}
+    column, role_of = {role: k for k, role in enumerate(bones)}, {joint: role for role, joint in bones.items()}
     for role, joint in bones.items():
-        parent = _parent_role(clip.skeleton, joint, bones)
+        above = kinematics.path_to_root(clip.skeleton, joint)[1:]
+        parent = next((role_of[k] for k in above if k in role_of), None)
         local = from_t_pose[:, column[role]]
         node = writer.gltf.nodes[nodes[role]]
         if parent is None:
@@ -97,9 +96,3 @@ def _usual_hips(skeleton: Skeleton) -> float:
     """Height of the hips of an average body, clip units; for a stature of 1 m where a skeleton has none."""
     sizes = rig_info(skeleton).sizes
     return _HIPS_HEIGHT * (sizes.stature or 1.0 / sizes.unit.metres)
-
-
-def _parent_role(skeleton: Skeleton, joint: int, bones: Mapping[str, int]) -> str | None:
-    """The role of the nearest joint above that has one, None where there is none."""
-    role_of = {number: role for role, number in bones.items()}
-    return next((role_of[k] for k in kinematics.path_to_root(skeleton, joint)[1:] if k in role_of), None)

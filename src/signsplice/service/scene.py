@@ -38,13 +38,6 @@ def encode(clip: Clip, form: Format, mesh: bool = True, whole_face: bool = False
     return glb.encode(clip, mesh, whole_face) if form == "glb" else encode_file(clip, f"clip.{form}")
 
 
-def from_result(
-    result: SpliceResult, formats: Sequence[Format], units: Sequence[Mapping[str, Any]] = (), **glb_has: bool
-) -> dict[str, Any]:
-    """A splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read. ``glb_has``: as ``encode`` has."""
-    return _scene(result.clip, reports.describe(result), formats, units, **glb_has)
-
-
 def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format]) -> dict[str, Any]:
     """A clip from a file as ``wire.Spliced``. ``report``: of the splice that made it; None for one sign."""
     if report is None:
@@ -52,16 +45,19 @@ def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Fo
         spans = (Span("sign", 0, clip.name, whole, whole),)
         unspliced = SpliceResult(clip, spans, (), (), cutter="", transition="", timing_ms={})
         report = {**reports.describe(unspliced), "timing_ms": {}}
-    return _scene(clip, report, formats)
+    return spliced(clip, report, formats)
 
 
-def _scene(
+def spliced(
     clip: Clip,
     report: Mapping[str, Any],
     formats: Sequence[Format],
     units: Sequence[Mapping[str, Any]] = (),
     **glb_has: bool,
 ) -> dict[str, Any]:
+    """A clip and the report of its splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read.
+    ``glb_has``: as ``encode`` has.
+    """
     files: Files = dict.fromkeys(FORMAT_NAMES)
     warnings = list(report["warnings"])
     for form in formats:
