@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -139,15 +138,11 @@ def render(source: str, output: str, report: str | None, view: str, size: str | 
     if report is not None:
         from signsplice.splicing import report as reports
 
-        spans = _spans_of(reports.read(report, len(clip)))
+        rows = reports.read(report, len(clip))["spans"]
+        spans = [(span["kind"], span["name"] or "", *span["output"]) for span in rows]
     expected = f"--size {size!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080"
     write(clip, output, spans, view, None if size is None else two_numbers(size.lower(), "x", expected))
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
-
-
-def _spans_of(report: Mapping[str, Any]) -> Spans:
-    """Kind, name and output frames of a report's spans."""
-    return [(span["kind"], span["name"] or "", *span["output"]) for span in report["spans"]]
 
 
 COMMANDS = (inspect, convert, render)

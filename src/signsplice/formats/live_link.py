@@ -114,10 +114,8 @@ def _shown(clip: Clip, face: Face, times: FloatArray, name: str, notes: Sequence
     """A clip with a face whose frames are shown at ``times``, seconds, and notes on it."""
     at, end = np.arange(len(clip)) / clip.fps, (len(clip) - 1) / clip.fps
     if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
-        notes = [
-            *notes,
-            f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond",
-        ]
+        line = f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond"
+        notes = [*notes, line]
     sampled = np.stack([_between(at, times, column) for column in face.weights.T], axis=1)
     return unchecked_copy(clip, face=Face(face.channels, sampled), notes=(*clip.notes, *notes))
 

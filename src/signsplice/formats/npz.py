@@ -1,4 +1,4 @@
-"""NumPy archives (``.npz``): the arrays of a clip unchanged, quick to open. Arrays of other files, mapped."""
+"""NumPy archives (``.npz``): the arrays of a clip unchanged, quick to open."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ import math
 import zipfile
 from collections.abc import Mapping
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
-from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, format_errors, opened, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, stem
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
 from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
@@ -181,10 +179,3 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
 def _are(values: Any, *kinds: type) -> bool:
     """Whether something is a list whose items are exactly of these types; True is no number."""
     return isinstance(values, list) and all(type(value) in kinds for value in values)
-
-
-def mapped_array(path: str | Path) -> NDArray[Any]:
-    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``opened`` does, or it is none."""
-    with opened(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
-        array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
-    return array

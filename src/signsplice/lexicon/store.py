@@ -27,7 +27,7 @@ from signsplice.errors import InputError
 from signsplice.formats import skeletons
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import opened
-from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
+from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, decode, fingerprint
 from signsplice.lexicon.gloss import KINDS, Entry, fold
 from signsplice.motion import Clip, Skeleton
 from signsplice.progress import Progress
@@ -360,8 +360,7 @@ class StoredWords:
         block = self._block(location)
         try:
             skeleton, _ = self._skeleton(location.skeleton)
-            shape = Shape(self.form, entry.n_frames, len(skeleton), location.has_translations)
-            clip = decode(block, shape, skeleton, entry.fps, entry.gloss)
+            clip = decode(block, self.form, location.has_translations, skeleton, entry)
         except Exception as error:  # of whatever damaged bytes make of a clip
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error
