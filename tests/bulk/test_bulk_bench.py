@@ -12,7 +12,7 @@ from signsplice.bench import bulk
 pytest.importorskip("pyarrow")
 
 
-MEASURED = Path(__file__).parents[2] / "docs" / "measured" / "scale.json"
+MEASURED = Path(__file__).parents[2] / "workshop" / "docs" / "measured" / "scale.json"
 
 
 def test_the_page_in_the_docs_is_that_of_its_figures() -> None:

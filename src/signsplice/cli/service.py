@@ -82,13 +82,7 @@ def serve(
 @option("--browser/--no-browser", None, "Open the page in a browser.  [default: yes]", default=True)
 @reads_poses
 def view(
-    files: tuple[str, ...],
-    reports: tuple[str, ...],
-    roles: str | None,
-    output: str | None,
-    port: int,
-    lexicons: tuple[str, ...],
-    browser: bool,
+    files: tuple[str, ...], reports: tuple[str, ...], roles: str | None, output: str | None, browser: bool, **place: Any
 ) -> None:
     """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
     if len(files) > 2:
@@ -133,7 +127,7 @@ def view(
 
             webbrowser.open(address)
 
-    _listen(_settings((), port=port, lexicons=lexicons), scenes, on_open)
+    _listen(_settings((), **place), scenes, on_open)
 
 
 def _settings(limits: Sequence[str], **values: Any) -> Settings:

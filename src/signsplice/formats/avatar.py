@@ -170,13 +170,8 @@ def _given(value: Any) -> Any:
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
 """Suffixes that ``read_avatar`` reads."""
-_IMAGES = {
-    ".png": "image/png",
-    ".jpg": "image/jpeg",
-    ".jpeg": "image/jpeg",
-    ".webp": "image/webp",
-    ".ktx2": "image/ktx2",
-}
+_IMAGES = {f".{kind}": f"image/{kind}" for kind in ("png", "jpeg", "webp", "ktx2")} | {".jpg": "image/jpeg"}
+"""Suffix -> media type."""
 _BEHIND = np.diag([-1.0, 1.0, -1.0])
 _MOST_MISSED = 4
 
@@ -353,7 +348,6 @@ def _warnings(label: str, missed: tuple[str, ...]) -> tuple[str, ...]:
     """A line about the parts of the body that could not be fitted."""
     if not missed:
         return ()
-    shown = ", ".join(missed[:_MOST_MISSED]) + (
-        f" and {len(missed) - _MOST_MISSED} more" if len(missed) > _MOST_MISSED else ""
-    )
-    return (f"{label}: too few vertices of skin for {shown}, which get the usual proportions",)
+    more = f" and {len(missed) - _MOST_MISSED} more" if len(missed) > _MOST_MISSED else ""
+    shown = ", ".join(missed[:_MOST_MISSED])
+    return (f"{label}: too few vertices of skin for {shown}{more}, which get the usual proportions",)

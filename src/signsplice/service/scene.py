@@ -22,6 +22,7 @@ from signsplice.service.wire import FORMAT_NAMES, FRAMES_HEADER, FRAMES_MAGIC, F
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
 
+Rows = Sequence[Mapping[str, Any]]
 _FILM_FPS, _FILM_SIZE = 12.5, (320, 320)
 """Of a film, whose every frame takes a worker some 40 ms to draw."""
 
@@ -49,11 +50,7 @@ def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Fo
 
 
 def spliced(
-    clip: Clip,
-    report: Mapping[str, Any],
-    formats: Sequence[Format],
-    units: Sequence[Mapping[str, Any]] = (),
-    **glb_has: bool,
+    clip: Clip, report: Mapping[str, Any], formats: Sequence[Format], units: Rows = (), **glb_has: bool
 ) -> dict[str, Any]:
     """A clip and the report of its splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read.
     ``glb_has``: as ``encode`` has.
