@@ -212,7 +212,7 @@ def page(found: Mapping[str, Any]) -> str:
              for name, way in kinds]  # fmt: skip
     head = "ms of processor time a seam", "each alone", f"{seam['block']} together", "together / alone"
     lines += _table(head, [(name, f"{one:.2f}", f"{many:.2f}", f"{many / one:.2f}") for name, one, many in times])
-    rows = []
+    rows: list[Sequence[str]] = []
     for name, row in hours.items():
         kind, store = name.split("_")
         ms, n_bytes = (found[kind][f"{store}_{unit}"] for unit in ("ms", "bytes"))

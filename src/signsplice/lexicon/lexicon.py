@@ -72,9 +72,11 @@ class Source(Protocol):
 
     def verify(self) -> None:
         """Raise ``InputError`` where something is damaged."""
+        return
 
     def close(self) -> None:
         """Close what is open."""
+        return
 
 
 class Lexicon:
