@@ -565,8 +565,8 @@ def test_lack_of_memory_and_interrupts_in_imports_are_one_line(
         "def fail(*_, **__):\n"
         f"    raise {error}\n"
         "sys.argv = ['signsplice', 'methods']\n"
-        "from signsplice.splicing.contracts import choice\n"
-        "choice.all_methods = fail\n"
+        "from signsplice.splicing import options\n"
+        "options.all_methods = fail\n"
         "cli.main()\n"
     )
     run = run_program("-c", code, cwd=tmp_path)

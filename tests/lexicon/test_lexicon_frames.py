@@ -11,15 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from signsplice.errors import InputError
-from signsplice.lexicon.frames import FORMS, Shape, decode, encode
+from signsplice.lexicon.frames import FORMS, decode, encode
+from signsplice.lexicon.gloss import Entry
 from signsplice.motion import Clip, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice_workshop.measure.faces import with_random_face
 
 
+def entry_of(clip: Clip, n_frames: int) -> Entry:
+    return Entry(clip.name, "sign", (), clip.fps, n_frames, "", "", False, None, None, "")
+
+
 def round_trip(clip: Clip, form: str) -> Clip:
-    shape = Shape(form, len(clip), len(clip.skeleton), clip.translations is not None)
-    return decode(encode(clip, form), shape, clip.skeleton, clip.fps, clip.name)
+    entry = entry_of(clip, len(clip))
+    return decode(encode(clip, form), form, clip.translations is not None, clip.skeleton, entry)
 
 
 def with_constant(clip: Clip, joints: list[int]) -> Clip:
@@ -77,13 +82,12 @@ def test_a_face_comes_back_in_float32_and_a_clip_without_one_keeps_its_bytes(
 
 def test_damage_in_a_face_is_found() -> None:
     clip = with_random_face(random_clip(3, 17), 1, ("jawOpen",))
-    shape = Shape("float32", 17, len(clip.skeleton), False)
     block, at = encode(clip, "float32"), len(encode(replace(clip, face=None), "float32"))
     wrong = [block[: at + 8], block + b"\0" * 8, block[:at] + b"\xff" * 8 + block[at + 8 :]]
     wrong += [block[:at] + bytes(8) + block[at + 8 :], block[: at + 8] + b"\x00\x00\x40\x40" + block[at + 12 :]]
     for damaged in wrong:
         with pytest.raises(InputError):
-            decode(damaged, shape, clip.skeleton, clip.fps, clip.name)
+            decode(damaged, "float32", False, clip.skeleton, entry_of(clip, 17))
 
 
 def test_compact_rotations_are_within_the_tolerance() -> None:
@@ -124,4 +128,4 @@ def test_damaged_bytes_are_refused(form: str, n_frames: int, n_joints: int, chan
     block = change(encode(clip, form))
     skeleton = clip.skeleton if n_joints == 12 else random_clip(0, n_joints=n_joints).skeleton
     with pytest.raises(InputError):
-        decode(block, Shape(form, n_frames, n_joints, False), skeleton, 30.0, "A")
+        decode(block, form, False, skeleton, entry_of(clip, n_frames))

@@ -31,9 +31,11 @@ class Client:
         transport: Any = SimpleNamespace(
             get_write_buffer_size=lambda: self.n_unread, get_extra_info=lambda name: None, abort=self.abort
         )
-        self.watch = UnreadWatch(
-            transport, loop, "it", self.of_clients, Settings(idle_seconds=IDLE, body_seconds=WHOLE)
+        settings = Settings(idle_seconds=IDLE, body_seconds=WHOLE)
+        protocol: Any = SimpleNamespace(
+            transport=transport, loop=loop, settings=settings, client_name="it", n_unread=self.of_clients
         )
+        self.watch = UnreadWatch(protocol)
         self.watch.start()
 
     def call_later(self, seconds: float, call: Callable[[], None]) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -205,32 +205,28 @@ def page(found: Mapping[str, Any]) -> str:
         f"Processor: {found['processor']}, {found['cores']} cores, load {found['load']} when it began; "
         f"{found['words']} signs (sha256 {made['words'][:12]}); networks {str(found['bundle'])[:12]}; commit "
         f"{made['commit']}. Written by `signsplice bench bulk`.",
-        "",
-        f"| ms of processor time a seam | each alone | {seam['block']} together | together / alone |",
-        "| --- | --- | --- | --- |",
-        *(
-            f"| {name}, words {what} | {ms[f'{way}_alone']:.2f} | {ms[f'{way}_together']:.2f} | "
-            f"{ms[f'{way}_together'] / ms[f'{way}_alone']:.2f} |"
-            for name, ms in ((name, seam[name]) for name in ("pairs", "sentences"))
-            for way, what in (("new", "not read before"), ("read", "read before"))
-        ),
-        "",
-        "| what | rows | ms a row | core-hours = rows x ms / 3,600,000 | bytes a row | TB |",
-        "| --- | --- | --- | --- | --- | --- |",
     ]
-    for name, row in found["core_hours"].items():
+    ways = {"new": "not read before", "read": "read before"}
+    kinds = [(name, way) for name in ("pairs", "sentences") for way in ways]
+    times = [(f"{name}, words {ways[way]}", *(seam[name][f"{way}_{how}"] for how in ("alone", "together")))
+             for name, way in kinds]  # fmt: skip
+    head = "ms of processor time a seam", "each alone", f"{seam['block']} together", "together / alone"
+    lines += _table(head, [(name, f"{one:.2f}", f"{many:.2f}", f"{many / one:.2f}") for name, one, many in times])
+    rows: list[Sequence[str]] = []
+    for name, row in hours.items():
         kind, store = name.split("_")
-        one = found[kind]
-        lines.append(
-            f"| {kind}, `--store {store}` | {row['rows']:,} | {one[f'{store}_ms']:.2f} | {row['hours']:.1f} | "
-            f"{one[f'{store}_bytes']:,.0f} | {row['tb']:.4f} |"
-        )
-    lines += ["", "| workers | sentences a second, wall | ratio |", "| --- | --- | --- |"]
-    lines += _rates("processes", found["workers"]) + _rates("Ray", found.get("ray", ()))
-    lines += ["", "| ten-word sentences made by one process | resident memory, MB |", "| --- | --- |"]
-    lines += [f"| {stage['sentences']:,} | {stage['mb']:.0f} |" for stage in found["memory"]]
+        ms, n_bytes = (found[kind][f"{store}_{unit}"] for unit in ("ms", "bytes"))
+        of_row = f"{row['rows']:,}", f"{ms:.2f}", f"{row['hours']:.1f}", f"{n_bytes:,.0f}", f"{row['tb']:.4f}"
+        rows.append((f"{kind}, `--store {store}`", *of_row))
+    lines += _table(("what", "rows", "ms a row", "core-hours = rows x ms / 3,600,000", "bytes a row", "TB"), rows)
+    rates = [(kind, row) for kind, name in (("processes", "workers"), ("Ray", "ray")) for row in found.get(name, ())]
+    rows = [(f"{r['workers']:.0f}, {kind}", f"{r['sentences_a_second']:.2f}", f"{r['ratio']:.2f}") for kind, r in rates]
+    lines += _table(("workers", "sentences a second, wall", "ratio"), rows)
+    rows = [(f"{stage['sentences']:,}", f"{stage['mb']:.0f}") for stage in found["memory"]]
+    lines += _table(("ten-word sentences made by one process", "resident memory, MB"), rows)
     return "\n".join(lines) + "\n"
 
 
-def _rates(kind: str, rows: Iterable[Mapping[str, float]]) -> list[str]:
-    return [f"| {row['workers']:.0f}, {kind} | {row['sentences_a_second']:.2f} | {row['ratio']:.2f} |" for row in rows]
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """A table in Markdown below an empty line."""
+    return ["", *(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))]

@@ -325,10 +325,7 @@ def _lexicon(repeats: int) -> dict[str, Any]:
         with open_lexicon(path) as lexicon:
             glosses = cycle(f"WORD-{n}" for n in range(0, N_LEXICON, 67))
             opened, read, file_read = median_milliseconds(
-                repeats,
-                lambda: open_lexicon(path).close(),
-                lambda: lexicon.clip(next(glosses)),
-                lambda: load(file),
+                repeats, lambda: open_lexicon(path).close(), lambda: lexicon.clip(next(glosses)), lambda: load(file)
             )
             (nearest,) = median_milliseconds(repeats, lambda: lexicon.nearest("WROD-4711"))
     return {

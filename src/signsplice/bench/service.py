@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from signsplice.children import killed_with_parent
-from signsplice.errors import MissingExtraError
 from signsplice.lexicon import shipped
 from signsplice.progress import Progress
 
@@ -57,18 +56,7 @@ def measure(
     late_ms: delay of a frame after the time when it was due, counted from its stream's first frame.
     request_ms: time from when a request was due, whether or not it could be sent then, to its answer.
     memory.mb: of all processes, every ten seconds.
-
-    Raises ``MissingExtraError`` where httpx, psutil or websockets is not installed.
     """
-    try:
-        import httpx
-        import psutil
-        import websockets
-    except ImportError as error:
-        raise MissingExtraError(
-            f"this needs {error.name}; install it with: pip install '.[dev]' in signsplice's folder"
-        ) from error
-    del httpx, psutil, websockets
     with _serving() as (address, pid):
         return asyncio.run(_measure(address, pid, n_streams, seconds, rate, minutes, progress))
 

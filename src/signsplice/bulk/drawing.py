@@ -127,7 +127,8 @@ def pairs(
         ranks: Iterator[np.ndarray[Any, Any]] = _tiles(n)
         seed = 0
     elif 1 <= count <= most:
-        ranks = iter([_without_repeats(most, count, seed)])
+        draw = np.random.default_rng(seed).choice(most, count, replace=False, shuffle=False)
+        ranks = iter([np.sort(draw)])
     else:
         raise InputError(f"count {count}, expected 1 to {most:,}, the ordered pairs of {n:,} signs")
     waiting = np.zeros(0, np.int64)
@@ -150,11 +151,6 @@ def _tiles(n: int) -> Iterator[np.ndarray[Any, Any]]:
                 for left in range(0, n - 1, _TILE)
             ]
         )
-
-
-def _without_repeats(most: int, count: int, seed: int) -> np.ndarray[Any, Any]:
-    """``count`` different ranks below ``most``, rising."""
-    return np.sort(np.random.default_rng(seed).choice(most, count, replace=False, shuffle=False))
 
 
 def _pair_batch(

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -120,10 +120,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         "signsplice": version("signsplice"),
         "lexicon_sha256": lexicon_sha256,
         "bundle_sha256": open_learned(options.bundle).sha256,
-        "store": options.store,
-        "format": options.format,
-        "poses": options.poses,
-        "shard_size": options.shard_size,
+        **{name: getattr(options, name) for name in ("store", "format", "poses", "shard_size")},
         "made_with": libraries(),
     }
     folders = [str(lexicon_folder(path).resolve()) for path in paths(options.lexicon)]
@@ -205,9 +202,8 @@ def read_job(out: Path) -> BulkJob:
         )
     stored = read_json(out / JOB, "the job of a folder of shards")
     try:
-        kinds = BulkJob.__annotations__
-        for row in fields(BulkJob):
-            check_type(stored[row.name], _KINDS[kinds[row.name]], row.name)
+        for name, kind in get_type_hints(BulkJob).items():
+            check_type(stored[name], kind, name)
         if stored["version"] != VERSION:
             raise ValueError(f"version {stored['version']}, expected {VERSION}")
         texts = [str(value) for row in (stored, stored["made_with"]) for value in (*row, *row.values())]
@@ -217,12 +213,6 @@ def read_job(out: Path) -> BulkJob:
         return BulkJob(**{row.name: stored[row.name] for row in fields(BulkJob)})
     except (KeyError, TypeError, ValueError, InputError) as error:
         raise FormatError(f"is no job of a folder of shards ({str(error)[:200]})", file=str(out / JOB)) from error
-
-
-_KINDS: dict[Any, Any] = {
-    "int": int, "str": str, "bool": bool, "str | None": str | None, "dict[str, str]": dict[str, str],
-    "str | list[str]": str | list[str],
-}  # fmt: skip
 
 
 def hash_of_words(words: Lexicon) -> str:

@@ -117,8 +117,9 @@ class SentenceMaker:
             if isinstance(result, Exception):
                 made[row] = FailedSentence(recipes[row], self._reason(result))
             else:
-                tokens = calls[row].tokens
-                made[row] = MadeSentence(recipes[row], result, tokens, self._signer(recipes[row], tokens))
+                recipe, tokens = recipes[row], calls[row].tokens
+                signer = recipe.signer or self.words.entry(tokens[0].glosses[0]).signer
+                made[row] = MadeSentence(recipe, result, tokens, signer)
         return [one for one in made if one is not None]
 
     def _reason(self, error: Exception) -> str:
@@ -150,9 +151,6 @@ class SentenceMaker:
             else:
                 found += parse(gloss, self.words, spell=recipe.spell, compounds=False)
         return found
-
-    def _signer(self, recipe: SentenceRecipe, tokens: Sequence[SentenceToken]) -> str:
-        return recipe.signer or self.words.entry(tokens[0].glosses[0]).signer
 
     def _clip(self, gloss: str, signer: str) -> Clip:
         """The clip of a gloss on the body of a signer, the same object as long as it is kept."""

@@ -72,19 +72,10 @@ class SentenceRecipe:
             seconds, rule = float(self.transition_time), "auto"
         except ValueError:
             seconds, rule = None, self.transition_time
-        return SpliceOptions(
-            cutter=self.cutter,
-            transition=self.transition,
-            duration=rule,
-            bundle=bundle,
-            transition_time=seconds,
-            sign_speed=self.sign_speed,
-            tempo=self.tempo,
-            fps=self.fps,
-            avoid_collisions=self.avoid_collisions,
-            free_hand=self.free_hand,
-            face_rules=RULES if self.face_rules else (),
-        )
+        names = ("cutter", "transition", "sign_speed", "tempo", "fps", "avoid_collisions", "free_hand")
+        same = {name: getattr(self, name) for name in names}
+        rules = RULES if self.face_rules else ()
+        return SpliceOptions(**same, duration=rule, bundle=bundle, transition_time=seconds, face_rules=rules)
 
 
 _TYPES = {"glosses": pa.list_(pa.string()), "seed": pa.int64(), "sign_speed": pa.float64(), "fps": pa.float64()}

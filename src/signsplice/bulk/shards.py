@@ -144,7 +144,7 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
     began = time.process_time()
     folder = Path(out)
     job = jobs.read_job(folder)
-    maker = CACHE.recent(_open_maker, folder, job.sha256, n_kept, most=1)
+    maker = CACHE.recent(open_maker, folder, n_kept, job.sha256, most=1)
     rows: list[dict[str, Any]] = []
     progress = jobs.progress_of(folder, shard)
     with _samples(folder, job, shard) as samples:
@@ -169,8 +169,10 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
     )
 
 
-def open_maker(out: Path, n_kept: int) -> SentenceMaker:
-    """What makes the sentences of a folder of shards. Raises ``InputError`` as ``make_shard`` does."""
+def open_maker(out: Path, n_kept: int, _: str = "") -> SentenceMaker:
+    """What makes the sentences of a folder of shards; of another job, by its hash, it is another. Raises ``InputError``
+    as ``make_shard`` does.
+    """
     job = jobs.read_job(out)
     words = open_lexicon(*jobs.paths(job.lexicon))
     found: dict[str, tuple[object, object, object]] = {
@@ -188,11 +190,6 @@ def open_maker(out: Path, n_kept: int) -> SentenceMaker:
     return SentenceMaker(words, job.bundle, n_kept)
 
 
-def _open_maker(out: Path, job_sha256: str, n_kept: int) -> SentenceMaker:
-    """``open_maker`` for the job of this hash: another one is another call."""
-    return open_maker(out, n_kept)
-
-
 def remake(out: str, row: int, output: str, report: str | None) -> str:
     """Make one row of a folder of shards anew and write its clip, and its report: the line to print.
 
@@ -207,9 +204,7 @@ def remake(out: str, row: int, output: str, report: str | None) -> str:
     if isinstance(made, FailedSentence):
         raise InputError(f"{out}: row {row}: {made.reason}")
     index = jobs.index_of(folder, row // job.shard_size)
-    wanted = None
-    if index.exists():
-        wanted = _motion_of(index, row, row % job.shard_size)
+    wanted = _motion_of(index, row, row % job.shard_size) if index.exists() else None
     if wanted not in (None, made.motion_sha256):
         where = f"this machine has {jobs.processor()}" if jobs.processor() != job.processor else "the same processor"
         raise SignspliceError(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from signsplice.cli.options import AS_JSON, LEXICON, SEED, preset
+from signsplice.cli.options import AS_JSON, LEXICON, SEED, option, preset
 from signsplice.cli.terminal import note, progress, require
 from signsplice.errors import InputError
 from signsplice.formats import atomic
@@ -36,6 +36,7 @@ def bench(ctx: click.Context, repeats: int, as_json: bool) -> None:
 @AS_JSON
 def service(streams: int, rate: float, seconds: float, minutes: float, as_json: bool) -> None:
     """Measure the service under load: many streams, then many requests, then half of both for longer."""
+    require("this needs", "dev", "httpx", "psutil", "websockets")
     from signsplice.bench import service as loads
 
     with progress("bench service") as advance:
@@ -48,7 +49,7 @@ def service(streams: int, rate: float, seconds: float, minutes: float, as_json: 
 @preset("--count", 200, "N", "Sentences of each timing.")
 @preset("--memory", 10_000, "N", "Sentences made for memory.")
 @SEED
-@click.option("-o", "--output", metavar="R.json", help="File of the figures; tables of them go to R.md beside it.")
+@option("-o --output", "R.json", "File of the figures; tables of them go to R.md beside it.")
 @AS_JSON
 def in_bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str | None, as_json: bool) -> None:
     """Measure sentences in bulk: time a core, growth with workers, memory and bytes; and what they come to."""

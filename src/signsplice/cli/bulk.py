@@ -12,7 +12,7 @@ import click
 
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEED, added, preset
+from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEED, added, option, preset
 from signsplice.cli.terminal import require, size, warn
 from signsplice.errors import InputError
 
@@ -45,19 +45,19 @@ def _off(dial: str, text: str) -> Callable[[Any], Any]:
 
 dial_options = added(
     *(click.option(name, metavar=form, help=_AS_THERE) for name, form in _DIALS.items()),
-    click.option("--avoid-collisions/--no-avoid-collisions", default=None, help=_AS_THERE),
+    option("--avoid-collisions/--no-avoid-collisions", None, _AS_THERE, default=None),
     _off("spell", "Rows with words that the lexicon lacks fail; none is spelled."),
     _off("pauses", "Hold no sign at a comma or a full stop."),
-    click.option("--face-rules/--no-face-rules", default=None, help=f"{_AS_THERE}  [default: no]"),
+    option("--face-rules/--no-face-rules", None, f"{_AS_THERE}  [default: no]", default=None),
 )
 
 
 run_options = added(
-    click.option("-o", "--output", required=True, metavar="OUT", help="Folder of shards; resumes one that ended."),
+    option("-o --output", "OUT", "Folder of shards; resumes one that ended.", required=True),
     LEXICONS,
     BUNDLE,
-    click.option("--workers", type=int, metavar="N", help="Processes, or actors of Ray.  [default: one per core]"),
-    click.option("--ray", metavar="ADDRESS", help="Ray cluster to use instead: HOST:PORT, auto or local."),
+    option("--workers", "N", "Processes, or actors of Ray.  [default: one per core]", type=int),
+    option("--ray", "ADDRESS", "Ray cluster to use instead: HOST:PORT, auto or local."),
     preset("--store", "frames", "frames|recipes", _STORE),
     preset("--format", "npz", "npz|npz32|bvh|glb", _FORMAT),
     preset("--poses/--no-poses", True, None, _POSES),
@@ -104,13 +104,11 @@ def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
 
 @bulk.command()
 @click.argument("lines", metavar="[LINES.txt]", required=False)
-@click.option("-o", "--output", required=True, metavar="RECIPES", help="File to write: .parquet or .csv.")
+@option("-o --output", "RECIPES", "File to write: .parquet or .csv.", required=True)
 @LEXICONS
-@click.option("--count", type=int, metavar="N", help="How many recipes to draw.  [default: 1000]")
-@click.option("--words", metavar="A:B", help="Words of a sentence, least and most.  [default: 3:10]")
-@click.option(
-    "--signer", "signers", multiple=True, metavar="NAME", help="Who signs; given again, each recipe draws one."
-)
+@option("--count", "N", "How many recipes to draw.  [default: 1000]", type=int)
+@option("--words", "A:B", "Words of a sentence, least and most.  [default: 3:10]")
+@option("--signer signers", "NAME", "Who signs; given again, each recipe draws one.", multiple=True)
 @SEED
 @DROP_FUNCTION_WORDS
 @dial_options
@@ -176,7 +174,7 @@ def sentences(recipes: str, **options: Any) -> None:
 
 
 @bulk.command()
-@click.option("--count", type=int, metavar="N", help="How many, drawn by seed without repeats.  [default: all]")
+@option("--count", "N", "How many, drawn by seed without repeats.  [default: all]", type=int)
 @SEED
 @run_options
 @dial_options
@@ -199,10 +197,8 @@ def pairs(count: int | None, seed: int, **options: Any) -> None:
 @bulk.command()
 @click.argument("folder", metavar="OUT")
 @click.argument("row", type=int, metavar="ROW")
-@click.option(
-    "-o", "--output", required=True, metavar="FILE", help="File to write, by suffix: .bvh, .npz, .glb, .vrma."
-)
-@click.option("--report", metavar="R.json", help="Write the report too.")
+@option("-o --output", "FILE", "File to write, by suffix: .bvh, .npz, .glb, .vrma.", required=True)
+@option("--report", "R.json", "Write the report too.")
 def make(folder: str, row: int, output: str, report: str | None) -> None:
     """Make one row of a folder of shards anew, and check that it is the same, bit for bit."""
     _require_extra()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice import formats
-from signsplice.cli.options import ROLES
+from signsplice.cli.options import ROLES, added, flag, option
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
@@ -24,24 +24,29 @@ if TYPE_CHECKING:
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
-SKIN = click.option(
-    "--skin", multiple=True, metavar="NAME", help="Mesh, node or material of the avatar that is skin; others are cloth."
-)
+SKIN = option("--skin", "NAME", "Mesh, node or material of the avatar that is skin; others are cloth.", multiple=True)
 """An option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
-_LIFTED, _REST_FRAME, _TAKE = f"{__name__}.lifted", f"{__name__}.rest_frame", f"{__name__}.take"
-
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def _keep(context: click.Context, parameter: click.Parameter, value: Any) -> None:
+    """Keep the value of an option for what reads clips in the present command."""
+    context.meta[f"{__name__}.{parameter.name}"] = value
+
+
+def _kept(name: str) -> Any:
+    """The value of an option of the present command; None where it has no such option."""
+    return click.get_current_context().meta.get(f"{__name__}.{name}")
 
 
 def reads_clips(command: Command) -> Command:
     """Add the option that lifts the limits of clips to a command that reads some."""
 
-    @click.option("--no-limits", "lifted", is_flag=True, help="Read clips of any size: for files that you trust.")
+    @flag("--no-limits", "Read clips of any size: for files that you trust.", expose_value=False, callback=_keep)
     @wraps(command)
-    def with_limits(*args: Any, lifted: bool, **options: Any) -> Any:
-        click.get_current_context().meta[_LIFTED] = lifted
+    def with_limits(*args: Any, **options: Any) -> Any:
         try:
             return command(*args, **options)
         except LimitError as error:
@@ -50,34 +55,23 @@ def reads_clips(command: Command) -> Command:
     return with_limits  # type: ignore[return-value]
 
 
-def reads_rigs(command: Command) -> Command:
-    """Add the options of clips whose rig matters: ``reads_clips``, and roles for rigs not known by name."""
-    return ROLES(reads_clips(command))
-
-
-def reads_poses(command: Command) -> Command:
-    """Add the options of clips that are shown or spliced: ``reads_rigs``, the frame that shows the rest pose, and which
-    motion of a file is read.
-    """
-
-    @click.option(
-        "--rest-frame",
-        type=click.IntRange(0),
-        metavar="N",
-        help="Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]",
-    )
-    @click.option("--take", metavar="NAME", help="Take of an .fbx file.  [default: the first that moves its joints]")
-    @wraps(command)
-    def with_frame(*args: Any, rest_frame: int | None, take: str | None, **options: Any) -> Any:
-        click.get_current_context().meta.update({_REST_FRAME: rest_frame, _TAKE: take})
-        return command(*args, **options)
-
-    return reads_rigs(with_frame)  # type: ignore[return-value]
+_REST_FRAME = "Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]"
+_TAKE = "Take of an .fbx file.  [default: the first that moves its joints]"
+reads_rigs = added(ROLES, reads_clips)
+"""Options of clips whose rig matters: those of ``reads_clips``, and roles for rigs not known by name."""
+reads_poses = added(
+    reads_rigs,
+    option("--rest-frame", "N", _REST_FRAME, type=click.IntRange(0), expose_value=False, callback=_keep),
+    option("--take", "NAME", _TAKE, expose_value=False, callback=_keep),
+)
+"""Options of clips that are shown or spliced: those of ``reads_rigs``, the frame that shows the rest pose, and which
+motion of a file is read.
+"""
 
 
 def limits() -> ReadLimits:
     """The limits of the clips that the present command reads."""
-    return NO_LIMITS if click.get_current_context().meta.get(_LIFTED) else DEFAULT_LIMITS
+    return NO_LIMITS if _kept("no_limits") else DEFAULT_LIMITS
 
 
 def load(
@@ -87,7 +81,7 @@ def load(
     ``warns``: whether to print here what of the file is left out or read otherwise. ``face``, ``face_offset``: as in
     ``formats.load``.
     """
-    row, take = formats.FORMATS.get(Path(path).suffix.lower()), click.get_current_context().meta.get(_TAKE)
+    row, take = formats.FORMATS.get(Path(path).suffix.lower()), _kept("take")
     chosen = take if take and row is not None and row.has_takes else ""
     clip = formats.load(path, limits(), take=chosen, face=face, face_offset=face_offset)
     if warns and (clip.left_out or clip.notes):
@@ -101,30 +95,22 @@ def posed(clip: Clip) -> Clip:
     """A clip with the rest pose of the frame that the present command names, or of its own."""
     from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
-    frame = click.get_current_context().meta.get(_REST_FRAME)
+    frame = _kept("rest_frame")
     if frame is not None and rests_as_person(clip.skeleton):
         warn([f"{clip.name}: its zero pose shows a person; --rest-frame is not for it"])
     return with_rest_pose(clip, frame)
 
 
-def reads_faces(command: Command) -> Command:
-    """Add the options of clips that are given a face."""
-    with_offset = click.option(
-        "--face-offset",
-        type=float,
-        default=0.0,
-        metavar="S",
-        help="Seconds from a clip's first frame to its face's first row or frame.",
-    )
-    files = click.option(
-        "--face",
-        "faces",
-        multiple=True,
-        metavar="FACE.csv",
-        help="Face of a clip: a CSV of ARKit's coefficients, or a clip with one; may be repeated.  [default: NAME.csv "
-        "beside NAME.bvh]",
-    )
-    return files(with_offset(command))
+_FACE = (
+    "Face of a clip: a CSV of ARKit's coefficients, or a clip with one; may be repeated.  [default: NAME.csv "
+    "beside NAME.bvh]"
+)
+_FACE_OFFSET = "Seconds from a clip's first frame to its face's first row or frame."
+reads_faces = added(
+    option("--face faces", "FACE.csv", _FACE, multiple=True),
+    option("--face-offset", "S", _FACE_OFFSET, type=float, default=0.0),
+)
+"""Options of clips that are given a face."""
 
 
 def faces_of(clips: Sequence[str], faces: Sequence[str]) -> list[str | None]:

@@ -44,10 +44,8 @@ def run(commands: click.Group) -> tuple[str, int]:
         return "", 2
     except click.ClickException as error:
         return " ".join(error.format_message().split()), 2
-    except InputError as error:
-        return with_option_names(str(error)), 2
     except SignspliceError as error:
-        return with_option_names(str(error)), 1
+        return with_option_names(str(error)), 2 if isinstance(error, InputError) else 1
     except BrokenPipeError:
         _drop_output()
         return "", 1

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -20,7 +19,7 @@ from signsplice.cli.clips import (
     reads_poses,
     write,
 )
-from signsplice.cli.options import AS_JSON, preset, two_numbers
+from signsplice.cli.options import AS_JSON, option, preset, two_numbers
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -60,15 +59,11 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @click.command()
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar="OUT")
-@click.option("--onto", metavar="RIG", help="Clip whose body the motion is brought to: places and contacts are kept.")
-@click.option(
-    "--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb, .fbx) that the motion is brought to; a .glb is its own file."
-)
+@option("--onto", "RIG", "Clip whose body the motion is brought to: places and contacts are kept.")
+@option("--avatar", "A.vrm", "Avatar (.vrm, .glb, .fbx) that the motion is brought to; a .glb is its own file.")
 @SKIN
-@click.option(
-    "--report", metavar="R.json", help="With --onto or --avatar: write what the hands touch, before and after."
-)
-@click.option("--mouth", metavar="SAMPA", help='Sounds that the mouth says over the sign, in SAMPA: "h@l@U".')
+@option("--report", "R.json", "With --onto or --avatar: write what the hands touch, before and after.")
+@option("--mouth", "SAMPA", 'Sounds that the mouth says over the sign, in SAMPA: "h@l@U".')
 @reads_faces
 @reads_poses
 def convert(
@@ -128,11 +123,9 @@ def _mouthing(clip: Clip, sampa: str) -> Clip:
 @click.command()
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar=f"OUT.({'|'.join(suffix[1:] for suffix in PICTURE_SUFFIXES)})")
-@click.option("--report", metavar="R.json", help="The splice's report, so that its transitions are marked.")
+@option("--report", "R.json", "The splice's report, so that its transitions are marked.")
 @preset("--view", "front", "VIEW", "front, three-quarter or side.")
-@click.option(
-    "--size", metavar="WxH", help="Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"
-)
+@option("--size", "WxH", "Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]")
 @reads_poses
 def render(source: str, output: str, report: str | None, view: str, size: str | None, roles: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
@@ -145,15 +138,11 @@ def render(source: str, output: str, report: str | None, view: str, size: str | 
     if report is not None:
         from signsplice.splicing import report as reports
 
-        spans = _spans_of(reports.read(report, len(clip)))
+        rows = reports.read(report, len(clip))["spans"]
+        spans = [(span["kind"], span["name"] or "", *span["output"]) for span in rows]
     expected = f"--size {size!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080"
     write(clip, output, spans, view, None if size is None else two_numbers(size.lower(), "x", expected))
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
-
-
-def _spans_of(report: Mapping[str, Any]) -> Spans:
-    """Kind, name and output frames of a report's spans."""
-    return [(span["kind"], span["name"] or "", *span["output"]) for span in report["spans"]]
 
 
 COMMANDS = (inspect, convert, render)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.clips import check_apart, check_output, limits, read_roles, reads_rigs
-from signsplice.cli.options import AS_JSON
+from signsplice.cli.options import AS_JSON, flag, option
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
 
@@ -23,17 +23,13 @@ def lexicon() -> None:
     """Build, list and check lexicons: gloss -> clip."""
 
 
-_OUTPUT = click.option(
-    "-o", "--output", required=True, metavar="LEX", help="Folder to make; a lexicon there is replaced."
-)
-_COMPACT = click.option("--compact", is_flag=True, help="Rotations in 16 bits: half the size, within 0.0001 rad.")
-_JOBS = click.option("--jobs", type=click.IntRange(1), metavar="N", help="Processes.  [default: one a core, for many]")
-_LENIENT = click.option(
-    "--lenient", is_flag=True, help="Of written signs, leave out what is not understood, with a warning."
-)
-_STRICT = click.option("--strict", is_flag=True, help="Exit status 1 where a written sign was left out.")
+_OUTPUT = option("-o --output", "LEX", "Folder to make; a lexicon there is replaced.", required=True)
+_COMPACT = flag("--compact", "Rotations in 16 bits: half the size, within 0.0001 rad.")
+_JOBS = option("--jobs", "N", "Processes.  [default: one a core, for many]", type=click.IntRange(1))
+_LENIENT = flag("--lenient", "Of written signs, leave out what is not understood, with a warning.")
+_STRICT = flag("--strict", "Exit status 1 where a written sign was left out.")
 
-_WARNINGS = click.option("--warnings", "all_warnings", metavar="FILE", help="Write every warning to FILE, one a line.")
+_WARNINGS = option("--warnings all_warnings", "FILE", "Write every warning to FILE, one a line.")
 _MOST_WARNINGS = 20
 """More are shown by kind, with how often each kind occurs."""
 
@@ -42,27 +38,15 @@ _MOST_WARNINGS = 20
 @click.argument("inputs", nargs=-1, required=True, metavar="IN...")
 @_OUTPUT
 @_COMPACT
-@click.option("--signer", default="", metavar="NAME", help="Who signs, where glosses.csv does not say.")
-@click.option("--skip-broken", is_flag=True, help="Leave broken clips out, with a warning each.")
-@click.option("--recipe", default="", metavar="NAME|FILE", help="How an archive names its words: see docs/archives.md.")
+@option("--signer", "NAME", "Who signs, where glosses.csv does not say.", default="")
+@flag("--skip-broken", "Leave broken clips out, with a warning each.")
+@option("--recipe", "NAME|FILE", "How an archive names its words: see docs/archives.md.", default="")
 @_JOBS
 @_LENIENT
 @_STRICT
 @_WARNINGS
 @reads_rigs
-def build(
-    inputs: tuple[str, ...],
-    output: str,
-    compact: bool,
-    signer: str,
-    roles: str | None,
-    skip_broken: bool,
-    recipe: str,
-    jobs: int | None,
-    lenient: bool,
-    strict: bool,
-    all_warnings: str | None,
-) -> None:
+def build(inputs: tuple[str, ...], output: str, roles: str | None, recipe: str, **others: Any) -> None:
     """Make a lexicon of every clip below folders, and of signs written in SiGML or HamNoSys.
 
     Glosses are the files' names, or stand in DIR/glosses.csv. With --recipe what is broken, or fits no word, is left
@@ -70,9 +54,7 @@ def build(
     columns gloss and hamnosys (.csv), or its like in .json or .txt (docs/hamnosys.md).
     """
     check_apart(output, [*inputs, roles, recipe] if len(inputs) > 1 else [roles, recipe])
-    joint_of = read_roles(roles)
-    others = {"signer": signer, "roles": joint_of, "skip_broken": skip_broken, "recipe": recipe, "limits": limits()}
-    _build(inputs, output, strict, all_warnings, compact=compact, jobs=jobs, lenient=lenient, **others)
+    _build(inputs, output, roles=read_roles(roles), recipe=recipe, limits=limits(), **others)
 
 
 @lexicon.command()
@@ -82,7 +64,7 @@ def build(
 @_JOBS
 @_STRICT
 @_WARNINGS
-def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool, all_warnings: str | None) -> None:
+def ngt(folder: str, output: str, **others: Any) -> None:
     """Make a lexicon of the signs of NGT that the SignON project wrote, from a folder of their .sigml files.
 
     They are data/dictionaries/NGT/Glosses of github.com/upf-gti/performs (Apache-2.0, whose licence file is beside
@@ -95,7 +77,7 @@ def ngt(folder: str, output: str, compact: bool, jobs: int | None, strict: bool,
             f"{folder}: expected a folder of .sigml files, such as data/dictionaries/NGT/Glosses of performs"
         )
     check_apart(output, [folder])
-    _build((folder,), output, strict, all_warnings, compact=compact, jobs=jobs)
+    _build((folder,), output, **others)
     print("no signer has checked these signs; whether you may pass them on, their licence says")
 
 
@@ -126,7 +108,7 @@ def _build(inputs: tuple[str, ...], output: str, strict: bool, all_warnings: str
 
 @lexicon.command("list")
 @click.argument("path", metavar="[LEX]", required=False)
-@click.option("--search", metavar="TEXT", help="Only words with TEXT in their gloss or a synonym, in any case.")
+@option("--search", "TEXT", "Only words with TEXT in their gloss or a synonym, in any case.")
 @AS_JSON
 def list_words(path: str | None, search: str | None, as_json: bool) -> None:
     """List the words of a lexicon; default the one that ships."""
@@ -173,9 +155,7 @@ def _count(n_words: int, n_letters: int) -> str:
 
 @lexicon.command()
 @click.argument("path", metavar="DIR")
-@click.option(
-    "--page", metavar="PAGE.html", help="Of a lexicon: write a page of its lengths, sizes and doubtful words."
-)
+@option("--page", "PAGE.html", "Of a lexicon: write a page of its lengths, sizes and doubtful words.")
 @reads_rigs
 def check(path: str, page: str | None, roles: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.

@@ -23,9 +23,19 @@ def added(*options: Callable[[Command], Command]) -> Callable[[Command], Command
     return add
 
 
+def option(names: str, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:
+    """An option by its names, parted by blanks, the last one that of its parameter where it has no hyphens."""
+    return click.option(*names.split(), metavar=metavar, help=text, **kind)
+
+
+def flag(names: str, text: str, **kind: Any) -> Callable[[Command], Command]:
+    """An option without a value; ``names`` as of ``option``."""
+    return option(names, None, text, is_flag=True, **kind)
+
+
 def preset(name: str, default: Any, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:
     """An option with a default, which its help shows; of the default's type where ``kind`` names none."""
-    return click.option(name, default=default, show_default=True, metavar=metavar, help=text, **kind)
+    return option(name, metavar, text, default=default, show_default=True, **kind)
 
 
 def two_numbers(text: str, between: str, expected: str) -> tuple[int, int]:
@@ -36,20 +46,18 @@ def two_numbers(text: str, between: str, expected: str) -> tuple[int, int]:
     return int(first), int(second)
 
 
-AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-BUNDLE = click.option("--bundle", metavar="DIR", help="Folder of trained networks.  [default: those that ship]")
-LEXICON = click.option("--lexicon", metavar="LEX", help="Lexicon of the words.  [default: the one that ships]")
-LEXICONS = click.option(
-    "--lexicon",
-    "lexicons",
+AS_JSON = flag("--json as_json", "Print one JSON document.")
+BUNDLE = option("--bundle", "DIR", "Folder of trained networks.  [default: those that ship]")
+LEXICON = option("--lexicon", "LEX", "Lexicon of the words.  [default: the one that ships]")
+LEXICONS = option(
+    "--lexicon lexicons",
+    "LEX",
+    "Lexicon of the words; given again, the first that has a word counts; default: the words that ship.",
     multiple=True,
-    metavar="LEX",
-    help="Lexicon of the words; given again, the first that has a word counts; default: the words that ship.",
 )
-DROP_FUNCTION_WORDS = click.option(
+DROP_FUNCTION_WORDS = flag(
     "--drop-function-words",
-    is_flag=True,
-    help="Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
+    "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
 )
-ROLES = click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
+ROLES = option("--roles", "FILE", "JSON of role -> joint name, for rigs not known by name.")
 SEED = preset("--seed", 0, "N", "Seed of the draw.", type=click.IntRange(0, 2**63 - 1))

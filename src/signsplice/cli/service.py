@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from signsplice.cli.clips import check_output, load, load_avatar, reads_poses
-from signsplice.cli.options import LEXICONS, preset
+from signsplice.cli.options import LEXICONS, option, preset
 from signsplice.cli.terminal import require, warn
 from signsplice.errors import InputError, MissingExtraError
 
@@ -26,38 +26,24 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
 @preset("--host", "127.0.0.1", "H", "Address to listen on.")
 @preset("--port", 8000, "N", "Port; 0: any free one.")
 @LEXICONS
-@click.option(
-    "--workers",
-    "n_workers",
+@option(
+    "--workers n_workers",
+    "N",
+    "Processes for requests, and as many for streams.  [default: one per core]",
     type=int,
     default=0,
-    metavar="N",
-    help="Processes for requests, and as many for streams.  [default: one per core]",
 )
-@click.option(
-    "--avatar",
-    "avatars",
+@option(
+    "--avatar avatars",
+    "A.vrm|DIR",
+    "Avatar that callers may name, or a folder of some; may be repeated.",
     multiple=True,
-    metavar="A.vrm|DIR",
-    help="Avatar that callers may name, or a folder of some; may be repeated.",
 )
-@click.option(
-    "--allow-host", "allowed_hosts", multiple=True, metavar="NAME", help="Another host name to answer to; *: any."
-)
-@click.option(
-    "--allow-embed", multiple=True, metavar="URL", help="Origin of another page that may show the viewer in a frame."
-)
-@click.option("--allow-origin", multiple=True, metavar="URL", help="Origin of another page that may call.")
-@click.option(
-    "--proxy", "proxies", multiple=True, metavar="ADDRESS", help="A reverse proxy, whose X-Forwarded-For is believed."
-)
-@click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=N",
-    help=_LIMIT_HELP,
-)
+@option("--allow-host allowed_hosts", "NAME", "Another host name to answer to; *: any.", multiple=True)
+@option("--allow-embed", "URL", "Origin of another page that may show the viewer in a frame.", multiple=True)
+@option("--allow-origin", "URL", "Origin of another page that may call.", multiple=True)
+@option("--proxy proxies", "ADDRESS", "A reverse proxy, whose X-Forwarded-For is believed.", multiple=True)
+@option("--limit limits", "NAME=N", _LIMIT_HELP, multiple=True)
 def serve(
     limits: tuple[str, ...],
     allow_origin: tuple[str, ...],
@@ -89,22 +75,14 @@ def serve(
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE [OTHER]")
-@click.option(
-    "--report", "reports", multiple=True, metavar="R.json", help="Report of the splice, for each file in order."
-)
-@click.option("-o", "--output", metavar="PAGE.html", help="Write one self-contained page instead of opening a browser.")
-@click.option("--port", type=int, default=0, metavar="N", help="Port.  [default: any free one]")
+@option("--report reports", "R.json", "Report of the splice, for each file in order.", multiple=True)
+@option("-o --output", "PAGE.html", "Write one self-contained page instead of opening a browser.")
+@option("--port", "N", "Port.  [default: any free one]", type=int, default=0)
 @LEXICONS
-@click.option("--browser/--no-browser", default=True, help="Open the page in a browser.  [default: yes]")
+@option("--browser/--no-browser", None, "Open the page in a browser.  [default: yes]", default=True)
 @reads_poses
 def view(
-    files: tuple[str, ...],
-    reports: tuple[str, ...],
-    roles: str | None,
-    output: str | None,
-    port: int,
-    lexicons: tuple[str, ...],
-    browser: bool,
+    files: tuple[str, ...], reports: tuple[str, ...], roles: str | None, output: str | None, browser: bool, **place: Any
 ) -> None:
     """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
     if len(files) > 2:
@@ -149,7 +127,7 @@ def view(
 
             webbrowser.open(address)
 
-    _listen(_settings((), port=port, lexicons=lexicons), scenes, on_open)
+    _listen(_settings((), **place), scenes, on_open)
 
 
 def _settings(limits: Sequence[str], **values: Any) -> Settings:

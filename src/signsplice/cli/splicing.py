@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -28,7 +29,17 @@ from signsplice.cli.clips import (
     write,
 )
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import AS_JSON, BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, added, preset, two_numbers
+from signsplice.cli.options import (
+    AS_JSON,
+    BUNDLE,
+    DROP_FUNCTION_WORDS,
+    LEXICONS,
+    added,
+    flag,
+    option,
+    preset,
+    two_numbers,
+)
 from signsplice.cli.terminal import note, progress, warn
 from signsplice.errors import InputError
 
@@ -37,30 +48,29 @@ if TYPE_CHECKING:
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
     from signsplice.splicing.systems import WholeSystem
 
+Chosen = TypeVar("Chosen")
+
 _joining_options = added(
-    click.option("-o", "--output", required=True, metavar="OUT", help=f"File to write: {' '.join(OUTPUT_SUFFIXES)}"),
-    click.option(
+    option("-o --output", "OUT", f"File to write: {' '.join(OUTPUT_SUFFIXES)}", required=True),
+    option(
         "--transition",
-        metavar="NAME",
-        help="How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
+        "NAME",
+        "How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
     ),
     BUNDLE,
-    click.option("--avatar", metavar="A.vrm", help="Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
+    option("--avatar", "A.vrm", "Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
     SKIN,
-    click.option(
+    option(
         "--avoid-collisions/--no-avoid-collisions",
+        None,
+        "Keep hands out of head, trunk and each other in transitions.  [default: if the transition is learned]",
         default=None,
-        help="Keep hands out of head, trunk and each other in transitions.  [default: if the transition is learned]",
     ),
-    click.option("--report", metavar="R.json", help="Write spans, seams and timing to this JSON file."),
+    option("--report", "R.json", "Write spans, seams and timing to this JSON file."),
     reads_poses,
 )
 _splicing_options = added(
-    click.option(
-        "--cutter",
-        metavar="NAME",
-        help="How splice points are found: see `signsplice methods`, or a trained system's folder.",
-    ),
+    option("--cutter", "NAME", "How splice points are found: see `signsplice methods`, or a trained system's folder."),
     preset(
         "--transition-time",
         "auto",
@@ -74,23 +84,17 @@ _splicing_options = added(
         "citation|natural|SECONDS",
         "Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
     ),
-    click.option("--fps", type=float, metavar="N", help="Output frame rate.  [default: that of the first clip]"),
+    option("--fps", "N", "Output frame rate.  [default: that of the first clip]", type=float),
     preset(
         "--free-hand",
         "transition",
         "transition|natural",
         "Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
     ),
-    click.option(
-        "--system",
-        metavar="DIR",
-        help="A trained system of the paper, run whole: its positions, its number of frames, its frames.",
+    option(
+        "--system", "DIR", "A trained system of the paper, run whole: its positions, its number of frames, its frames."
     ),
-    click.option(
-        "--fill-misses",
-        is_flag=True,
-        help="Join words for which the system finds no positions by the defaults, instead of stopping.",
-    ),
+    flag("--fill-misses", "Join words for which the system finds no positions by the defaults, instead of stopping."),
     _joining_options,
 )
 """Options that ``splice`` and ``sentence`` share."""
@@ -101,44 +105,34 @@ _splicing_options = added(
 @reads_faces
 @_splicing_options
 def splice(
-    clips: tuple[str, ...],
-    faces: tuple[str, ...],
-    face_offset: float,
-    output: str,
-    report: str | None,
-    roles: str | None,
-    avatar: str | None,
-    skin: tuple[str, ...],
-    **method_options: Any,
+    clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, roles: str | None, **others: Any
 ) -> None:
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
 
     if len(clips) < 2:
         raise InputError(f"one clip, {clips[0]}, expected two or more: signsplice splice A.bvh B.bvh -o OUT.bvh")
-    check_outputs(output, report, [*clips, *faces, roles, avatar, *_networks(**method_options)])
-    options = _splice_options(**method_options)
-    signer = _signer(avatar, skin)
+    target, options = _begin(_splice_options, [*clips, *faces, roles], **others)
     began = time.perf_counter()
     given = zip(clips, faces_of(clips, faces), strict=True)
     loaded = [load(path, roles, warns=False, face=face, face_offset=face_offset) for path, face in given]
     load_ms = 1e3 * (time.perf_counter() - began)
-    result = engine.splice(loaded, options)
-    deliver(result, output, report, load_ms, signer)
+    target.deliver(engine.splice(loaded, options), load_ms)
 
 
 @click.command()
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICONS
-@click.option("--fallback", metavar="FILE", help="Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
-@click.option("--no-spell", is_flag=True, help="Refuse words that are not in the lexicon instead of spelling them.")
-@click.option("--no-compounds", is_flag=True, help="Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
+@option("--fallback", "FILE", "Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
+@flag("--no-spell", "Refuse words that are not in the lexicon instead of spelling them.")
+@flag("--no-compounds", "Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @DROP_FUNCTION_WORDS
-@click.option("--no-pauses", is_flag=True, help="Hold no sign at a comma or a full stop.")
-@click.option(
+@flag("--no-pauses", "Hold no sign at a comma or a full stop.")
+@option(
     "--face-rules/--no-face-rules",
+    None,
+    "Blinks, and brows of questions, in words without a face of their own.  [default: unless OUT is a .bvh]",
     default=None,
-    help="Blinks, and brows of questions, in words without a face of their own.  [default: unless OUT is a .bvh]",
 )
 @_splicing_options
 def sentence(
@@ -151,11 +145,8 @@ def sentence(
     no_pauses: bool,
     face_rules: bool | None,
     output: str,
-    report: str | None,
     roles: str | None,
-    avatar: str | None,
-    skin: tuple[str, ...],
-    **method_options: Any,
+    **others: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
     from signsplice.lexicon.sentence import parse, signed, spelled
@@ -163,13 +154,12 @@ def sentence(
     from signsplice.splicing.faces import RULES
     from signsplice.splicing.word import words_of
 
-    check_outputs(output, report, [roles, avatar, fallback, *_networks(**method_options)])
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
-    options = _splice_options(**method_options, face_rules=RULES if has_rules else ())
-    signer = _signer(avatar, skin)
+    read = partial(_splice_options, face_rules=RULES if has_rules else ())
+    target, options = _begin(read, [roles, fallback], output, **others)
     began = time.perf_counter()
     with open_words(*lexicons, fallback=fallback) as words:
-        for path in (output, report or output):
+        for path in (output, target.report or output):
             check_apart(path, [source.path for source in words.sources])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(signed(units))}
@@ -181,14 +171,26 @@ def sentence(
     warn(unit.warning for unit in units if unit.warning)
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses), options)
     more = {"units": [asdict(unit) for unit in units], "spelled": spelled(units)}
-    deliver(result, output, report, load_ms, signer, more)
+    target.deliver(result, load_ms, more)
 
 
-def _signer(avatar: str | None, skin: tuple[str, ...]) -> Avatar | None:
-    """The avatar that a call names, None without one."""
+def _begin(
+    read: Callable[..., Chosen],
+    inputs: Iterable[str | None],
+    output: str,
+    report: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
+    **dials: Any,
+) -> tuple[_Target, Chosen]:
+    """Where the result of a call goes, and what ``read`` makes of its dials, before any clip is read. Raises
+    ``InputError`` for an output that is one of ``inputs`` or of what else the call reads.
+    """
+    check_outputs(output, report, [*inputs, avatar, *_networks(**dials)])
+    chosen = read(**dials)
     if skin and avatar is None:
         raise InputError("--skin names meshes of an avatar, expected --avatar too")
-    return None if avatar is None else load_avatar(avatar, skin=skin)
+    return _Target(output, report, None if avatar is None else load_avatar(avatar, skin=skin)), chosen
 
 
 def _splice_options(
@@ -249,69 +251,53 @@ def _opened(folder: str) -> WholeSystem:
     return open_system(folder)
 
 
-def deliver(
-    result: SpliceResult,
-    output: str,
-    report: str | None,
-    load_ms: float,
-    avatar: Avatar | None = None,
-    more: Mapping[str, Any] | None = None,
-) -> None:
-    """Write the clip, on an avatar where one is given, and the report, with ``more`` keys, and print the warnings and a
-    line about the clip.
-    """
-    from signsplice.splicing import report as reports
+@dataclass(frozen=True)
+class _Target:
+    """Where the result of a call goes: the files of the clip and of its report, and the avatar that signs."""
 
-    if avatar is not None:
-        from signsplice.splicing.engine import onto_avatar
+    output: str
+    report: str | None
+    avatar: Avatar | None
 
-        result = onto_avatar(result, avatar)
-    began = time.perf_counter()
-    is_recorded = result.face is not None and bool(result.face.recorded)
-    spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
-    write(result.clip, output, spans, names_lost=is_recorded)
-    save_ms = 1e3 * (time.perf_counter() - began)
-    if report is not None:
-        reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | dict(more or {}), report)
-    warn(result.warnings)
-    for seam in result.seams:
-        warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
-    n_seams, tempo = len(result.seams), result.tempo
-    told = f"{output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n_seams} seam{'s' * (n_seams != 1)}"
-    if tempo.asked_seconds is not None and tempo.seconds is not None:
-        told += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
-    print(told)
+    def deliver(self, result: SpliceResult, load_ms: float, more: Mapping[str, Any] = {}) -> None:
+        """Write the clip and the report, with ``more`` keys, and print the warnings and a line about the clip."""
+        from signsplice.splicing import report as reports
+
+        if self.avatar is not None:
+            from signsplice.splicing.engine import onto_avatar
+
+            result = onto_avatar(result, self.avatar)
+        began = time.perf_counter()
+        is_recorded = result.face is not None and bool(result.face.recorded)
+        spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
+        write(result.clip, self.output, spans, names_lost=is_recorded)
+        save_ms = 1e3 * (time.perf_counter() - began)
+        if self.report is not None:
+            reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | {**more}, self.report)
+        warn(result.warnings)
+        for seam in result.seams:
+            warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
+        n, tempo = len(result.seams), result.tempo
+        told = f"{self.output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n} seam{'s' * (n != 1)}"
+        if tempo.asked_seconds is not None and tempo.seconds is not None:
+            told += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
+        print(told)
 
 
 @click.command()
 @click.argument("clip", metavar="CLIP")
-@click.option(
-    "--gap", "gaps", multiple=True, required=True, metavar="A:B", help="Frames A..B-1 to make anew; may be repeated."
-)
+@option("--gap gaps", "A:B", "Frames A..B-1 to make anew; may be repeated.", multiple=True, required=True)
 @_joining_options
-def inbetween(
-    clip: str,
-    gaps: tuple[str, ...],
-    output: str,
-    transition: str | None,
-    bundle: str | None,
-    avoid_collisions: bool | None,
-    roles: str | None,
-    report: str | None,
-    avatar: str | None,
-    skin: tuple[str, ...],
-) -> None:
+def inbetween(clip: str, gaps: tuple[str, ...], roles: str | None, **others: Any) -> None:
     """Make frames of a clip anew from those around them; all other frames stay as they are."""
     from signsplice.splicing.engine import inbetween as fill_gaps
 
-    check_outputs(output, report, [clip, roles, avatar, *_networks(bundle, transition=transition)])
-    signer = _signer(avatar, skin)
+    target, dials = _begin(dict[str, Any], [clip, roles], **others)
     ranges = [two_numbers(gap, ":", f"--gap {gap!r}, expected A:B, frame numbers with B not included") for gap in gaps]
     began = time.perf_counter()
     loaded = load(clip, roles, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
-    result = fill_gaps(loaded, ranges, _method(transition), avoid_collisions, bundle)
-    deliver(result, output, report, load_ms, signer)
+    target.deliver(fill_gaps(loaded, ranges, **dials | {"transition": _method(dials["transition"])}), load_ms)
 
 
 @click.command()

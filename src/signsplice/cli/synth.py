@@ -9,7 +9,7 @@ import click
 
 from signsplice.cli import plugins
 from signsplice.cli.clips import check_apart, check_output, check_outputs
-from signsplice.cli.options import added, preset
+from signsplice.cli.options import added, flag, option, preset
 from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_writable, replacing
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 SEED = preset("--seed", 0, "N", "Seed of signers, takes and random choices.")
 FPS = preset("--fps", 30.0, "N", "Frame rate.")
 DRAWN = added(
-    click.option("-o", "--output", required=True, metavar="DIR", help="Folder to make; replaces one made before."),
-    click.option("--signs", metavar="FILE", help="Signs in notation, instead of the package's."),
-    click.option("--words", type=int, metavar="N", help="Number of words, drawn by seed.  [default: all; pairs: 100]"),
-    click.option("--pseudo", type=int, default=0, metavar="N", help="Number of random pseudo-signs to add."),
+    option("-o --output", "DIR", "Folder to make; replaces one made before.", required=True),
+    option("--signs", "FILE", "Signs in notation, instead of the package's."),
+    option("--words", "N", "Number of words, drawn by seed.  [default: all; pairs: 100]", type=int),
+    option("--pseudo", "N", "Number of random pseudo-signs to add.", type=int, default=0),
     SEED,
     FPS,
 )
@@ -39,16 +39,8 @@ def synth() -> None:
 
 @synth.command()
 @DRAWN
-@click.option(
-    "--letters/--no-letters", default=True, help="Add the manual alphabet and digits, unless --signs is given."
-)
-@click.option(
-    "--form",
-    "forms",
-    multiple=True,
-    metavar="GLOSS",
-    help="Add a form of a word: 2-GIVE-1, LOOK-HABITUAL; may be given again.",
-)
+@option("--letters/--no-letters", None, "Add the manual alphabet and digits, unless --signs is given.", default=True)
+@option("--form forms", "GLOSS", "Add a form of a word: 2-GIVE-1, LOOK-HABITUAL; may be given again.", multiple=True)
 def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: float, **drawn: Any) -> None:
     """Write isolated words as BVH files with glosses.csv; by default every word and letter of the package."""
     from signsplice.signer import checks, folders, notation
@@ -74,8 +66,8 @@ def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: 
 @synth.command()
 @click.argument("file", metavar="[FILE]", required=False)
 @click.argument("gloss", metavar="[GLOSS]", required=False)
-@click.option("-o", "--output", metavar="PNG", help="Picture to write.  [default: GLOSS.png]")
-@click.option("--all", "folder", metavar="DIR", help="Draw every name of the notation instead, into this folder.")
+@option("-o --output", "PNG", "Picture to write.  [default: GLOSS.png]")
+@option("--all folder", "DIR", "Draw every name of the notation instead, into this folder.")
 def preview(file: str | None, gloss: str | None, output: str | None, folder: str | None) -> None:
     """Draw one sign, or form of a sign, of a file in notation: postures and movements, from the front and the side.
 
@@ -113,13 +105,12 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
 @synth.command()
 @click.argument("file", metavar="FILE")
 @click.argument("gloss", metavar="[GLOSS]", required=False)
-@click.option(
-    "-o",
-    "--output",
-    metavar="OUT",
-    help="File to write; a .glb keeps the face, .signs is the notation, to mend by hand.  [default: GLOSS.bvh]",
+@option(
+    "-o --output",
+    "OUT",
+    "File to write; a .glb keeps the face, .signs is the notation, to mend by hand.  [default: GLOSS.bvh]",
 )
-@click.option("--lenient", is_flag=True, help="Leave out what is not understood, with a warning.")
+@flag("--lenient", "Leave out what is not understood, with a warning.")
 @FPS
 def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: float) -> None:
     """Sign one sign that is written in SiGML or HamNoSys, or in the notation of this project.

@@ -42,13 +42,12 @@ def require(what: str, extra: str, *modules: str) -> None:
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
     """A progress bar on standard error where that is a terminal, else a line for each tenth of long work."""
     if not sys.stderr.isatty():
-        yield (
-            lambda done, total: (
+
+        def tell(done: int, total: int) -> None:
+            if total >= _LONG and done % (total // 10) == 0:
                 print(f"{what}: {done:,} of {total:,}", file=sys.stderr, flush=True)
-                if total >= _LONG and done % (total // 10) == 0
-                else None
-            )
-        )
+
+        yield tell
         return
     from rich.console import Console
     from rich.progress import Progress

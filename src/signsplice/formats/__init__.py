@@ -11,9 +11,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from signsplice.errors import InputError, LimitError
-from signsplice.formats.atomic import replacing
-from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, read_bytes
+from signsplice.errors import InputError
+from signsplice.formats.atomic import replacing, write
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, format_errors, read_bytes
 
 if TYPE_CHECKING:
     from signsplice.motion import Clip
@@ -111,8 +111,7 @@ def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Cli
     opened, whatever the bytes refer to. Raises as ``load`` does.
     """
     row = _format(file, "taken", WIRE_SUFFIXES)
-    if len(content) > limits.file_bytes:
-        raise LimitError(f"{len(content):,} bytes, expected at most {limits.file_bytes:,.0f}", file=file)
+    check_most(len(content), "bytes", limits.file_bytes, file)
     return _parsed(row, content, file, limits, None)
 
 
@@ -151,7 +150,7 @@ def save(clip: Clip, path: str | Path) -> None:
     if clip.face is not None and not _format(path, "written", WRITE_SUFFIXES).holds_faces:
         from signsplice.formats import live_link
 
-        live_link.save_sidecar(clip, path)
+        write(Path(path).with_suffix(".csv"), live_link.encode(clip))
 
 
 def encode(clip: Clip, file: str) -> bytes:

@@ -167,16 +167,15 @@ def resumable_folder(path: Path) -> Iterator[bool]:
     there already. It is removed when the block succeeds; when it fails, it stays, and the next call continues there.
     Raises ``InputError`` where another process is in it.
     """
-    was_there = False
+    was_there: list[bool] = []  # at each attempt
 
     def make() -> Path:
-        nonlocal was_there
-        was_there = path.exists()
+        was_there.append(path.exists())
         path.mkdir(parents=True, exist_ok=True)
         return path
 
     with _claimed(make):
-        yield was_there
+        yield was_there[-1]
         _remove(path)
 
 

@@ -32,14 +32,14 @@ import numpy as np
 
 from signsplice.body.capsules import Avatar, AvatarFile
 from signsplice.body.skin import fit_skin
-from signsplice.errors import InputError, LimitError
+from signsplice.errors import InputError
 from signsplice.formats import listed
 from signsplice.formats.fbx_avatar import as_glb
-from signsplice.formats.gltf_document import ROLES_EXTRA, VRM_0, VRM_1, Fields, chunks, printable, unique
+from signsplice.formats.gltf_document import ROLES_EXTRA, VRM_0, VRM_1, Fields, chunks
 from signsplice.formats.gltf_face import bones_of, face_controls
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_writer import DocumentWriter
-from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, read_bytes, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, format_errors, read_bytes, stem
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, rotation
 from signsplice.motion.face import bone_quats, target_weights
 from signsplice.rig.align import place, placement
@@ -170,13 +170,8 @@ def _given(value: Any) -> Any:
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
 """Suffixes that ``read_avatar`` reads."""
-_IMAGES = {
-    ".png": "image/png",
-    ".jpg": "image/jpeg",
-    ".jpeg": "image/jpeg",
-    ".webp": "image/webp",
-    ".ktx2": "image/ktx2",
-}
+_IMAGES = {f".{kind}": f"image/{kind}" for kind in ("png", "jpeg", "webp", "ktx2")} | {".jpg": "image/jpeg"}
+"""Suffix -> media type."""
 _BEHIND = np.diag([-1.0, 1.0, -1.0])
 _MOST_MISSED = 4
 
@@ -204,8 +199,7 @@ def parse_avatar(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
     ``read_avatar`` does.
     """
     _check_suffix(file)
-    if len(content) > limits.file_bytes:
-        raise LimitError(f"{len(content):,} bytes, expected at most {limits.file_bytes:,.0f}", file=file)
+    check_most(len(content), "bytes", limits.file_bytes, file)
     return _parsed(content, file, limits, None, {}, ())
 
 
@@ -244,11 +238,11 @@ class AvatarReader(MeshReader):
         """
         nodes = self._roles(roles)
         order = self._joint_order(set(nodes.values()))
-        names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
+        _, _, names = self._tree(order)
         named = {role: names[order.index(node)] for role, node in nodes.items()}
         extensions = self.json.get("extensions") or {}
         turn = _BEHIND if VRM_0 in extensions and VRM_1 not in extensions else np.eye(3)
-        avatar = self._skeleton(order, names, named, turn)
+        avatar = self._skeleton(order, named, turn)
         _ = rig_info(avatar).arm_joints  # raises where there are no arms
         origin = self.world(order[0])[:3, 3]
         above = self.parents.get(order[0])
@@ -305,10 +299,9 @@ class AvatarReader(MeshReader):
         self.given_bytes += len(content)
         return kind, content
 
-    def _skeleton(self, order: list[int], names: list[str], roles: Mapping[str, str], turn: FloatArray) -> Avatar:
+    def _skeleton(self, order: list[int], roles: Mapping[str, str], turn: FloatArray) -> Avatar:
         """The skeleton of nodes ``order`` at rest, turned, with the ends of fingers."""
-        rows = {node: k for k, node in enumerate(order)}
-        parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])
+        rows, parents, names = self._tree(order)
         at = np.array([self.world(node)[:3, 3] for node in order]) @ turn.T
         offsets = np.where((parents >= 0)[:, None], at - at[parents], 0.0)
         tips = [order[names.index(name)] for role, name in roles.items() if role.endswith("Distal")]
@@ -329,9 +322,7 @@ class AvatarReader(MeshReader):
         if humanoid and not given:
             return humanoid
         order = self._joint_order(joints)
-        names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
-        rows = {node: k for k, node in enumerate(order)}
-        parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])
+        rows, parents, names = self._tree(order)
         at = np.array([self.world(node)[:3, 3] for node in order])
         skeleton = Skeleton(tuple(names), parents, np.where((parents >= 0)[:, None], at - at[parents], 0.0))
         known = {role: names[rows[node]] for role, node in humanoid.items()}
@@ -357,7 +348,6 @@ def _warnings(label: str, missed: tuple[str, ...]) -> tuple[str, ...]:
     """A line about the parts of the body that could not be fitted."""
     if not missed:
         return ()
-    shown = ", ".join(missed[:_MOST_MISSED]) + (
-        f" and {len(missed) - _MOST_MISSED} more" if len(missed) > _MOST_MISSED else ""
-    )
-    return (f"{label}: too few vertices of skin for {shown}, which get the usual proportions",)
+    more = f" and {len(missed) - _MOST_MISSED} more" if len(missed) > _MOST_MISSED else ""
+    shown = ", ".join(missed[:_MOST_MISSED])
+    return (f"{label}: too few vertices of skin for {shown}{more}, which get the usual proportions",)

@@ -213,16 +213,14 @@ def number_of(token: str, file: str, line: int) -> float:
         value = float(token)
         if np.isfinite(value):
             return value
-        raise FormatError(f"{short(token)} is too large for a number", file=file, line=line)
-    if "," in token and _NUMBER.fullmatch(token.replace(",", ".", 1)):
-        raise FormatError(
-            f"{short(token)} has a decimal comma, expected a point; save the file with points", file=file, line=line
-        )
-    if token.lstrip("+-").lower() in ("nan", "inf", "infinity"):
-        raise FormatError(
-            f"{short(token)} is not a finite number, expected one; export the file anew", file=file, line=line
-        )
-    raise FormatError(f"{short(token)} is not a number, expected one", file=file, line=line)
+        what = "is too large for a number"
+    elif "," in token and _NUMBER.fullmatch(token.replace(",", ".", 1)):
+        what = "has a decimal comma, expected a point; save the file with points"
+    elif token.lstrip("+-").lower() in ("nan", "inf", "infinity"):
+        what = "is not a finite number, expected one; export the file anew"
+    else:
+        what = "is not a number, expected one"
+    raise FormatError(f"{short(token)} {what}", file=file, line=line)
 
 
 _LINE = re.compile(rb"\S[^\n]*")
@@ -314,30 +312,21 @@ def encode(clip: Clip) -> bytes:
     frame_time = 1.0 / clip.fps
     if given is not None and given.frame_time > 0.0 and standard_fps(given.frame_time) == clip.fps:
         frame_time = given.frame_time
-    # The hierarchy is written depth first, and columns follow it, whatever the order of the joints.
+    lines, order = _hierarchy(clip.skeleton, names, offsets)
+    # Columns follow the hierarchy, whatever the order of the joints.
     starts = euler.first_columns(names)
-    columns = [starts[joint] + n for joint in _depth_first(clip.skeleton) for n in range(len(names[joint]))]
+    columns = [starts[joint] + n for joint in order for n in range(len(names[joint]))]
     if columns != sorted(columns):
         values = values[:, columns]
-    lines = ["HIERARCHY"]
-    _write_joint(lines, clip.skeleton, names, offsets)
     lines += ["MOTION", f"Frames: {len(values)}", f"Frame Time: {frame_time!r}"]
     return ("\n".join([*lines, format_rows(values)]) + "\n").encode()
 
 
-def _depth_first(skeleton: Skeleton) -> list[int]:
-    """All joints, each followed by its descendants."""
-    order: list[int] = []
-    stack = [0]
-    while stack:
-        joint = stack.pop()
-        order.append(joint)
-        stack += reversed(skeleton.children[joint])
-    return order
-
-
-def _write_joint(lines: list[str], skeleton: Skeleton, names: ChannelNames, offsets: FloatArray) -> None:
-    """Append the hierarchy's lines; a stack instead of recursion, so that depth has no limit."""
+def _hierarchy(skeleton: Skeleton, names: ChannelNames, offsets: FloatArray) -> tuple[list[str], list[int]]:
+    """The lines of the hierarchy, and its joints in their order, each followed by its descendants; a stack instead of
+    recursion, so that depth has no limit.
+    """
+    lines, order = ["HIERARCHY"], list[int]()
     tips: dict[int, list[FloatArray]] = {}
     for site in skeleton.end_sites:
         tips.setdefault(site.joint, []).append(site.offset)
@@ -348,14 +337,15 @@ def _write_joint(lines: list[str], skeleton: Skeleton, names: ChannelNames, offs
         if joint < 0:
             lines.append(tab + "}")
             continue
-        lines.append(f"{tab}{'JOINT' if depth else 'ROOT'} {skeleton.names[joint]}")
-        lines.append(tab + "{")
+        order.append(joint)
+        lines += [f"{tab}{'JOINT' if depth else 'ROOT'} {skeleton.names[joint]}", tab + "{"]
         lines.append(f"{tab}\tOFFSET {_decimals(offsets[joint])}")
         lines.append(" ".join([f"{tab}\tCHANNELS", str(len(names[joint])), *names[joint]]))
         for tip in tips.get(joint, ()):
             lines += [f"{tab}\tEnd Site", tab + "\t{", f"{tab}\t\tOFFSET {_decimals(tip)}", tab + "\t}"]
         stack.append((-1, depth))
         stack += [(child, depth + 1) for child in reversed(skeleton.children[joint])]
+    return lines, order
 
 
 def _decimals(row: FloatArray) -> str:
@@ -490,12 +480,8 @@ def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str
     moving = np.any(translations[:, 1:] != translations[:1, 1:])
     offsets = written.copy()
     offsets[1:] = np.median(translations[:, 1:], axis=0) if moving else translations[0, 1:]
-    skeleton = Skeleton(
-        names=tuple(hierarchy.names),
-        parents=np.array(hierarchy.parents, np.intp),
-        offsets=offsets,
-        end_sites=tuple(EndSite(joint, np.array(offset)) for joint, offset in hierarchy.sites),
-    )
+    sites = tuple(EndSite(joint, np.array(offset)) for joint, offset in hierarchy.sites)
+    skeleton = Skeleton(tuple(hierarchy.names), np.array(hierarchy.parents, np.intp), offsets, sites)
     return Clip(
         skeleton=skeleton,
         local_rotations=rotations,

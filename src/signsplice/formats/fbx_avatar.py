@@ -235,8 +235,7 @@ class _AvatarDocument:
         for name in unique([self.scene.models[key].name for key in self.order]):
             writer.node(name)
         writer.scene(0)
-        writer.skin(range(len(self.order)), self._place(worlds), 0)
-        writer.gltf.skins[0].skeleton = None
+        writer.skin(range(len(self.order)), *self._place(worlds), None)
         for parts in FbxMeshes(self.scene, worlds, self.rows).all():
             names = list(parts[0][1].morphs)
             primitives = [writer.primitive([part], 1.0, names, self._material(key)) for key, part in parts]
@@ -245,8 +244,10 @@ class _AvatarDocument:
         document.animations = []
         return b"".join(document.save_to_bytes())
 
-    def _place(self, worlds: dict[Id, FloatArray]) -> FloatArray:
-        """Put the joints where they are at rest; returns the matrices (J, 4, 4) from the world to each."""
+    def _place(self, worlds: dict[Id, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Put the joints where they are at rest; returns the matrices (J, 3, 3) that turn the world's axes to theirs,
+        and their positions (J, 3).
+        """
         matrices = np.stack([worlds[key] for key in self.order])
         found = [nearest_rotation(matrix[:3, :3]) for matrix in matrices]
         quats = np.array([rotation.IDENTITY if quat is None else quat for quat in found])
@@ -260,10 +261,7 @@ class _AvatarDocument:
             if above >= 0:
                 nodes[above].children.append(row)
         self.writer.gltf.scenes[0].nodes = np.flatnonzero(parents < 0).tolist()
-        inverse = np.tile(np.eye(4), (len(at), 1, 1))
-        inverse[:, :3, :3] = rotation.to_matrix(rotation.inverse(quats))
-        inverse[:, :3, 3] = -np.einsum("jab,jb->ja", inverse[:, :3, :3], at)
-        return inverse
+        return rotation.to_matrix(rotation.inverse(quats)), at
 
     def _material(self, key: Id | None) -> int:
         """The number of a material."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.formats.fbx_records import FbxObjects, Id, Record, name_of, numbers_of
+from signsplice.formats.fbx_records import FbxObjects, Id, name_of, numbers_of
 from signsplice.formats.fbx_takes import MOVES, Take, quats, read_takes
 from signsplice.formats.reading import ReadLimits
 from signsplice.motion import FloatArray, rotation
@@ -93,7 +93,10 @@ class FbxScene:
         self.objects = FbxObjects(content, file, limits)
         settings = self.objects.top.find("GlobalSettings")
         self.settings = {} if settings is None else numbers_of(settings)
-        self.models = {key: _model(record) for key, record in self.objects.all("Model")}
+        self.models = {  # in files of version 6 an id is a name with the kind of record in front
+            key: Model(name_of(record.values[-2]), str(record.values[-1]), numbers_of(record))
+            for key, record in self.objects.all("Model")
+        }
         self.parents: dict[Id, Id] = {
             source: target for target in self.models for source, what in self.objects.on(target, "Model") if not what
         }
@@ -225,8 +228,3 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray | None:
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) == 0.0:
         return None
     return rotation.nearest(matrix)
-
-
-def _model(record: Record) -> Model:
-    """A model; its id, in files of version 6, is its name with the kind of record in front."""
-    return Model(name_of(record.values[-2]), str(record.values[-1]), numbers_of(record))

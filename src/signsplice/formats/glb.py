@@ -15,7 +15,7 @@ from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
 from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
-from signsplice.motion import Clip, FloatArray, bone_translations, rotation
+from signsplice.motion import Clip, bone_translations, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 
@@ -61,7 +61,8 @@ def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:
     if clip.skeleton.roles:
         writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
     if mesh:
-        writer.skin(joints, _inverse_bind(clip, metres), joints[0])
+        bind_quats, positions = bind_pose(clip.skeleton)
+        writer.skin(joints, rotation.to_matrix(bind_quats).transpose(0, 2, 1), metres * positions, joints[0])
         moving = () if clip.face is None else clip.face.moving
         writer.mesh(body_mesh(clip.skeleton), metres, ARKIT_CHANNELS if whole_face else moving)
     times = writer.times(clip)
@@ -73,13 +74,3 @@ def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:
     if mesh and clip.face is not None:
         write_face(writer, clip.face, times)
     return writer.finish(clip.name, clip.fps)
-
-
-def _inverse_bind(clip: Clip, metres: float) -> FloatArray:
-    """Matrices (J, 4, 4) from world coordinates of the bind pose, in metres, to each joint's own axes."""
-    global_quats, positions = bind_pose(clip.skeleton)
-    rotations = rotation.to_matrix(global_quats)  # (J, 3, 3)
-    out = np.tile(np.eye(4), (len(rotations), 1, 1))
-    out[:, :3, :3] = rotations.transpose(0, 2, 1)
-    out[:, :3, 3] = -np.einsum("jba,jb->ja", rotations, metres * positions)
-    return out

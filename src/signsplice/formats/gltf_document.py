@@ -21,9 +21,9 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.errors import FormatError, LimitError
+from signsplice.errors import FormatError
 from signsplice.formats.json_files import parse_json, shortened
-from signsplice.formats.reading import ReadLimits, read_bytes
+from signsplice.formats.reading import ReadLimits, check_most, read_bytes
 from signsplice.motion import FloatArray, rotation
 from signsplice.rig.roles import ROLES
 
@@ -84,8 +84,7 @@ class Document:
             raise self._error("its JSON is no object")
         self._check_versions()
         self.nodes: list[Fields] = self._field(self.json, "nodes", [], "the document")
-        if len(self.nodes) > limits.nodes:
-            raise LimitError(f"{len(self.nodes):,} nodes, expected at most {limits.nodes:,.0f}", file=file)
+        check_most(len(self.nodes), "nodes", limits.nodes, file)
         self._buffers: dict[int, bytes] = {}
         self._files: dict[str, bytes] = {}
         self._arrays: dict[int, FloatArray] = {}
@@ -407,10 +406,16 @@ class SkeletonDocument(Document):
             raise self._error("its joints hang from several roots, expected one skeleton")
         root = next((node for node in above_all if node in animated), above_all[-1])
         order = [node for node in self._subtree(root) if n_below[node]]
-        if len(order) > self.limits.joints:
-            what = f"{len(order):,} joints, expected at most {self.limits.joints:,.0f}"
-            raise LimitError(what, file=self.file)
+        check_most(len(order), "joints", self.limits.joints, self.file)
         return order
+
+    def _tree(self, order: Sequence[int]) -> tuple[dict[int, int], NDArray[np.intp], list[str]]:
+        """Of joints J, parents first: node -> row, the row of each one's parent (J,), -1 for none, and names that
+        differ.
+        """
+        rows = {node: k for k, node in enumerate(order)}
+        parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])
+        return rows, parents, unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
 
     def _bind_matrices(self, skin: Fields) -> FloatArray | None:
         """The matrices (B, 4, 4) that take a skin's mesh to the axes of its joints; None where it has none."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from signsplice.body.capsules import N_JOINTS, MeshPart
 from signsplice.body.skin_surface import SkinPoints
 from signsplice.errors import InputError
 from signsplice.formats.gltf_document import UNPACK, VRM_0, Fields, SkeletonDocument
+from signsplice.formats.reading import ReadLimits
 from signsplice.motion import FloatArray, rotation
 
 _TRIANGLES = 4
@@ -31,34 +33,9 @@ _LOOSE = {
 }
 """Words in the names of what is no skin: of joints without a role, meshes, nodes and materials."""
 _CLOTH = {
-    *(
-        "cloth",
-        "clothes",
-        "clothing",
-        "tops",
-        "top",
-        "bottoms",
-        "bottom",
-        "outfit",
-        "shirt",
-        "tshirt",
-        "blouse",
-        "dress",
-    ),
-    *(
-        "robe",
-        "kimono",
-        "yukata",
-        "sleeve",
-        "sleeves",
-        "jacket",
-        "sweater",
-        "hoodie",
-        "suit",
-        "vest",
-        "pants",
-        "trousers",
-    ),
+    *("cloth", "clothes", "clothing", "tops", "top", "bottoms", "bottom", "outfit", "shirt", "tshirt", "blouse"),
+    *("dress", "robe", "kimono", "yukata", "sleeve", "sleeves", "jacket", "sweater", "hoodie", "suit", "vest"),
+    *("pants", "trousers"),
     *("jeans", "shorts", "gloves", "glove", "cuff", "cuffs", "onepiece", "uniform", "socks", "shoes", "shoe", "boots"),
 }
 """Words in the names of materials, nodes and meshes that cover skin."""
@@ -95,6 +72,12 @@ skin (B,).
 class MeshReader(SkeletonDocument):
     """A document whose meshes are being read."""
 
+    def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
+        super().__init__(file, content, limits, folder)
+        self._worlds: dict[int, FloatArray] = {}
+        self._triangles_of: dict[int, list[Fields]] = {}
+        self._skins: dict[int, _Bones] = {}
+
     def world(self, node: int) -> FloatArray:
         """The matrix (4, 4) of a node in the world at rest."""
         path = [node]
@@ -105,10 +88,6 @@ class MeshReader(SkeletonDocument):
                 above = self.parents.get(each)
                 self._worlds[each] = (np.eye(4) if above is None else self._worlds[above]) @ self._matrix(each)
         return self._worlds[node]
-
-    @cached_property
-    def _worlds(self) -> dict[int, FloatArray]:
-        return {}
 
     def _matrix(self, node: int) -> FloatArray:
         matrix = self._stored_matrix(node)
@@ -172,17 +151,13 @@ class MeshReader(SkeletonDocument):
 
     def _drawn(self, mesh: int) -> list[Fields]:
         """The primitives of a mesh that are triangles."""
-        if mesh not in self._drawn_of:
-            self._drawn_of[mesh] = [
+        if mesh not in self._triangles_of:
+            self._triangles_of[mesh] = [
                 primitive
                 for primitive in self.json["meshes"][mesh]["primitives"]
                 if primitive.get("mode", _TRIANGLES) == _TRIANGLES and primitive.get("indices") is not None
             ]
-        return self._drawn_of[mesh]
-
-    @cached_property
-    def _drawn_of(self) -> dict[int, list[Fields]]:
-        return {}
+        return self._triangles_of[mesh]
 
     def _bones(self, node: int) -> _Bones | None:
         """Of the joints that carry a node's mesh; None for a mesh that hangs on no joint."""
@@ -194,10 +169,6 @@ class MeshReader(SkeletonDocument):
         if number not in self._skins:
             self._skins[number] = self._bones_of_skin(skin)
         return self._skins[number]
-
-    @cached_property
-    def _skins(self) -> dict[int, _Bones]:
-        return {}
 
     def _bones_of_skin(self, skin: Fields) -> _Bones:
         joints = skin["joints"]

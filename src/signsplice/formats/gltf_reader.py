@@ -31,7 +31,6 @@ from signsplice.formats.gltf_document import (
     printable,
     sample,
     to_rest_axes,
-    unique,
 )
 from signsplice.formats.gltf_face import FaceReader, as_object, target_names, vrm_expressions
 from signsplice.formats.json_files import shortened
@@ -69,21 +68,14 @@ class _AnimationReader(FaceReader):
         order = self._joint_order(joints, {node for node, _ in targets})
         wanted = {*order}
         channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in wanted})
-        times, fps = self._times(channels, animation, len(order))
-        return self._sampled_clip(order, roles, channels, times, fps, animation.get("name"))
+        return self._sampled(order, roles, channels, animation)
 
-    def _sampled_clip(
-        self,
-        order: list[int],
-        roles: Mapping[str, int],
-        channels: Mapping[tuple[int, str], Keys],
-        times: FloatArray,
-        fps: float,
-        name: Any,
+    def _sampled(
+        self, order: list[int], roles: Mapping[str, int], channels: Mapping[tuple[int, str], Keys], animation: Fields
     ) -> Clip:
-        """The clip of joint nodes ``order`` (J), parents first, at ``times`` (T,)."""
-        rows = {node: k for k, node in enumerate(order)}
-        parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])
+        """The clip of joint nodes ``order`` (J), parents first, that an animation moves."""
+        times, fps = self._times(channels, animation, len(order))
+        rows, parents, names = self._tree(order)
         local_quats, translations = np.empty((len(times), len(order), 4)), np.empty((len(times), len(order), 3))
         rest_quats, offsets, scales = np.empty((len(order), 4)), np.empty((len(order), 3)), np.empty(len(order))
         world_position, world_quat, world_scale = self._world_pose(self.parents.get(order[0]))
@@ -108,18 +100,17 @@ class _AnimationReader(FaceReader):
         translations[:, 0] = 0.0
         change = float(np.ptp(translations[:, 1:], axis=0).max()) if len(order) > 1 else 0.0
         stretches = change > _HELD * float(np.abs(offsets).max())
-        names = unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
         named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._stored_roles(names)
         clip = Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=named or None),
             local_quats,
             roots,
             fps,
-            name=printable(name, stem(self.file)),
+            name=printable(animation.get("name"), stem(self.file)),
             translations=translations if stretches else None,
-            left_out=left_out(self.json, self.json["animations"][0]),
+            left_out=left_out(self.json, animation),
             notes=_notes(self.json["animations"]),
-            face=self._face(self.json["animations"][0], times, fps),
+            face=self._face(animation, times, fps),
         )
         return self._with_bones(clip)
 

@@ -10,29 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pygltflib
 from numpy.typing import NDArray
-from pygltflib import (
-    GLTF2,
-    Accessor,
-    AccessorSparseIndices,
-    AccessorSparseValues,
-    Animation,
-    AnimationChannel,
-    AnimationChannelTarget,
-    AnimationSampler,
-    Asset,
-    Attributes,
-    Buffer,
-    BufferView,
-    Material,
-    Mesh,
-    Node,
-    PbrMetallicRoughness,
-    Primitive,
-    Scene,
-    Skin,
-    Sparse,
-)
 
 from signsplice.body.capsules import MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import bind_pose
@@ -77,10 +56,10 @@ class DocumentWriter:
     content: the bytes of its buffer so far.
     """
 
-    gltf: GLTF2 = field(
-        default_factory=lambda: GLTF2(
-            asset=Asset(version="2.0", generator=GENERATOR),
-            animations=[Animation(samplers=[], channels=[])],
+    gltf: pygltflib.GLTF2 = field(
+        default_factory=lambda: pygltflib.GLTF2(
+            asset=pygltflib.Asset(version="2.0", generator=GENERATOR),
+            animations=[pygltflib.Animation(samplers=[], channels=[])],
             extensionsUsed=[],
             extensions={},
         )
@@ -89,12 +68,12 @@ class DocumentWriter:
 
     def node(self, name: str) -> int:
         """The number of a node that was added."""
-        self.gltf.nodes.append(Node(name=name, children=[]))
+        self.gltf.nodes.append(pygltflib.Node(name=name, children=[]))
         return len(self.gltf.nodes) - 1
 
     def scene(self, root: int) -> None:
         """Make one scene that shows a node and all below it."""
-        self.gltf.scenes, self.gltf.scene = [Scene(nodes=[root])], 0
+        self.gltf.scenes, self.gltf.scene = [pygltflib.Scene(nodes=[root])], 0
 
     def array(self, values: Array, kind: str, component: int, target: int | None = None, **bounds: Any) -> int:
         """The number of the accessor of an array that was added to the buffer.
@@ -104,7 +83,7 @@ class DocumentWriter:
         """
         values = np.ascontiguousarray(values, _TYPES[component])
         view = self.view(values, target)
-        accessor = Accessor(bufferView=view, componentType=component, count=len(values),
+        accessor = pygltflib.Accessor(bufferView=view, componentType=component, count=len(values),
                             type=kind, **bounds)  # fmt: skip
         self.gltf.accessors.append(accessor)
         return len(self.gltf.accessors) - 1
@@ -112,15 +91,20 @@ class DocumentWriter:
     def view(self, values: Array, target: int | None = None) -> int:
         """The number of the view of an array that was added to the buffer."""
         self.content += b"\0" * (-len(self.content) % 4)
-        view = BufferView(buffer=0, byteOffset=len(self.content), byteLength=values.nbytes, target=target)
+        view = pygltflib.BufferView(buffer=0, byteOffset=len(self.content), byteLength=values.nbytes, target=target)
         self.gltf.bufferViews.append(view)
         self.content += values.tobytes()
         return len(self.gltf.bufferViews) - 1
 
-    def skin(self, joints: Sequence[int], inverse_bind: FloatArray, root: int) -> None:
-        """Add a skin of joint nodes, with their inverse bind matrices (J, 4, 4)."""
+    def skin(self, joints: Sequence[int], to_joint: FloatArray, positions: FloatArray, root: int | None) -> None:
+        """Add a skin of joint nodes, bound where they are at ``positions`` (J, 3) and the matrices ``to_joint``
+        (J, 3, 3) turn the world's axes to theirs.
+        """
+        inverse_bind = np.tile(np.eye(4), (len(positions), 1, 1))
+        inverse_bind[:, :3, :3] = to_joint
+        inverse_bind[:, :3, 3] = -np.einsum("jab,jb->ja", to_joint, positions)
         matrices = self.array(inverse_bind.transpose(0, 2, 1).reshape(-1, 16), "MAT4", _FLOAT)
-        self.gltf.skins = [Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
+        self.gltf.skins = [pygltflib.Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
     def mesh(self, parts: Sequence[MeshPart], metres: float, morphs: Collection[str] = ()) -> None:
         """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit. The parts
@@ -136,23 +120,25 @@ class DocumentWriter:
             primitives = [self.primitive(parts, metres, names, self._material(parts[0])) for parts in grouped]
             self.add_mesh(name, primitives, names)
 
-    def add_mesh(self, name: str, primitives: Sequence[Primitive], targets: Sequence[str] = ()) -> None:
+    def add_mesh(self, name: str, primitives: Sequence[pygltflib.Primitive], targets: Sequence[str] = ()) -> None:
         """Add a mesh that the skin moves, with morph targets of these names."""
-        self.gltf.meshes.append(Mesh(name=name, primitives=list(primitives)))
+        self.gltf.meshes.append(pygltflib.Mesh(name=name, primitives=list(primitives)))
         if targets:
             self.gltf.meshes[-1].extras, self.gltf.meshes[-1].weights = {"targetNames": targets}, [0.0] * len(targets)
-        self.gltf.nodes.append(Node(name=name, mesh=len(self.gltf.meshes) - 1, skin=0))
+        self.gltf.nodes.append(pygltflib.Node(name=name, mesh=len(self.gltf.meshes) - 1, skin=0))
         self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
 
     def _material(self, part: MeshPart) -> int:
         """The number of a material in a part's colour."""
-        surface = PbrMetallicRoughness(
+        surface = pygltflib.PbrMetallicRoughness(
             baseColorFactor=[*_linear(part.colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
         )
-        self.gltf.materials.append(Material(name=part.name, pbrMetallicRoughness=surface))
+        self.gltf.materials.append(pygltflib.Material(name=part.name, pbrMetallicRoughness=surface))
         return len(self.gltf.materials) - 1
 
-    def primitive(self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str], material: int) -> Primitive:
+    def primitive(
+        self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str], material: int
+    ) -> pygltflib.Primitive:
         """Parts of one material, with morph targets of these names."""
         starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         positions = np.concatenate([part.vertices for part in parts]).astype(np.float32) * np.float32(metres)
@@ -160,7 +146,7 @@ class DocumentWriter:
         weights = np.concatenate([part.weights for part in parts])
         indices = np.concatenate([part.triangles + k for part, k in zip(parts, starts[:-1], strict=True)]).ravel()
         corners = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
-        attributes = Attributes(
+        attributes = pygltflib.Attributes(
             POSITION=self.array(positions, "VEC3", _FLOAT, _VERTICES, **corners),
             NORMAL=self.array(np.concatenate([part.normals for part in parts]), "VEC3", _FLOAT, _VERTICES),
             JOINTS_0=self.array(joints, "VEC4", _UBYTE if joints.max() < 256 else _USHORT, _VERTICES),
@@ -170,16 +156,16 @@ class DocumentWriter:
             attributes.TEXCOORD_0 = self.array(parts[0].uvs, "VEC2", _FLOAT, _VERTICES)
         small = len(positions) < 65536
         still = self.moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
-        moved: list[Attributes] = []
+        moved: list[pygltflib.Attributes] = []
         for name in targets:
             own = [(part.morphs[name], k) for part, k in zip(parts, starts[:-1], strict=True) if name in part.morphs]
             if not own:
-                moved.append(Attributes(POSITION=still))
+                moved.append(pygltflib.Attributes(POSITION=still))
                 continue
             rows = np.concatenate([rows + k for (rows, _), k in own])
             moves = metres * np.concatenate([moves for (_, moves), _ in own])
-            moved.append(Attributes(POSITION=self.moves(len(positions), rows, moves)))
-        return Primitive(
+            moved.append(pygltflib.Attributes(POSITION=self.moves(len(positions), rows, moves)))
+        return pygltflib.Primitive(
             attributes=attributes,
             indices=self.array(indices, "SCALAR", _USHORT if small else _UINT, _INDICES),
             material=material,
@@ -190,17 +176,17 @@ class DocumentWriter:
         """The accessor of displacements (count, 3) that are zero but in some rows."""
         values = np.concatenate([np.zeros((min(1, count - len(rows)), 3)), moves]).astype(np.float32)
         corners = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-        accessor = Accessor(byteOffset=None, componentType=_FLOAT, count=count, type="VEC3", **corners)
+        accessor = pygltflib.Accessor(byteOffset=None, componentType=_FLOAT, count=count, type="VEC3", **corners)
         if len(rows):
             order, small = np.argsort(rows), count < 65536
             index, value = (
                 self.view(array)
                 for array in (rows[order].astype(np.uint16 if small else np.uint32), moves[order].astype(np.float32))
             )
-            accessor.sparse = Sparse(
+            accessor.sparse = pygltflib.Sparse(
                 count=len(rows),
-                indices=AccessorSparseIndices(bufferView=index, componentType=_USHORT if small else _UINT),
-                values=AccessorSparseValues(bufferView=value),
+                indices=pygltflib.AccessorSparseIndices(bufferView=index, componentType=_USHORT if small else _UINT),
+                values=pygltflib.AccessorSparseValues(bufferView=value),
             )
         self.gltf.accessors.append(accessor)
         return len(self.gltf.accessors) - 1
@@ -216,16 +202,16 @@ class DocumentWriter:
         """
         animation = self.gltf.animations[0]
         output = self.array(values, {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3"), _FLOAT)
-        animation.samplers.append(AnimationSampler(input=times, output=output, interpolation="LINEAR"))
-        target = AnimationChannelTarget(node=node, path=path)
-        animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+        animation.samplers.append(pygltflib.AnimationSampler(input=times, output=output, interpolation="LINEAR"))
+        target = pygltflib.AnimationChannelTarget(node=node, path=path)
+        animation.channels.append(pygltflib.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
-    def finish(self, name: str, fps: float) -> GLTF2:
+    def finish(self, name: str, fps: float) -> pygltflib.GLTF2:
         """The document, complete; its animation has a name and a frame rate."""
         self.gltf.animations[0].name = name or "signing"
         self.gltf.animations[0].extras = {**(self.gltf.animations[0].extras or {}), FPS_EXTRA: fps}
         self.content += b"\0" * (-len(self.content) % 4)
-        self.gltf.buffers = [Buffer(byteLength=len(self.content))]
+        self.gltf.buffers = [pygltflib.Buffer(byteLength=len(self.content))]
         self.gltf.set_binary_blob(bytes(self.content))
         return self.gltf
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import FormatError, InputError, LimitError
-from signsplice.formats.atomic import write as write_file
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, opened, read_bytes
 from signsplice.motion import Clip, FloatArray, unchecked_copy
 from signsplice.motion.face import ARKIT_CHANNELS, Face
@@ -115,10 +114,8 @@ def _shown(clip: Clip, face: Face, times: FloatArray, name: str, notes: Sequence
     """A clip with a face whose frames are shown at ``times``, seconds, and notes on it."""
     at, end = np.arange(len(clip)) / clip.fps, (len(clip) - 1) / clip.fps
     if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
-        notes = [
-            *notes,
-            f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond",
-        ]
+        line = f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond"
+        notes = [*notes, line]
     sampled = np.stack([_between(at, times, column) for column in face.weights.T], axis=1)
     return unchecked_copy(clip, face=Face(face.channels, sampled), notes=(*clip.notes, *notes))
 
@@ -194,8 +191,3 @@ def encode(clip: Clip) -> bytes:
         code = f"{minutes // 60:02d}:{minutes % 60:02d}:{int(seconds) % 60:02d}:{frame:06.3f}"
         lines.append(",".join((code, str(len(channels) + len(rest)), *(f"{w:.9g}" for w in row), *("0" for _ in rest))))
     return ("\n".join(lines) + "\n").encode()
-
-
-def save_sidecar(clip: Clip, path: str | Path) -> None:
-    """Write a clip's face as NAME.csv beside its NAME.bvh, whole or not at all."""
-    write_file(Path(path).with_suffix(".csv"), encode(clip).decode())

@@ -1,4 +1,4 @@
-"""NumPy archives (``.npz``): the arrays of a clip unchanged, quick to open. Arrays of other files, mapped."""
+"""NumPy archives (``.npz``): the arrays of a clip unchanged, quick to open."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
-from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, stem
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
 from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
@@ -73,8 +73,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
     """The clip in the bytes of an archive that ``encode`` made, or that holds poses of SMPL-X. Raises
     ``InputError``, or what numpy and zipfile raise, for any other.
     """
-    if content.count(_ENTRY) > limits.members:  # before zipfile makes an object of each
-        raise LimitError(f"{content.count(_ENTRY):,} members, expected at most {limits.members:,.0f}", file=file)
+    check_most(content.count(_ENTRY), "members", limits.members, file)  # before zipfile makes an object of each
     with zipfile.ZipFile(BytesIO(content)) as archive:
         unpacked = sum(member.file_size for member in archive.infolist())
         most = min(limits.unpacked_bytes, max(_LEAST_ALLOWED, limits.expansion * len(content)))
@@ -125,15 +124,8 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
         raise InputError("names, end_joints: expected lists of joint names and joint numbers")
     if len(head["end_joints"]) != len(arrays["end_offsets"]):
         raise InputError(f"{len(head['end_joints'])} end sites with {len(arrays['end_offsets'])} offsets")
-    skeleton = Skeleton(
-        names=tuple(head["names"]),
-        parents=arrays["parents"],
-        offsets=arrays["offsets"],
-        end_sites=tuple(
-            EndSite(joint, tip) for joint, tip in zip(head["end_joints"], arrays["end_offsets"], strict=True)
-        ),
-        roles=head["roles"],
-    )
+    sites = tuple(map(EndSite, head["end_joints"], arrays["end_offsets"]))
+    skeleton = Skeleton(tuple(head["names"]), arrays["parents"], arrays["offsets"], sites, head["roles"])
     if not _are([head["fps"]], int, float):
         raise InputError(f"fps {head['fps']!r:.40}, expected a number")
     return Clip(
@@ -181,13 +173,7 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
         raise InputError("channel_offsets: not finite, or others than offsets where no channel replaces them")
     if not _are([head["frame_time"]], int, float):
         raise InputError("frame_time: expected seconds")
-    return Channels(
-        names=tuple(tuple(row) for row in names),
-        values=values,
-        offsets=offsets,
-        frame_time=float(head["frame_time"]),
-        starts=tuple(starts),
-    )
+    return Channels(tuple(map(tuple, names)), values, offsets, float(head["frame_time"]), tuple(starts))
 
 
 def _are(values: Any, *kinds: type) -> bool:

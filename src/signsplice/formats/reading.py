@@ -24,6 +24,12 @@ FRAME_BYTES = 80
 """Memory that a joint takes in a frame while its clip is made: a rotation, a translation, and checks of both."""
 
 
+def check_most(count: float, noun: str, most: float, file: str) -> None:
+    """Raise ``LimitError`` where a file holds more of something than it may."""
+    if count > most:
+        raise LimitError(f"{count:,} {noun}, expected at most {most:,.0f}", file=file)
+
+
 @dataclass(frozen=True)
 class ReadLimits:
     """The limits of everything that reads clips. The defaults pass two hours of 75 joints at 120 fps, 1.8 GB of BVH.
@@ -94,12 +100,7 @@ NO_LIMITS = ReadLimits(**{limit.name: math.inf for limit in fields(ReadLimits)})
 """No limit at all: for files that you trust."""
 
 
-_KINDS = {
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-}
+_KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
 # A pipe that nobody writes to must not block, a terminal must not become ours, Windows must not translate line ends.
 _FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"))
 
@@ -111,8 +112,7 @@ def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) 
     ``LimitError`` where it is larger than ``most_bytes``.
     """
     with opened(path) as (file, size):
-        if size > most_bytes:
-            raise LimitError(f"{size:,} bytes, expected at most {most_bytes:,.0f}", file=str(path))
+        check_most(size, "bytes", most_bytes, str(path))
         content = file.read(size + 1)
     if len(content) > size:
         raise InputError(f"{path}: grows while it is read; try again when it is complete")

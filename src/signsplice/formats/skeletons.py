@@ -42,10 +42,6 @@ def from_json(fields: Any) -> Skeleton:
         check_type(fields[name], kind, name)
     if len(fields["names"]) > DEFAULT_LIMITS.joints:
         raise ValueError(f"{len(fields['names'])} joints, expected at most {DEFAULT_LIMITS.joints:g}")
-    return Skeleton(
-        names=tuple(fields["names"]),
-        parents=np.array(fields["parents"], np.intp),
-        offsets=np.array(fields["offsets"], np.float64).reshape(-1, 3),
-        end_sites=tuple(EndSite(joint, np.array(offset, np.float64)) for joint, offset in fields["end_sites"]),
-        roles=fields["roles"],
-    )
+    parents, offsets = np.array(fields["parents"], np.intp), np.array(fields["offsets"], np.float64).reshape(-1, 3)
+    sites = tuple(EndSite(joint, np.array(offset, np.float64)) for joint, offset in fields["end_sites"])
+    return Skeleton(tuple(fields["names"]), parents, offsets, sites, fields["roles"])

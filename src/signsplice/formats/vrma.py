@@ -6,8 +6,6 @@ The file holds no mesh and no eyes, which the format leaves to look-at; a face i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from pygltflib import GLTF2
 
@@ -18,7 +16,7 @@ from signsplice.formats.gltf_document import VRM_ANIMATION
 from signsplice.formats.gltf_face import write_expressions, write_look_at
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
-from signsplice.motion import Clip, Skeleton, kinematics, rotation
+from signsplice.motion import Clip, kinematics, rotation
 from signsplice.motion.face import LookAt, has_gaze
 from signsplice.rig.info import rig_info
 
@@ -63,15 +61,20 @@ def document(clip: Clip) -> GLTF2:
     nodes = {role: writer.node(role) for role in bones}
     writer.scene(nodes["hips"])
     times = writer.times(clip)
-    column = {role: k for k, role in enumerate(bones)}
+    column, role_of = {role: k for k, role in enumerate(bones)}, {joint: role for role, joint in bones.items()}
     for role, joint in bones.items():
-        parent = _parent_role(clip.skeleton, joint, bones)
+        above = kinematics.path_to_root(clip.skeleton, joint)[1:]
+        parent = next((role_of[k] for k in above if k in role_of), None)
         local = from_t_pose[:, column[role]]
         node = writer.gltf.nodes[nodes[role]]
         if parent is None:
             feet = [rest[bones[foot], 1] for foot in ("leftFoot", "rightFoot") if foot in bones]
             # Players measure an avatar by the height of its hips: a body without feet gets them at the usual height.
-            height = rest[hips, 1] - np.mean(feet) + sole_depth(clip.skeleton) if feet else _usual_hips(clip.skeleton)
+            height = (
+                rest[hips, 1] - np.mean(feet) + sole_depth(clip.skeleton)
+                if feet
+                else _HIPS_HEIGHT * (rig.sizes.stature or 1.0 / metres)
+            )
             lift = 0.0 if feet else height
             node.translation = [0.0, metres * float(height), 0.0]
             writer.channel(nodes[role], "translation", times, metres * (positions[:, column[role]] + [0.0, lift, 0.0]))
@@ -91,15 +94,3 @@ def document(clip: Clip) -> GLTF2:
     writer.gltf.extensionsUsed.append(VRM_ANIMATION)
     writer.gltf.extensions[VRM_ANIMATION] = extension
     return writer.finish(clip.name, clip.fps)
-
-
-def _usual_hips(skeleton: Skeleton) -> float:
-    """Height of the hips of an average body, clip units; for a stature of 1 m where a skeleton has none."""
-    sizes = rig_info(skeleton).sizes
-    return _HIPS_HEIGHT * (sizes.stature or 1.0 / sizes.unit.metres)
-
-
-def _parent_role(skeleton: Skeleton, joint: int, bones: Mapping[str, int]) -> str | None:
-    """The role of the nearest joint above that has one, None where there is none."""
-    role_of = {number: role for role, number in bones.items()}
-    return next((role_of[k] for k in kinematics.path_to_root(skeleton, joint)[1:] if k in role_of), None)

@@ -123,7 +123,11 @@ def build(
     check_target(output)
     given = [inputs] if isinstance(inputs, (str, Path)) else [*inputs]
     written = [path for path in given if is_written(path)]
-    folders = [path for path in given if path not in written or _has_clips(Path(path))]
+    folders = [
+        path
+        for path in given
+        if path not in written or any(file.suffix.lower() in READ_SUFFIXES for file in Path(path).rglob("*"))
+    ]
     form = "int16" if compact else "float32"
     signs, refused = _read_written(written, lenient)
     files, left_out = gather(folders, output, recipe, signer)
@@ -230,10 +234,6 @@ def is_written(path: str | Path) -> bool:
     from signsplice.written.files import SUFFIXES
 
     return path.suffix.lower() in SUFFIXES
-
-
-def _has_clips(path: Path) -> bool:
-    return path.is_dir() and any(file.suffix.lower() in READ_SUFFIXES for file in path.rglob("*"))
 
 
 def _read_written(paths: Sequence[str | Path], lenient: bool) -> tuple[list[WrittenSign], list[str]]:

@@ -20,13 +20,13 @@ from __future__ import annotations
 import hashlib
 import struct
 import zlib
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.lexicon.gloss import Entry
 from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 
@@ -45,21 +45,6 @@ _LENGTH_TOLERANCE = 2e-4
 """Rounding changes a quaternion's length by less than this; a larger change is damage."""
 
 
-@dataclass(frozen=True)
-class Shape:
-    """What must be known to decode a clip's bytes.
-
-    form: one of ``FORMS``.
-    n_frames, n_joints: of the clip.
-    has_translations: whether bone lengths change.
-    """
-
-    form: str
-    n_frames: int
-    n_joints: int
-    has_translations: bool
-
-
 def encode(clip: Clip, form: str) -> bytes:
     """The bytes of a clip's motion in one of ``FORMS``. Raises ``InputError`` where a position exceeds float32."""
     rotations = clip.local_rotations / np.linalg.norm(clip.local_rotations, axis=-1, keepdims=True)
@@ -76,13 +61,12 @@ def encode(clip: Clip, form: str) -> bytes:
         varying = track[:, changes]
         parts.append(track[0, ~changes].tobytes())
         parts.append(_compressed(varying) if varying.dtype.kind == "i" else varying.tobytes())
-    return _padded(b"".join(parts)) + (b"" if clip.face is None else _face_bytes(clip.face))
-
-
-def _face_bytes(face: Face) -> bytes:
-    channels = tuple(name for name in ARKIT_CHANNELS if name in face.channels)
-    bits = sum(1 << k for k, name in enumerate(ARKIT_CHANNELS) if name in channels)
-    return _padded(struct.pack("<Q", bits) + face.of(channels).astype("<f4").tobytes())
+    block = _padded(b"".join(parts))
+    if clip.face is not None:
+        channels = tuple(name for name in ARKIT_CHANNELS if name in clip.face.channels)
+        bits = sum(1 << k for k, name in enumerate(ARKIT_CHANNELS) if name in channels)
+        block += _padded(struct.pack("<Q", bits) + clip.face.of(channels).astype("<f4").tobytes())
+    return block
 
 
 def _face(block: Buffer, n_frames: int, at: int) -> Face | None:
@@ -98,17 +82,20 @@ def _face(block: Buffer, n_frames: int, at: int) -> Face | None:
     return Face(channels, weights.reshape(n_frames, len(channels)).astype(np.float64))
 
 
-def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: str) -> Clip:
-    """The clip that was encoded in these bytes. Raises ``InputError`` where they are damaged or of another shape."""
-    widths = [shape.n_joints, 1, shape.n_joints][: 3 if shape.has_translations else 2]
+def decode(block: Buffer, form: str, has_translations: bool, skeleton: Skeleton, entry: Entry) -> Clip:
+    """The clip of an entry that was encoded in these bytes in one of ``FORMS``; ``has_translations``: whether bone
+    lengths change. Raises ``InputError`` where they are damaged or of another shape.
+    """
+    n_frames = entry.n_frames
+    widths = [len(skeleton), 1, len(skeleton)][: 3 if has_translations else 2]
     if len(block) < sum(widths):
         raise InputError("its frames end early")
     marks = np.frombuffer(block, np.uint8, sum(widths))
     if np.any(marks > 1):
         raise InputError("its frames are not where the index says")
     changing = np.split(marks.astype(bool), np.cumsum(widths)[:-1])
-    _check_memory(shape.n_frames, changing, len(block))
-    types = [np.dtype("<i2" if shape.form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
+    _check_memory(n_frames, changing, len(block))
+    types = [np.dtype("<i2" if form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
     at = _aligned(sum(widths))
     tracks: list[FloatArray] = []
     for changes, n_parts, dtype in zip(changing, (4, 3, 3), types, strict=False):
@@ -116,19 +103,19 @@ def decode(block: Buffer, shape: Shape, skeleton: Skeleton, fps: float, name: st
         n_constant = len(changes) - n_changing
         constant = _validated(_numbers(block, dtype, n_parts * n_constant, at).reshape(n_constant, n_parts))
         at += constant.size * dtype.itemsize
-        count = shape.n_frames * n_changing * n_parts
+        count = n_frames * n_changing * n_parts
         if dtype.kind == "i":
-            numbers, size = _decompressed(block, shape.n_frames, count, at)
+            numbers, size = _decompressed(block, n_frames, count, at)
         else:
             numbers, size = _numbers(block, dtype, count, at), count * dtype.itemsize
-        varying = _validated(numbers.reshape(shape.n_frames, n_changing, n_parts))
+        varying = _validated(numbers.reshape(n_frames, n_changing, n_parts))
         at += size
-        track = np.empty((shape.n_frames, len(changes), n_parts))
+        track = np.empty((n_frames, len(changes), n_parts))
         track[:, ~changes] = constant
         track[:, changes] = varying
         tracks.append(track)
-    face, bones = _face(block, shape.n_frames, _aligned(at)), tracks[2] if shape.has_translations else None
-    return Clip(skeleton, tracks[0], tracks[1][:, 0], fps, name, bones, face=face)
+    face, bones = _face(block, n_frames, _aligned(at)), tracks[2] if has_translations else None
+    return Clip(skeleton, tracks[0], tracks[1][:, 0], entry.fps, entry.gloss, bones, face=face)
 
 
 def _check_memory(n_frames: int, changing: list[NDArray[np.bool_]], n_bytes: int) -> None:

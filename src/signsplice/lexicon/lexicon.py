@@ -34,7 +34,7 @@ _N_KEPT = 64
 
 
 class Source(Protocol):
-    """What a lexicon asks of a source of words.
+    """What a lexicon asks of a source of words. Those that inherit from it list no words, and store nothing.
 
     path: its folder or file.
     where: as messages name it; empty where they do not.
@@ -52,24 +52,31 @@ class Source(Protocol):
 
     def lists(self, name: str) -> bool:
         """Whether it is the gloss or a synonym of a word in ``entries``."""
+        return False
 
     def names(self) -> list[tuple[str, str, bool]]:
         """(folded, shown, is a gloss) of every gloss and synonym in ``entries``."""
+        return []
 
     def entries(self) -> Iterator[Entry]:
         """The entries of the words that are listed, sorted by gloss."""
+        return iter(())
 
     def faults(self, progress: Progress | None = None) -> Iterator[str]:
         """What is damaged, one line each."""
+        return iter(())
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
         """What a user should know about the words, one line each."""
+        return iter(())
 
     def verify(self) -> None:
         """Raise ``InputError`` where something is damaged."""
+        return
 
     def close(self) -> None:
         """Close what is open."""
+        return
 
 
 class Lexicon:
@@ -237,7 +244,7 @@ class Lexicon:
 SignT = TypeVar("SignT", bound="Sign | WrittenSign")
 
 
-class SignedWords(Generic[SignT]):
+class SignedWords(Source, Generic[SignT]):
     """A source whose words the synthetic signer makes when they are asked for. It lists none and stores nothing.
 
     path, where, form, n_bytes: as of ``Source``.
@@ -270,30 +277,6 @@ class SignedWords(Generic[SignT]):
 
         clip, signer, source = self.make_clip(sign)
         return prepare(clip, "float32").entry(gloss_of(sign.gloss), "sign", (), signer, source), clip
-
-    def lists(self, name: str) -> bool:
-        """Whether a word is listed: never."""
-        return False
-
-    def names(self) -> list[tuple[str, str, bool]]:
-        """The names that are listed: none."""
-        return []
-
-    def entries(self) -> Iterator[Entry]:
-        """The entries that are listed: none."""
-        return iter(())
-
-    def faults(self, progress: Progress | None = None) -> Iterator[str]:
-        """What is damaged: nothing."""
-        return iter(())
-
-    warnings = faults
-
-    def verify(self) -> None:
-        """Does nothing."""
-
-    def close(self) -> None:
-        """Does nothing."""
 
 
 class FormsOfSigns(SignedWords["Sign"]):

@@ -299,12 +299,8 @@ def find_word_files(folder: str | Path, signer: str = "", table: str | Path = ""
     for name, path in files.items():
         for row in by_file.pop(name, [] if table else [GlossRow(name)]):
             try:
-                named = replace(
-                    row,
-                    gloss=row.gloss or gloss_of(path.stem),
-                    signer=row.signer or signer,
-                    source=row.source or row.file,
-                )
+                gloss = row.gloss or gloss_of(path.stem)
+                named = replace(row, gloss=gloss, signer=row.signer or signer, source=row.source or row.file)
             except InputError as error:
                 faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
                 continue

@@ -27,7 +27,7 @@ from signsplice.errors import InputError
 from signsplice.formats import skeletons
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import opened
-from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, Shape, decode, fingerprint
+from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, decode, fingerprint
 from signsplice.lexicon.gloss import KINDS, Entry, fold
 from signsplice.motion import Clip, Skeleton
 from signsplice.progress import Progress
@@ -146,14 +146,12 @@ class Index:
             _check_types(self.head)
             if self.head.n_words < 1:
                 raise InputError(f"{path}: {self.head.n_words} words, expected at least one; {REBUILD}")
-        except (IndexError, TypeError) as error:
+        except BaseException as error:
             self.close()
-            raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
-        except (OSError, sqlite3.Error) as error:
-            self.close()
-            raise InputError(f"{path}: cannot be opened ({error}); {REBUILD}") from error
-        except BaseException:
-            self.close()
+            if isinstance(error, IndexError | TypeError):
+                raise InputError(f"{path}: is damaged (no head); {REBUILD}") from error
+            if isinstance(error, OSError | sqlite3.Error):
+                raise InputError(f"{path}: cannot be opened ({error}); {REBUILD}") from error
             raise
 
     def _step(self) -> bool:
@@ -362,8 +360,7 @@ class StoredWords:
         block = self._block(location)
         try:
             skeleton, _ = self._skeleton(location.skeleton)
-            shape = Shape(self.form, entry.n_frames, len(skeleton), location.has_translations)
-            clip = decode(block, shape, skeleton, entry.fps, entry.gloss)
+            clip = decode(block, self.form, location.has_translations, skeleton, entry)
         except Exception as error:  # of whatever damaged bytes make of a clip
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error

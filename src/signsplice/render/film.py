@@ -55,14 +55,18 @@ def write_pictures(
         raise InputError(f"size {size} for {suffix}: expected even width and height from 64, for .gif and .mp4 only")
     if not 0 <= crf <= 51:
         raise InputError(f"crf {crf}, expected 0 (loses nothing) to 51")
-    scene = make_scene(clip, view)
+    scene, is_gif = make_scene(clip, view), suffix == ".gif"
     with replacing(path) as temporary:
         if suffix == ".png":
             write_sheet(clip, scene, temporary, marks, progress)
-        elif suffix == ".gif":
-            _write_gif(clip, scene, temporary, marks, progress, size or GIF_SIZE)
+            return
+        frames, delays = gif_timing(len(clip), clip.fps) if is_gif else ([*range(len(clip))], [])
+        size = size or (GIF_SIZE if is_gif else MP4_SIZE)
+        pages = _pictures(clip, scene, size, counted(frames, progress), marks)
+        if is_gif:
+            _write_gif(pages, delays, temporary)
         else:
-            _write_mp4(clip, scene, temporary, marks, progress, size or MP4_SIZE, crf)
+            _write_mp4(pages, size, clip.fps, crf, temporary)
 
 
 def _pictures(
@@ -91,27 +95,16 @@ def _pictures(
         yield page
 
 
-def _write_gif(
-    clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None, size: tuple[int, int]
-) -> None:
-    frames, delays = gif_timing(len(clip), clip.fps)
-    pages: list[Any] = []
-    image_ = pillow("Image")
-    palette: Any = None
-    for page in _pictures(clip, scene, size, counted(frames, progress), marks):
-        if palette is None:
-            palette = page.quantize(colors=_N_FREE, method=image_.Quantize.MEDIANCUT)
-            palette = _with_colours(palette)
-        pages.append(page.quantize(palette=palette, dither=image_.Dither.NONE))
-    pages[0].save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=pages[1:],
-        duration=[10 * d for d in delays],
-        loop=0,
-        optimize=False,
-    )
+def _write_gif(pages: Iterator[Any], delays: Sequence[int], path: Path) -> None:
+    """Write pictures as a film, each shown for so many hundredths of a second."""
+    image_, palette = pillow("Image"), None
+    drawn: list[Any] = []
+    for page in pages:
+        palette = palette or _with_colours(page.quantize(colors=_N_FREE, method=image_.Quantize.MEDIANCUT))
+        drawn.append(page.quantize(palette=palette, dither=image_.Dither.NONE))
+    milliseconds = [10 * delay for delay in delays]
+    more = {"append_images": drawn[1:], "duration": milliseconds, "loop": 0, "optimize": False}
+    drawn[0].save(path, format="GIF", save_all=True, **more)
 
 
 def _with_colours(palette: Any) -> Any:
@@ -139,25 +132,18 @@ def gif_timing(n_frames: int, fps: float) -> tuple[list[int], list[int]]:
     return starts.tolist(), np.maximum(np.diff(hundredths), 1).tolist()
 
 
-def _write_mp4(
-    clip: Clip,
-    scene: Scene,
-    path: Path,
-    marks: Sequence[Mark],
-    progress: Progress | None,
-    size: tuple[int, int],
-    crf: int,
-) -> None:
+def _write_mp4(pages: Iterator[Any], size: tuple[int, int], fps: float, crf: int, path: Path) -> None:
+    """Write pictures of a size as a film by ffmpeg."""
     command = [
         *(find_ffmpeg(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
-        *("-s", f"{size[0]}x{size[1]}", "-r", f"{clip.fps:.6f}", "-i", "-", "-an"),
+        *("-s", f"{size[0]}x{size[1]}", "-r", f"{fps:.6f}", "-i", "-", "-an"),
         *("-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", str(crf)),
         *("-movflags", "+faststart", "-f", "mp4", str(path)),
     ]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdin is not None
     try:
-        for page in _pictures(clip, scene, size, counted(range(len(clip)), progress), marks):
+        for page in pages:
             process.stdin.write(page.tobytes())
         _, errors = process.communicate()
     except BrokenPipeError:

@@ -217,7 +217,15 @@ def draw(scene: Scene, frame: int, width: int, height: int, hand: str | None = N
     """One frame as an image (H, W, 3), 0..255; the scene's window fills it as far as it fits. ``hand``: "left" or
     "right", to draw that hand alone.
     """
-    return _draw_window(scene, frame, width, height, *_fitted(scene, width, height), hand)
+    centre, scale = _fitted(scene, width, height)
+    canvas, zoom, skin = Canvas(2 * width, 2 * height), 2.0 * scale, scene.skin
+    points, normals = posed(scene, frame)
+    points = (points - np.array([*centre, 0.0], np.float32)) * np.float32(zoom)
+    points += np.array([width, height, 0.0], np.float32)
+    shown = slice(None) if hand is None else np.flatnonzero(skin.hands == hand)
+    canvas.mesh(points, lit(normals), skin.triangles[shown], skin.tints[shown], skin.groups[shown])
+    middle, near = scene.depths
+    return canvas.finish(step=0.010 * zoom, near=near * zoom, far=(middle - 0.1) * zoom)
 
 
 def _fitted(scene: Scene, width: int, height: int) -> tuple[tuple[float, float], float]:
@@ -248,22 +256,6 @@ def dotted(image: Image, scene: Scene, points: FloatArray, colour: tuple[int, in
     out = image.copy()
     out[(np.hypot(columns - x, rows - y) <= radius).any(axis=0)] = colour
     return out
-
-
-def _draw_window(
-    scene: Scene, frame: int, width: int, height: int, centre: tuple[float, float], scale: float, hand: str | None
-) -> Image:
-    """The scene around ``centre``, with ``scale`` pixels a stature; only the "left" or "right" ``hand``, or all."""
-    canvas = Canvas(2 * width, 2 * height)
-    zoom = 2.0 * scale
-    skin = scene.skin
-    points, normals = posed(scene, frame)
-    points = (points - np.array([*centre, 0.0], np.float32)) * np.float32(zoom)
-    points += np.array([width, height, 0.0], np.float32)
-    shown = slice(None) if hand is None else np.flatnonzero(skin.hands == hand)
-    canvas.mesh(points, lit(normals), skin.triangles[shown], skin.tints[shown], skin.groups[shown])
-    middle, near = scene.depths
-    return canvas.finish(step=0.010 * zoom, near=near * zoom, far=(middle - 0.1) * zoom)
 
 
 def posed(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:

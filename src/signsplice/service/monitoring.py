@@ -62,30 +62,26 @@ def quieten() -> None:
 
 
 _SECONDS = (0.01, 0.025, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0)
+_LATE_SECONDS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 
 class Metrics:
     """The counters of one service, in their own registry."""
 
     def __init__(self, waiting: Callable[[], int], lost: Callable[[], int]) -> None:
-        self.registry = CollectorRegistry()
-        self.requests = Counter(
-            "signsplice_requests", "Requests answered.", ("route", "method", "status"), registry=self.registry
-        )
+        registry = self.registry = CollectorRegistry()
+        labels = ("route", "method", "status")
+        self.requests = Counter("signsplice_requests", "Requests answered.", labels, registry=registry)
         self.seconds = Histogram(
-            "signsplice_request_seconds", "Time to an answer.", ("route",), buckets=_SECONDS, registry=self.registry
+            "signsplice_request_seconds", "Time to an answer.", labels[:1], buckets=_SECONDS, registry=registry
         )
-        self.streams = Gauge("signsplice_streams", "Open streams.", registry=self.registry)
-        self.words = Counter("signsplice_stream_words", "Words of streams that were signed.", registry=self.registry)
-        self.frames = Counter("signsplice_stream_frames", "Frames that streams sent.", registry=self.registry)
-        self.late = Histogram(
-            "signsplice_stream_late_seconds",
-            "Delay of a paced frame after the time when it was due.",
-            buckets=(0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0),
-            registry=self.registry,
-        )
-        Gauge("signsplice_jobs", "Jobs that run or wait.", registry=self.registry).set_function(waiting)
-        Gauge("signsplice_workers_lost", "Worker processes replaced.", registry=self.registry).set_function(lost)
+        self.streams = Gauge("signsplice_streams", "Open streams.", registry=registry)
+        self.words = Counter("signsplice_stream_words", "Words of streams that were signed.", registry=registry)
+        self.frames = Counter("signsplice_stream_frames", "Frames that streams sent.", registry=registry)
+        late = "Delay of a paced frame after the time when it was due."
+        self.late = Histogram("signsplice_stream_late_seconds", late, buckets=_LATE_SECONDS, registry=registry)
+        Gauge("signsplice_jobs", "Jobs that run or wait.", registry=registry).set_function(waiting)
+        Gauge("signsplice_workers_lost", "Worker processes replaced.", registry=registry).set_function(lost)
 
     def text(self) -> bytes:
         """All counters in Prometheus' text format."""

@@ -38,21 +38,12 @@ _CHECK_SECONDS = 0.5
 
 class UnreadWatch:
     """Closes a connection whose client reads nothing of an answer within ``idle_seconds``, or not all of it within
-    ``body_seconds``.
-
-    of_clients: how many connections of each client have an answer that it has not read.
+    ``body_seconds``. Whether one has is counted in the protocol's ``n_unread``.
     """
 
-    def __init__(
-        self,
-        transport: asyncio.Transport,
-        loop: asyncio.AbstractEventLoop,
-        client: str,
-        of_clients: Counter[str],
-        settings: Settings,
-    ) -> None:
-        self._transport, self._loop, self._settings = transport, loop, settings
-        self._client, self._of_clients = client, of_clients
+    def __init__(self, protocol: LimitedHttpProtocol) -> None:
+        self._transport, self._loop, self._settings = protocol.transport, protocol.loop, protocol.settings
+        self._client, self._of_clients = protocol.client_name, protocol.n_unread
         self._check: asyncio.TimerHandle | None = None
         self._n_bytes, self._since, self._last_read = 0, 0.0, 0.0
 
@@ -153,7 +144,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
         """Start the clock, or refuse a connection too many."""
         super().connection_made(transport)
         self.client_name = client_of(self.client[0] if self.client else None)
-        self.unread = UnreadWatch(transport, self.loop, self.client_name, self.n_unread, self.settings)
+        self.unread = UnreadWatch(self)
         self._start_clock(self.settings.head_seconds)
         if len(self.connections) > self.settings.max_connections:
             for other in list(self.connections):
@@ -195,13 +186,8 @@ class LimitedHttpProtocol(HttpToolsProtocol):
             self._n_bytes += len(piece)
             super().data_received(piece)
             if self._n_bytes > limit:
-                self._answer(*self._too_large())
-
-    def _too_large(self) -> tuple[HTTPStatus, str]:
-        limit = self.settings.max_head_bytes
-        return HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, (
-            f"the head or the trailer of the request, or the framing of its chunks, is longer than {limit} bytes"
-        )
+                what = "the head or the trailer of the request, or the framing of its chunks,"
+                self._answer(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, f"{what} is longer than {limit} bytes")
 
     # what the parser calls
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.body.capsules import BodyCapsules, body_capsules
+from signsplice.body.capsules import body_capsules
 from signsplice.body.retarget import signing
 from signsplice.errors import InputError
 from signsplice.formats import FORMATS, glb
@@ -22,6 +22,7 @@ from signsplice.service.wire import FORMAT_NAMES, FRAMES_HEADER, FRAMES_MAGIC, F
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
 
+Rows = Sequence[Mapping[str, Any]]
 _FILM_FPS, _FILM_SIZE = 12.5, (320, 320)
 """Of a film, whose every frame takes a worker some 40 ms to draw."""
 
@@ -38,13 +39,6 @@ def encode(clip: Clip, form: Format, mesh: bool = True, whole_face: bool = False
     return glb.encode(clip, mesh, whole_face) if form == "glb" else encode_file(clip, f"clip.{form}")
 
 
-def from_result(
-    result: SpliceResult, formats: Sequence[Format], units: Sequence[Mapping[str, Any]] = (), **glb_has: bool
-) -> dict[str, Any]:
-    """A splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read. ``glb_has``: as ``encode`` has."""
-    return _scene(result.clip, reports.describe(result), formats, units, **glb_has)
-
-
 def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format]) -> dict[str, Any]:
     """A clip from a file as ``wire.Spliced``. ``report``: of the splice that made it; None for one sign."""
     if report is None:
@@ -52,16 +46,15 @@ def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Fo
         spans = (Span("sign", 0, clip.name, whole, whole),)
         unspliced = SpliceResult(clip, spans, (), (), cutter="", transition="", timing_ms={})
         report = {**reports.describe(unspliced), "timing_ms": {}}
-    return _scene(clip, report, formats)
+    return spliced(clip, report, formats)
 
 
-def _scene(
-    clip: Clip,
-    report: Mapping[str, Any],
-    formats: Sequence[Format],
-    units: Sequence[Mapping[str, Any]] = (),
-    **glb_has: bool,
+def spliced(
+    clip: Clip, report: Mapping[str, Any], formats: Sequence[Format], units: Rows = (), **glb_has: bool
 ) -> dict[str, Any]:
+    """A clip and the report of its splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read.
+    ``glb_has``: as ``encode`` has.
+    """
     files: Files = dict.fromkeys(FORMAT_NAMES)
     warnings = list(report["warnings"])
     for form in formats:
@@ -134,10 +127,13 @@ def fit_source(clip: Clip) -> dict[str, Any] | None:
 
 
 def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
-    """The capsules of head, trunk, arms and hands as ``wire.FitCapsule``."""
+    """The capsules that hands may touch, of head, trunk, arms and hands, as ``wire.FitCapsule``."""
     info, body = rig_info(skeleton), body_capsules(skeleton)
     metres, rest, role_of = info.sizes.unit.metres, info.t_pose, info.roles.role_of
-    regions, found = _regions(body), []
+    groups, found = body.groups, []
+    regions = dict.fromkeys(groups.head, "head") | dict.fromkeys(groups.trunk, "trunk")
+    regions |= dict.fromkeys((*groups.left, *groups.right), "hand")
+    regions |= {row: _ARM_REGIONS[part] for row, part in enumerate(body.parts) if part in _ARM_REGIONS}
     for row, region in sorted(regions.items()):
         joint = int(body.joints[row])
         bone = next((k for k in kinematics.path_to_root(skeleton, joint) if k in role_of), info.roles.joints["hips"])
@@ -148,12 +144,3 @@ def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
             "start": start, "end": end, "radii": np.round(metres * body.radii[row], 6).tolist(),
         })  # fmt: skip
     return found
-
-
-def _regions(body: BodyCapsules) -> dict[int, str]:
-    """Row of a capsule -> the part of the body that it is of, for those that hands may touch."""
-    groups = body.groups
-    regions = dict.fromkeys(groups.head, "head") | dict.fromkeys(groups.trunk, "trunk")
-    regions |= dict.fromkeys((*groups.left, *groups.right), "hand")
-    arms = {row: _ARM_REGIONS[part] for row, part in enumerate(body.parts) if part in _ARM_REGIONS}
-    return regions | arms

@@ -110,15 +110,14 @@ class Settings:
             raise InputError("two avatars have one name; rename a file")
         if not 0 <= self.port < 65536:
             raise InputError(f"port {self.port}, expected 0 to 65535")
-        for proxy in self.proxies:
-            if not _is_address(proxy):
-                raise InputError(f"proxy {proxy!r}, expected an IP address")
-        for origin in self.allowed_origins:
-            if not _ORIGIN.fullmatch(origin):
-                raise InputError(f"origin {origin!r}, expected scheme://host or scheme://host:port")
-        for origin in self.allowed_embedders:
-            if not _EMBEDDER.fullmatch(origin):
-                raise InputError(f"embedder {origin!r}, expected http(s)://host or http(s)://host:port")
+        for what, values, is_valid, expected in (
+            ("proxy", self.proxies, _is_address, "an IP address"),
+            ("origin", self.allowed_origins, _ORIGIN.fullmatch, "scheme://host or scheme://host:port"),
+            ("embedder", self.allowed_embedders, _EMBEDDER.fullmatch, "http(s)://host or http(s)://host:port"),
+        ):
+            for value in values:
+                if not is_valid(value):
+                    raise InputError(f"{what} {value!r}, expected {expected}")
         if self.worker_bytes < _LEAST_WORKER_BYTES:
             raise InputError(f"worker_bytes is {self.worker_bytes}, expected at least {_LEAST_WORKER_BYTES} (256 MiB)")
         if self.n_workers < 0:

@@ -66,7 +66,7 @@ else:
     Remade = json_type(result.Remade)
     Pause = json_type(result.Pause)
     Span = json_type(engine.Span)
-    SeamScore = json_type(seam.SeamScore, "SeamScore")
+    SeamScore = json_type(seam.SeamScore, "Seam")
     ReachedTempo = json_type(result.ReachedTempo)
     Format = Literal[FORMAT_NAMES]
     AnswerFile = Literal[(*FORMAT_NAMES, *PICTURES)]

@@ -23,6 +23,7 @@ from signsplice.motion import Clip
 from signsplice.service import scene, wire
 from signsplice.service.settings import Settings
 from signsplice.splicing import options as methods
+from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, onto_avatar, splice
 from signsplice.splicing.faces import RULES
 from signsplice.splicing.report import plain
@@ -172,10 +173,13 @@ def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
     yield from signing.clips(content, name, most)
 
 
+Requested = wire.SentenceRequest | wire.SpliceRequest
+
+
 def _answer(
     words: list[Word],
-    request: wire.SentenceRequest | wire.SpliceRequest,
-    file: wire.AnswerFile | None,
+    request: Requested,
+    file: str | None,
     units: Sequence[SentenceToken],
     avatar: Avatar | None = None,
 ) -> Answer:
@@ -193,8 +197,8 @@ def _answer(
         if file in wire.PICTURES:
             return Answer(scene.picture(result, file), f"image/{file}", name)
         return Answer(scene.encode(result.clip, file, **glb_has), scene.media_type(file), name)
-    spliced = scene.from_result(result, request.formats, [asdict(unit) for unit in units], **glb_has)
-    return Answer(scene.to_json(spliced))
+    rows = [asdict(unit) for unit in units]
+    return Answer(scene.to_json(scene.spliced(result.clip, reports.describe(result), request.formats, rows, **glb_has)))
 
 
 def options(dials: wire.Dials) -> SpliceOptions:

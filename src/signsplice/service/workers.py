@@ -158,14 +158,14 @@ class WorkerProcess:
     async def _within_work_time(
         self, answer: asyncio.Future[tuple[bool, Any]], request: tuple[Callable[..., Any], tuple[object, ...]]
     ) -> tuple[bool, Any]:
-        work_time = WorkTime(self.pid)
+        work_seconds = _work_clock(self.pid)
         try:
             await asyncio.to_thread(self._pipe.send, request)  # in a thread, since uploads are long
         except OSError:
             self.kill()
             raise _not_started() from None
         while not (await asyncio.wait({answer}, timeout=_CHECK_SECONDS))[0]:
-            if work_time.seconds() > self._settings.work_seconds:
+            if work_seconds() > self._settings.work_seconds:
                 self.kill()
                 limit = self._settings.work_seconds
                 raise InputError(f"took more than {limit:g} s of work; send less, or shorter clips")
@@ -197,24 +197,16 @@ def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
             pipe.send(answer)
 
 
-class WorkTime:
-    """Seconds that a process has worked since this object was made.
+def _work_clock(pid: int) -> Callable[[], float]:
+    """A function that gives the seconds that a process has worked since this call; 0 once the process has ended.
 
     On Linux this is processor time, of all threads together: other processes that keep the
     processors busy do not count. Elsewhere it is wall-clock time.
     """
-
-    def __init__(self, pid: int) -> None:
-        self._pid = pid
-        self._processor_start = _processor_seconds(pid)
-        self._wall_start = time.monotonic()
-
-    def seconds(self) -> float:
-        """The time so far; 0 once the process has ended."""
-        if self._processor_start is None:
-            return time.monotonic() - self._wall_start
-        now = _processor_seconds(self._pid)
-        return 0.0 if now is None else now - self._processor_start
+    start, wall_start = _processor_seconds(pid), time.monotonic()
+    if start is None:
+        return lambda: time.monotonic() - wall_start
+    return lambda: (_processor_seconds(pid) or start) - start
 
 
 def _processor_seconds(pid: int) -> float | None:

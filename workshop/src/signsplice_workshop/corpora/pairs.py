@@ -59,6 +59,13 @@ KINDS = ("rotations", "roots", "positions")
 FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") for kind in KINDS))
 
 
+def _mapped(path: Path) -> NDArray[Any]:
+    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``opened`` does, or it is none."""
+    with opened(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
+        array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
+    return array
+
+
 class Pairs:
     """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words go by number; ``len`` counts the pairs.
 
@@ -80,9 +87,9 @@ class Pairs:
         try:
             self.head: dict[str, Any] = parse_json(read_bytes(head), str(head), "a corpus of pairs")
             check_type(self.head, dict[str, Any], HEAD)
-            self.index = mapped_array(self.folder / "pairs.npy")
-            self.words = {k: mapped_array(self.folder / f"word_{k}.npy") for k in KINDS}
-            self.new = {k: mapped_array(self.folder / f"new_{k}.npy") for k in KINDS}
+            self.index = _mapped(self.folder / "pairs.npy")
+            self.words = {k: _mapped(self.folder / f"word_{k}.npy") for k in KINDS}
+            self.new = {k: _mapped(self.folder / f"new_{k}.npy") for k in KINDS}
             self.truth_kind = str(self.head.get("truth", "partner"))
             self.signers = tuple(read_signer(row) for row in self.head.get("signers", []))
             self.by_partner = not self.signers or truth.by_partner(self.truth_kind)
