@@ -206,12 +206,11 @@ def _use_signs(signs: Any) -> None:
 
 def _use_report(read: Any) -> None:
     """What `view` and `render` make of a report."""
-    from signsplice.cli.files import _spans_of
     from signsplice.render.sheet import Mark, caption, sheet_frames
 
     shown = scene.from_clip(clip(), read, ())
     json.dumps(reports.plain({"scenes": [shown], "live": False}), allow_nan=False).encode()
-    marks = [Mark(*span) for span in _spans_of(read)]
+    marks = [Mark(span["kind"], span["name"] or "", *span["output"]) for span in read["spans"]]
     for frame in sheet_frames(N_REPORTED, marks):
         caption(marks, frame)[0].encode()
 

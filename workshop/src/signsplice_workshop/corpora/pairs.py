@@ -506,10 +506,3 @@ def draw_splits(seed: int, n_words: int, pairs: Sequence[tuple[int, int, int]]) 
 def read_signer(row: Mapping[str, Any]) -> Signer:
     """The signer whose fields stand in a row of JSON; one without a manner moves plainly."""
     return Signer(**{**row, "manner": Manner(**row.get("manner", {}))})
-
-
-def mapped_array(path: str | Path) -> NDArray[Any]:
-    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``opened`` does, or it is none."""
-    with opened(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
-        array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
-    return array
