@@ -45,8 +45,8 @@ FLOORS = {
 """Imports run down only. What is not named here (the command line, the demo) lies on top of the product."""
 
 SPLICING = (
-    "contracts", "durations", "runtime", "bundle", "word_features", "gap_features", "cutters", "curves", "learned",
-    "word", "seam", "collisions", "passes", "tempo", "letters", "idle_hands", "pauses", "result", "faces", "systems",
+    "contracts", "durations", "runtime", "bundle", "features", "cutters", "curves", "learned", "word",
+    "seam", "collisions", "passes", "tempo", "letters", "idle_hands", "pauses", "result", "faces", "systems",
     "options", "stages", "sentence", "engine", "bulk_splice", "report",
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""

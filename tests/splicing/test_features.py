@@ -11,8 +11,8 @@ from other_rigs import mirror
 from signing import word
 from signsplice.motion import Clip, concatenate, resample, rotation
 from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion
-from signsplice.splicing import gap_features
-from signsplice.splicing import word_features as features
+from signsplice.splicing import features
+from signsplice.splicing import features as gap_features
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 

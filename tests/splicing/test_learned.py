@@ -30,9 +30,15 @@ from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.bundle import Array, Sessions
 from signsplice.splicing.contracts import Cut, Gap
 from signsplice.splicing.curves import find_transition
-from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
+from signsplice.splicing.learned import (
+    REST_FRAMES,
+    LearnedCutter,
+    LearnedDuration,
+    LearnedTransition,
+    WordReader,
+    open_sessions,
+)
 from signsplice.splicing.options import WEIGHTS
-from signsplice.splicing.word_features import REST_FRAMES, WordReader
 
 TINY = GOLDEN / "tiny_bundle"
 SESSIONS = open_sessions(TINY)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from signsplice.splicing.word_features import frames_alone, stroke_span
+from signsplice.splicing.features import frames_alone, stroke_span
 
 
 def scores(phases: str, **doubtful: float) -> np.ndarray:

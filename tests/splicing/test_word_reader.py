@@ -10,8 +10,7 @@ from conftest import GOLDEN
 from signing import word
 from signsplice.body.retarget import align
 from signsplice.rig.align import reference
-from signsplice.splicing.learned import open_sessions
-from signsplice.splicing.word_features import WordReader
+from signsplice.splicing.learned import WordReader, open_sessions
 
 TINY = GOLDEN / "tiny_bundle"
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-from signsplice.splicing.gap_features import N_CONTEXT, N_TOKEN
-from signsplice.splicing.word_features import N_FRAME
+from signsplice.splicing.features import N_CONTEXT, N_FRAME, N_TOKEN
 
 _OPSET, _IR = 17, 8
 _WIDTH, _N_PHASES, _N_ROLES = 4, 5, 43

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from signsplice.signer import notation
-from signsplice.splicing import word_features as features
+from signsplice.splicing import features
 from signsplice.splicing.options import WEIGHTS
 from signsplice_paper.bundles import read_all
 from signsplice_paper.evaluation import corpus_trained_methods

@@ -31,9 +31,8 @@ from signsplice.splicing.contracts import Cut, Cutter, Gap
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS, search_window
 from signsplice.splicing.engine import SpliceOptions, splice, stream
-from signsplice.splicing.learned import LearnedCutter
+from signsplice.splicing.learned import LearnedCutter, WordReader
 from signsplice.splicing.options import choose
-from signsplice.splicing.word_features import WordReader
 
 
 def milliseconds(run: Callable[[], object]) -> float:

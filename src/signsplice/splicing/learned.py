@@ -1,21 +1,18 @@
-"""The best cuts of a whole sentence, by dynamic programming (Viterbi 1967).
+"""The learned cutter, duration and transition: a bundle's networks behind the classes of the classical methods.
 
-A cutter that scores every pair of frames for every seam cannot take the best pair of each seam alone: a word must not
-be left before it was entered. The best sentence is found over the frames at which words are entered, in time linear in
-the number of words.
+Two words are seen on the canonical humanoid at 30 frames a second (``features``), each read once however often it is
+placed (``WordReader``); the networks' answers go back to the clips' own joints and rate.
 
-Where a word is left and entered beside its strokes: these stay whole, and ways from and to rest are left out.
-
-The learned cutter, duration and transition: a bundle's networks behind the classes of the classical methods.
-
-Two words are seen on the canonical humanoid at 30 frames a second (``features``); the networks' answers go back to the
-clips' own joints and rate.
+The best cuts of a whole sentence are found by dynamic programming (Viterbi 1967). A cutter that scores every pair of
+frames for every seam cannot take the best pair of each seam alone: a word must not be left before it was entered. The
+best sentence is found over the frames at which words are entered, in time linear in the number of words. Cuts are then
+moved outside strokes: these stay whole, and ways from and to rest are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -26,16 +23,25 @@ from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, JoinedClips, joined
-from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion, rig_info
+from signsplice.rig.info import FEATURE_FPS, ROLES, CanonicalMotion, apply_deltas, canonical_motion, rig_info
 from signsplice.rig.metrics import is_keyed
 from signsplice.rig.roles import ARM
-from signsplice.splicing import gap_features, word_features
-from signsplice.splicing.bundle import Sessions, read_config
+from signsplice.splicing import features
+from signsplice.splicing.bundle import Array, Sessions, read_config
 from signsplice.splicing.contracts import Cut, Cutter, Duration, Gap, Transition
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.durations import HUMAN_MEDIAN_S, travel_law
-from signsplice.splicing.gap_features import MAX_GAP_FRAMES, MIN_GAP_FRAMES, N_CONTEXT
-from signsplice.splicing.word_features import WordReader, WordReading
+from signsplice.splicing.features import (
+    MAX_GAP_FRAMES,
+    MIN_GAP_FRAMES,
+    N_CONTEXT,
+    WORD_FRAMES,
+    CanonicalTrajectory,
+    Mask,
+    are_away,
+    frames_alone,
+    stroke_span,
+)
 
 _TOO_EARLY = 1e6
 """Cost of every frame that a word is left too early: larger than any score, but finite, so that there is an answer."""
@@ -132,6 +138,168 @@ for fingers, trunk, neck and head was worse than the curve at every length of a 
 """
 
 
+REST_FRAMES = 24
+"""Most frames of rest, at ``FEATURE_FPS``, that the cutter is shown at either end of a word."""
+_LONGEST_LOW = 60
+"""Most frames of a sign's low part before an arm is raised: of hands that rest far from where they began, no more."""
+STILL = 0.05
+"""Distance, arm lengths, within which a hand or finger counts as standing still: people who wait sway."""
+
+
+@dataclass(frozen=True, eq=False)
+class WordReading:
+    """A word as the cutting network reads it; T frames at ``FEATURE_FPS``.
+
+    features: (T, N_FRAME) of its frames.
+    wrists: (T, 2, 3) of its frames, arm lengths.
+    states: (1, T, D) the network's states.
+    leave, enter: (1, S) its summaries for leaving and for entering the word.
+    first: the frame of the clip, at ``FEATURE_FPS``, with which ``features`` begin.
+    active: frames [start, stop), counted from there, in which the arms are away from rest.
+    phases: (T, 5) scores of its frames' phases.
+    stroke: first and last frame of the movements, counted from there; None where no sign is seen.
+    """
+
+    features: NDArray[np.float32]
+    wrists: NDArray[np.float32]
+    states: Array
+    leave: Array
+    enter: Array
+    first: int
+    active: tuple[int, int]
+    phases: Array
+    stroke: tuple[int, int] | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A word before it is read.
+
+    trajectory: what the network is shown of it, from frame ``first`` on, at ``FEATURE_FPS``.
+    first: number of its first frame.
+    active: frames [start, stop), counted from there, in which the arms are away from rest.
+    readings: what the network made of it, by (features.mirrored, only its end, with the strokes of both hands).
+    """
+
+    trajectory: CanonicalTrajectory
+    first: int
+    active: tuple[int, int]
+    readings: dict[tuple[bool, bool, bool], WordReading] = field(default_factory=dict)
+
+
+class WordReader:
+    """Reads words by a bundle's networks. What was read is kept as long as the clip lives that a word comes from: it
+    stands on both sides of two seams, and in more than one sentence.
+    """
+
+    def __init__(self, sessions: Sessions) -> None:
+        self.sessions = sessions
+        self._words: WeakKeyDictionary[Clip, _Shown] = WeakKeyDictionary()
+
+    def alone(self, clip: Clip) -> tuple[WordReading, WordReading]:
+        """A word seen with its own busier hand at the right: its end and its beginning, one and the same unless it is
+        long. Neither depends on the words beside it.
+        """
+        (word,) = self.prepare([clip])
+        mirror = features.left_hand_busier(word.trajectory)
+        return self._alone(word, mirror, end=True), self._alone(word, mirror, end=False)
+
+    def pair(self, before: Clip, after: Clip) -> tuple[WordReading, WordReading]:
+        """Two words, both seen with the busier hand of the pair at the right, so that each hand of the one is that hand
+        of the other; of long ones the end and the beginning.
+        """
+        p, q = self.prepare([before, after])
+        mirror = features.left_hand_busier(p.trajectory, q.trajectory)
+        return self._reading(p, mirror, end=True), self._reading(q, mirror, end=False)
+
+    def prepare(self, clips: Sequence[Clip]) -> list[_Shown]:
+        """The words of aligned clips; those that are new are brought into canonical form."""
+        sources = [clip if clip.source_clip is None else clip.source_clip for clip in clips]
+        for clip in sources:
+            if clip not in self._words:
+                self._words[clip] = _without_long_rests(canonical_motion(clip))
+        return [self._words[clip] for clip in sources]
+
+    def forget(self, *clips: Clip) -> None:
+        """Forget these words, so that they are read anew."""
+        for clip in clips:
+            self._words.pop(clip.source_clip or clip, None)
+
+    def _alone(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
+        """The reading by the busier hand, with the strokes that the other one makes while that rests."""
+        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, True)
+        if key not in word.readings:
+            own = self._reading(word, mirror, end)
+            alone = frames_alone(own.wrists)
+            if alone.any():
+                seen = self._reading(word, not mirror, end)
+                frames = [*(own.stroke or ()), *(stroke_span(seen.phases, alone, seen.wrists) or ())]
+                own = replace(own, stroke=(min(frames), max(frames)) if frames else None)
+            word.readings[key] = own
+        return word.readings[key]
+
+    def _reading(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
+        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, False)
+        if key not in word.readings:
+            tokens = features.word_tokens(features.mirrored(word.trajectory) if mirror else word.trajectory)
+            first = len(tokens) - WORD_FRAMES if key[1] else 0
+            tokens = tokens[first : first + WORD_FRAMES]
+            n, n_phases = len(tokens), len(features.PHASES)
+            outputs = self.sessions.run(
+                "word", {"tokens": tokens[None]}, states=(1, n, None), leave=(1, None), enter=(1, None),
+                phases=(1, n, n_phases),
+            )  # fmt: skip
+            start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
+            wrists, is_active = features.wrist_positions(tokens), np.zeros(n, bool)
+            is_active[start:stop] = True
+            word.readings[key] = WordReading(
+                features=tokens[:, : features.N_FRAME],
+                wrists=wrists,
+                states=outputs["states"],
+                leave=outputs["leave"],
+                enter=outputs["enter"],
+                first=word.first + first,
+                active=(start, stop),
+                phases=outputs["phases"][0],
+                stroke=stroke_span(outputs["phases"][0], is_active, wrists),
+            )
+        return word.readings[key]
+
+
+def _without_long_rests(motion: CanonicalMotion) -> _Shown:
+    """A word without the rest, or the standing still wherever the hands are, that goes beyond ``REST_FRAMES``: the
+    networks learned from words that begin and end soon.
+    """
+    start, stop = motion.active_span
+    whole = features.trajectory(motion)
+    # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
+    last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
+    start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
+    n = len(whole.positions)
+    away = np.logical_or(*are_away(whole.positions[:, :: whole.positions.shape[1] // 2]).T)
+    first = max(0, _n_left_out(whole.positions, away, start))
+    kept = slice(first, n - max(0, _n_left_out(whole.positions[::-1], away[::-1], n - stop)))
+    start, stop = max(start, first), min(stop, kept.stop)
+    shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
+    return _Shown(shown, first, (start - first, stop - first))
+
+
+def _n_left_out(positions: FloatArray, away: Mask, n_low: int) -> int:
+    """How many frames of a word's beginning are not shown, from positions (T, 12, 3), whether a hand is away from rest
+    (T,) and how many frames pass until an arm is raised: not all of them where a hand has left its rest long before
+    that, for a part of the sign that is low.
+    """
+    n_still = _n_still_frames(positions)
+    n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~away[:n_low]).max(initial=0)))
+    return min(max(n_low, n_still) - REST_FRAMES, max(n_rest, n_still) - REST_FRAMES // 2)
+
+
+def _n_still_frames(positions: FloatArray) -> int:
+    """How many frames of positions (T, 12, 3) pass before one joint has left its first position; 0 where none does."""
+    away = positions - positions[0]
+    return int((np.einsum("tkc,tkc->tk", away, away).max(axis=1) > STILL**2).argmax())
+
+
 def open_sessions(folder: str | Path) -> Sessions:
     """The networks of a bundle; each is read and checked when first run.
 
@@ -141,9 +309,9 @@ def open_sessions(folder: str | Path) -> Sessions:
     config = read_config(folder)
     if config.system != SYSTEM:
         raise InputError(f"{folder}: is a bundle of {config.system!r}, expected one of {SYSTEM!r}")
-    if config.features != word_features.VERSION:
+    if config.features != features.VERSION:
         raise InputError(
-            f"{folder}: was made for features {config.features}, and these are {word_features.VERSION}; train it anew"
+            f"{folder}: was made for features {config.features}, and these are {features.VERSION}; train it anew"
         )
     return Sessions(folder, config)
 
@@ -158,7 +326,7 @@ class LearnedCutter(Cutter):
         go, and the outer part of movements.
 
     Words are left and entered while their arms are away from rest, where the height of the hands shows rest
-    (``arms.active_span``), whatever the network takes it for.
+    (``rig.info.active_span``), whatever the network takes it for.
     """
 
     learned = own_rate = True
@@ -174,7 +342,7 @@ class LearnedCutter(Cutter):
         )
 
     def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
-        """The splice positions of a sentence, chosen together (``viterbi``)."""
+        """The splice positions of a sentence, chosen together (``best_path``)."""
         self.reader.prepare(clips)
         pairs = list(pairwise(clips))
         if self.whole:
@@ -252,9 +420,7 @@ class LearnedDuration(Duration):
 
 def _travel(leaving: NDArray[np.float32], entering: NDArray[np.float32], clip: Clip) -> float:
     """Distance of the hand that goes farther between two frames' features (N_FRAME,), in shoulder widths."""
-    distances = np.linalg.norm(
-        word_features.wrist_positions(entering) - word_features.wrist_positions(leaving), axis=-1
-    )
+    distances = np.linalg.norm(features.wrist_positions(entering) - features.wrist_positions(leaving), axis=-1)
     sizes = rig_info(clip.skeleton).sizes
     return float(distances.max()) * sizes.arm_length / sizes.shoulder_width
 
@@ -301,18 +467,18 @@ class LearnedTransition(Transition):
     def _bent(self, block: JoinedClips, windows: Sequence[tuple[Clip, Clip, Clip]], bases: list[Clip]) -> list[Clip]:
         """The curves of some gaps with their arms bent by the network."""
         counts = [(frames, len(windows[row][0]), len(windows[row][1])) for row, frames in block]
-        seen = gap_features.all_gap_features(canonical_motion(block.clip), counts)
+        seen = features.all_gap_features(canonical_motion(block.clip), counts)
         lengths = [n_frames for _, _, n_frames in counts]
         local = np.concatenate([base.local_rotations for base in bases])
         deltas = [
-            gap_features.delta_rotvecs(rotvecs, one, n_frames)
+            features.delta_rotvecs(rotvecs, one, n_frames)
             for rotvecs, one, n_frames in zip(self._rotvecs(seen), seen, lengths, strict=True)
         ]
         local = apply_deltas(block.clip.skeleton, local, np.concatenate(deltas), self.corrected)
         parts = np.split(local, np.cumsum(lengths)[:-1])
         return [replace(base, local_rotations=part) for base, part in zip(bases, parts, strict=True)]
 
-    def _rotvecs(self, seen: Sequence[gap_features.GapFeatures]) -> list[FloatArray]:
+    def _rotvecs(self, seen: Sequence[features.GapFeatures]) -> list[FloatArray]:
         """The network's rotation vectors (n_gap, R, 3) of every gap. Gaps of one length are a batch; each gets the
         numbers that it would get alone, bit for bit, as far as measured (tests compare).
         """
@@ -330,7 +496,7 @@ class LearnedTransition(Transition):
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""
-        if gap_features.gap_frames(gap.seconds) <= MAX_GAP_FRAMES:
+        if features.gap_frames(gap.seconds) <= MAX_GAP_FRAMES:
             return ()
         seconds = gap.n_frames / gap.before.fps
         return (f"{seconds:.2f} s are longer than the network knows: made by {self.base.name} alone",)
@@ -338,7 +504,7 @@ class LearnedTransition(Transition):
 
 def _within_limits(gap: Gap) -> bool:
     """Whether a gap is neither too short nor too long for the network, on a rig whose arms are known."""
-    n_frames = gap_features.gap_frames(gap.seconds)
+    n_frames = features.gap_frames(gap.seconds)
     return MIN_GAP_FRAMES <= n_frames <= MAX_GAP_FRAMES and rig_info(gap.before.skeleton).has_arms
 
 

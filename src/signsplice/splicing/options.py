@@ -27,9 +27,16 @@ from signsplice.splicing.durations import (
 )
 from signsplice.splicing.faces import check_rules
 from signsplice.splicing.idle_hands import FREE_HANDS, TRANSITION
-from signsplice.splicing.learned import FLUENT, NAME, LearnedCutter, LearnedDuration, LearnedTransition, open_sessions
+from signsplice.splicing.learned import (
+    FLUENT,
+    NAME,
+    LearnedCutter,
+    LearnedDuration,
+    LearnedTransition,
+    WordReader,
+    open_sessions,
+)
 from signsplice.splicing.systems import WholeSystem, check_alone
-from signsplice.splicing.word_features import WordReader
 
 WEIGHTS = Path(__file__).parent / "weights"
 """The bundle that ships."""

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("torch")
 
 from signsplice.rig.info import FEATURE_FPS
-from signsplice.splicing import word_features as features
-from signsplice.splicing.word_features import PHASES
+from signsplice.splicing import features
+from signsplice.splicing.features import PHASES
 from signsplice_workshop.train import cut_data
 from signsplice_workshop.train.cut_data import CutDataset, CutDraw, frame_phases, read_words
 from training_toys import signing

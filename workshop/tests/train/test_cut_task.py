@@ -8,7 +8,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice.splicing import word_features as features  # noqa: E402
+from signsplice.splicing import features  # noqa: E402
 from signsplice_workshop.train import tasks  # noqa: E402
 from signsplice_workshop.train.cut_data import CutDataset  # noqa: E402
 from signsplice_workshop.train.networks import Cutting, CuttingConfig  # noqa: E402

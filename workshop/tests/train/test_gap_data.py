@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 
 from signsplice.motion import Clip, rotation  # noqa: E402
 from signsplice.rig.info import ROLES, canonical_motion  # noqa: E402
-from signsplice.splicing import gap_features  # noqa: E402
+from signsplice.splicing import features as gap_features  # noqa: E402
 from signsplice.splicing.contracts import Gap  # noqa: E402
 from signsplice.splicing.curves import find_transition  # noqa: E402
 from signsplice_workshop.train import gap_data  # noqa: E402

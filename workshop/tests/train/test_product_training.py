@@ -17,8 +17,12 @@ from signing import word  # noqa: E402
 from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import FormatError, InputError  # noqa: E402
 from signsplice.splicing.bundle import read_config  # noqa: E402
-from signsplice.splicing.learned import LearnedCutter, LearnedDuration, open_sessions  # noqa: E402
-from signsplice.splicing.word_features import WordReader  # noqa: E402
+from signsplice.splicing.learned import (  # noqa: E402
+    LearnedCutter,
+    LearnedDuration,
+    WordReader,
+    open_sessions,
+)
 from signsplice_workshop.corpora import training_data  # noqa: E402
 from signsplice_workshop.train import checkpoint, records, training, warm_start  # noqa: E402  # noqa: E402
 from signsplice_workshop.train.bundles import write_bundle  # noqa: E402

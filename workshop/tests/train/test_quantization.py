@@ -23,9 +23,8 @@ from signsplice.cli.commands import app  # noqa: E402
 from signsplice.errors import FormatError, InputError  # noqa: E402
 from signsplice.splicing import options as methods  # noqa: E402
 from signsplice.splicing.bundle import bundle_sha256, read_config  # noqa: E402
-from signsplice.splicing.gap_features import N_TOKEN  # noqa: E402
+from signsplice.splicing.features import N_TOKEN, N_WORD  # noqa: E402
 from signsplice.splicing.learned import open_sessions  # noqa: E402
-from signsplice.splicing.word_features import N_WORD  # noqa: E402
 from signsplice_workshop.train import export, tuning  # noqa: E402
 
 TINY = GOLDEN / "tiny_bundle"

@@ -20,7 +20,7 @@ from signsplice.cli.commands import app
 from signsplice.errors import InputError, SignspliceError
 from signsplice.motion import concatenate
 from signsplice.rig.info import canonical_motion
-from signsplice.splicing import gap_features
+from signsplice.splicing import features as gap_features
 from signsplice.splicing.bundle import read_config
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition

@@ -21,8 +21,8 @@ from torch.nn.utils.rnn import pad_sequence
 from signsplice.motion import FloatArray, rotation
 from signsplice.rig.info import FEATURE_FPS, ROLES
 from signsplice.signer.signer import stream
-from signsplice.splicing import word_features as features
-from signsplice.splicing.word_features import PHASES, CanonicalTrajectory
+from signsplice.splicing import features
+from signsplice.splicing.features import PHASES, CanonicalTrajectory
 from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 
 Int = NDArray[np.int64]

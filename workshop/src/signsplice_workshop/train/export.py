@@ -25,9 +25,9 @@ from torch import Tensor, nn
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import check_place
 from signsplice.splicing.bundle import BUNDLE_FILE, Array, bundle_sha256, multiplies_in_8_bits, read_file
+from signsplice.splicing.features import N_FRAME
 from signsplice.splicing.learned import open_sessions
 from signsplice.splicing.runtime import onnxruntime
-from signsplice.splicing.word_features import N_FRAME
 from signsplice_workshop.train import records
 from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.networks import ChooseGraph, Cutting, ReadGraph, TimeGraph

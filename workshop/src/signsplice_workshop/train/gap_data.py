@@ -31,7 +31,7 @@ from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, rotation
 from signsplice.rig.info import FEATURE_FPS, LEFT, MIRROR, RIGHT, ROLES, canonical_motion
 from signsplice.rig.roles import ARM, SIDES
 from signsplice.signer.signer import stream
-from signsplice.splicing import gap_features
+from signsplice.splicing import features as gap_features
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, opened_signing

@@ -27,8 +27,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.rig.info import ROLES
-from signsplice.splicing.gap_features import N_CONTEXT, N_TOKEN
-from signsplice.splicing.word_features import N_FRAME, N_WORD, PHASES
+from signsplice.splicing.features import N_CONTEXT, N_FRAME, N_TOKEN, N_WORD, PHASES
 
 MAX_DEVIATIONS = 5.0
 """Inputs are clamped to this many standard deviations from the mean."""

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice.rig.info import FEATURE_FPS, ROLES, TRUNK
-from signsplice.splicing import word_features as features
+from signsplice.splicing import features
 from signsplice_workshop.train.cut_data import CutBatch
 from signsplice_workshop.train.gap_data import GapBatch
 from signsplice_workshop.train.networks import Bridge, Cutting

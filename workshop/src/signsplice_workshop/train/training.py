@@ -21,7 +21,7 @@ import torch
 from signsplice.errors import InputError
 from signsplice.formats import atomic
 from signsplice.rig.info import FEATURE_FPS
-from signsplice.splicing import word_features as features
+from signsplice.splicing import features
 from signsplice.splicing.learned import SYSTEM
 from signsplice.splicing.runtime import onnxruntime
 from signsplice_workshop.train import records, warm_start

@@ -23,7 +23,7 @@ from signsplice.motion import Clip, resample, rotation
 from signsplice.rig.info import FEATURE_FPS, canonical_motion
 from signsplice.rig.inspection import stray_frames
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.splicing import word_features as features
+from signsplice.splicing import features
 from signsplice.splicing.bundle import BUNDLE_FILE, read_file
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import LearnedTransition, open_sessions

@@ -2,33 +2,42 @@
 
 From a clip to features in three steps:
 
-    motion = canonical_motion(clip)         # rig/canonical.py: the clip on the canonical humanoid
+    motion = canonical_motion(clip)         # rig/info.py: the clip on the canonical humanoid
     whole = trajectory(motion)              # resampled to FEATURE_FPS
     tokens = word_tokens(whole)             # a word, for the network that cuts and times
-    seen = gap_features(motion, ...)        # gap_features.py: a gap, for the network that makes transitions
+    seen = gap_features(motion, ...)        # a gap, for the network that makes transitions
 
 Everything is seen at ``FEATURE_FPS`` frames a second, whatever the clip's own rate; on the canonical humanoid, whatever
-its rig; and with the busier hand at the right, so that a mirrored clip has the same features.
+its rig; and with the busier hand at the right, so that a mirrored clip has the same features. A gap is seen with
+``N_CONTEXT`` frames of the signs on either side.
 
-A word's strokes by the phases that the network sees in its frames, and by which hand moves when.
-
-Words as the cutting network reads them, each read once however often it is placed.
+The network that cuts also says which phase each frame is in; ``stroke_span`` finds a word's strokes by these, and by
+which hand moves when.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from weakref import WeakKeyDictionary
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import binary_closing, binary_opening, find_objects, label
 
-from signsplice.motion import Clip, FloatArray, rotation
-from signsplice.rig.info import FEATURE_FPS, LEFT, RIGHT, ROLES, TIPS, CanonicalMotion, canonical_motion
-from signsplice.splicing.bundle import Array, Sessions
+from signsplice.motion import FloatArray, rotation
+from signsplice.motion.cache import CACHE
+from signsplice.rig.info import (
+    FEATURE_FPS,
+    LEFT,
+    RIGHT,
+    ROLES,
+    TIPS,
+    CanonicalMotion,
+    mirrored_deltas,
+)
 
 VERSION = 4
 """Of the features and of the networks' outputs: raised when either changes."""
@@ -264,163 +273,172 @@ def frames_alone(wrists: NDArray[np.floating]) -> Mask:
     return np.asarray(binary_opening(away[:, 0] & ~away[:, 1], np.ones(_ALONE, bool)))
 
 
-REST_FRAMES = 24
-"""Most frames of rest, at ``FEATURE_FPS``, that the cutter is shown at either end of a word."""
-_LONGEST_LOW = 60
-"""Most frames of a sign's low part before an arm is raised: of hands that rest far from where they began, no more."""
-STILL = 0.05
-"""Distance, arm lengths, within which a hand or finger counts as standing still: people who wait sway."""
+N_CONTEXT = 8
+"""Frames of each sign that the network which makes transitions sees."""
+MIN_GAP_FRAMES, MAX_GAP_FRAMES = 2, 45
+"""Fewest and most frames, at ``FEATURE_FPS``, of the transitions that it makes."""
+N_TOKEN = 2 * N_FRAME + 8
+
+
+def gap_frames(seconds: float) -> int:
+    """New frames at ``FEATURE_FPS`` between two frames that lie ``seconds`` apart: the network looks at so many
+    moments.
+    """
+    return round(seconds * FEATURE_FPS) - 1
 
 
 @dataclass(frozen=True, eq=False)
-class WordReading:
-    """A word as the cutting network reads it; T frames at ``FEATURE_FPS``.
+class GapMoments:
+    """The moments at which the network looks at a gap, S = N_CONTEXT + n_gap + N_CONTEXT; they follow from numbers of
+    frames alone.
 
-    features: (T, N_FRAME) of its frames.
-    wrists: (T, 2, 3) of its frames, arm lengths.
-    states: (1, T, D) the network's states.
-    leave, enter: (1, S) its summaries for leaving and for entering the word.
-    first: the frame of the clip, at ``FEATURE_FPS``, with which ``features`` begin.
-    active: frames [start, stop), counted from there, in which the arms are away from rest.
-    phases: (T, 5) scores of its frames' phases.
-    stroke: first and last frame of the movements, counted from there; None where no sign is seen.
+    n_gap: frames of the gap at ``FEATURE_FPS``.
+    seconds: from the last frame before to the first after.
+    frames: of the motion that is looked at.
+    position_codes: (S, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge) or
+        not; time t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
+    spacing: (S,) seconds from every moment to the next.
     """
 
-    features: NDArray[np.float32]
-    wrists: NDArray[np.float32]
-    states: Array
-    leave: Array
-    enter: Array
-    first: int
-    active: tuple[int, int]
-    phases: Array
-    stroke: tuple[int, int] | None
+    n_gap: int
+    seconds: float
+    frames: MomentFrames
+    position_codes: NDArray[np.float32]
+    spacing: FloatArray
+
+
+def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> GapMoments:
+    """The moments of a gap: of ``n_frames``, ``n_before`` of the sign before and then ``n_between`` of a transition."""
+    seconds = (n_between + 1) / fps
+    n_gap = gap_frames(seconds)
+    last, first = (n_before - 1) / fps, (n_before + n_between) / fps
+    steps = np.arange(N_CONTEXT) / FEATURE_FPS
+    times = np.concatenate([last - steps[::-1], last + seconds * np.arange(1, n_gap + 1) / (n_gap + 1), first + steps])
+    is_real = (times > -1e-6) & (times < (n_frames - 1) / fps + 1e-6)
+    spacing = np.full(len(times), 1.0 / FEATURE_FPS)
+    spacing[N_CONTEXT - 1 : N_CONTEXT + n_gap] = seconds / (n_gap + 1)
+    t = np.clip((np.arange(len(times)) - N_CONTEXT + 1) / (n_gap + 1.0), 0.0, 1.0)
+    part = np.zeros((len(times), 3))
+    part[:N_CONTEXT, 0] = part[N_CONTEXT : N_CONTEXT + n_gap, 1] = part[N_CONTEXT + n_gap :, 2] = 1.0
+    length = np.full(len(times), seconds)
+    codes = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
+    return GapMoments(n_gap, seconds, frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
+
+
+def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: NDArray[np.intp]) -> NDArray[np.float32]:
+    """What the network sees of gaps (N, N_TOKEN): of ``whole``, the N moments of all ``gaps`` in order, those of each
+    from its ``starts`` on: the sign before, a classical transition, the sign after.
+
+    A token is the frame's features, the same relative to the last frame before, and where it lies (``GapMoments``).
+    """
+    out = np.empty((len(whole.positions), N_TOKEN), np.float32)
+    spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
+    own = frame_features(whole, spacing, starts, out[:, :N_FRAME])
+    last = np.repeat(starts + N_CONTEXT - 1, [len(gap.spacing) for gap in gaps])
+    np.subtract(own, own[last], out=out[:, N_FRAME : 2 * N_FRAME])
+    out[:, 2 * N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
+    return out
 
 
 @dataclass(frozen=True, eq=False)
-class _Shown:
-    """A word before it is read.
+class GapFeatures:
+    """A gap as the network sees it, and what its answer needs on the return to the clip.
 
-    trajectory: what the network is shown of it, from frame ``first`` on, at ``FEATURE_FPS``.
-    first: number of its first frame.
-    active: frames [start, stop), counted from there, in which the arms are away from rest.
-    readings: what the network made of it, by (mirrored, only its end, with the strokes of both hands).
+    tokens: (N_CONTEXT + n_gap + N_CONTEXT, N_TOKEN), see ``gap_tokens``.
+    n_gap: frames of the gap at ``FEATURE_FPS``.
+    seconds: from the last frame before to the first after.
+    mirrored: whether the network sees the gap in the mirror.
+    motion_weights: (R,) how much each role's side moves, 0 to 1, as the network sees it (``motion_weights``).
     """
 
-    trajectory: CanonicalTrajectory
-    first: int
-    active: tuple[int, int]
-    readings: dict[tuple[bool, bool, bool], WordReading] = field(default_factory=dict)
+    tokens: NDArray[np.float32]
+    n_gap: int
+    seconds: float
+    mirrored: bool
+    motion_weights: FloatArray
 
 
-class WordReader:
-    """Reads words by a bundle's networks. What was read is kept as long as the clip lives that a word comes from: it
-    stands on both sides of two seams, and in more than one sentence.
+def gap_features(joined: CanonicalMotion, n_before: int, n_between: int) -> GapFeatures:
+    """The features of a gap: ``n_before`` frames of the sign before, ``n_between`` of a classical transition, the sign
+    after.
     """
-
-    def __init__(self, sessions: Sessions) -> None:
-        self.sessions = sessions
-        self._words: WeakKeyDictionary[Clip, _Shown] = WeakKeyDictionary()
-
-    def alone(self, clip: Clip) -> tuple[WordReading, WordReading]:
-        """A word seen with its own busier hand at the right: its end and its beginning, one and the same unless it is
-        long. Neither depends on the words beside it.
-        """
-        (word,) = self.prepare([clip])
-        mirror = left_hand_busier(word.trajectory)
-        return self._alone(word, mirror, end=True), self._alone(word, mirror, end=False)
-
-    def pair(self, before: Clip, after: Clip) -> tuple[WordReading, WordReading]:
-        """Two words, both seen with the busier hand of the pair at the right, so that each hand of the one is that hand
-        of the other; of long ones the end and the beginning.
-        """
-        p, q = self.prepare([before, after])
-        mirror = left_hand_busier(p.trajectory, q.trajectory)
-        return self._reading(p, mirror, end=True), self._reading(q, mirror, end=False)
-
-    def prepare(self, clips: Sequence[Clip]) -> list[_Shown]:
-        """The words of aligned clips; those that are new are brought into canonical form."""
-        sources = [clip if clip.source_clip is None else clip.source_clip for clip in clips]
-        for clip in sources:
-            if clip not in self._words:
-                self._words[clip] = _without_long_rests(canonical_motion(clip))
-        return [self._words[clip] for clip in sources]
-
-    def forget(self, *clips: Clip) -> None:
-        """Forget these words, so that they are read anew."""
-        for clip in clips:
-            self._words.pop(clip.source_clip or clip, None)
-
-    def _alone(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
-        """The reading by the busier hand, with the strokes that the other one makes while that rests."""
-        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, True)
-        if key not in word.readings:
-            own = self._reading(word, mirror, end)
-            alone = frames_alone(own.wrists)
-            if alone.any():
-                seen = self._reading(word, not mirror, end)
-                frames = [*(own.stroke or ()), *(stroke_span(seen.phases, alone, seen.wrists) or ())]
-                own = replace(own, stroke=(min(frames), max(frames)) if frames else None)
-            word.readings[key] = own
-        return word.readings[key]
-
-    def _reading(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
-        key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, False)
-        if key not in word.readings:
-            tokens = word_tokens(mirrored(word.trajectory) if mirror else word.trajectory)
-            first = len(tokens) - WORD_FRAMES if key[1] else 0
-            tokens = tokens[first : first + WORD_FRAMES]
-            n, n_phases = len(tokens), len(PHASES)
-            outputs = self.sessions.run(
-                "word", {"tokens": tokens[None]}, states=(1, n, None), leave=(1, None), enter=(1, None),
-                phases=(1, n, n_phases),
-            )  # fmt: skip
-            start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
-            wrists, is_active = wrist_positions(tokens), np.zeros(n, bool)
-            is_active[start:stop] = True
-            word.readings[key] = WordReading(
-                features=tokens[:, :N_FRAME],
-                wrists=wrists,
-                states=outputs["states"],
-                leave=outputs["leave"],
-                enter=outputs["enter"],
-                first=word.first + first,
-                active=(start, stop),
-                phases=outputs["phases"][0],
-                stroke=stroke_span(outputs["phases"][0], is_active, wrists),
-            )
-        return word.readings[key]
+    return all_gap_features(joined, [(slice(0, len(joined.quats)), n_before, n_between)])[0]
 
 
-def _without_long_rests(motion: CanonicalMotion) -> _Shown:
-    """A word without the rest, or the standing still wherever the hands are, that goes beyond ``REST_FRAMES``: the
-    networks learned from words that begin and end soon.
+def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, int]]) -> list[GapFeatures]:
+    """The features of gaps that lie in one motion, each (its frames, ``n_before``, ``n_between``)."""
+    found = [
+        CACHE.recent(gap_moments, frames.stop - frames.start, *counts, motion.fps, most=_MOMENTS_KEPT)
+        for frames, *counts in gaps
+    ]
+    starts = np.cumsum([0, *(len(gap.spacing) for gap in found)])
+    firsts = [frames.start for frames, _, _ in gaps]
+    low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, found, strict=True)])
+    alpha = np.concatenate([gap.frames.alpha for gap in found])
+    mixed = np.concatenate([start + gap.frames.mixed for start, gap in zip(starts[:-1], found, strict=True)])
+    whole = sampled(motion, MomentFrames(low, alpha, mixed))
+    steps = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1)  # of each joint from frame to frame (S - 1, 12)
+    stretches = list(pairwise(starts.tolist()))
+    paths = [steps[start : stop - 1].sum(axis=0) for start, stop in stretches]
+    mirror = [bool(path[0] > path[len(TIPS) // 2]) for path in paths]
+    if any(mirror):
+        rows = np.concatenate([np.arange(*ends) for ends, flip in zip(stretches, mirror, strict=True) if flip])
+        part = mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
+        whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
+    tokens = gap_tokens(whole, found, starts[:-1])
+    paths = [np.roll(path, len(TIPS) // 2) if flip else path for path, flip in zip(paths, mirror, strict=True)]
+    weights = [motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
+    return [
+        GapFeatures(tokens[slice(*ends)], gap.n_gap, gap.seconds, flip, weight)
+        for ends, gap, flip, weight in zip(stretches, found, mirror, weights, strict=True)
+    ]
+
+
+_CONTEXT_S = 2.0 * (N_CONTEXT - 1) / FEATURE_FPS
+_MOMENTS_KEPT = 512
+_FULL_SPEED = 0.4
+"""Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""
+
+
+def motion_weights(lengths: FloatArray, seconds: float) -> FloatArray:
+    """How much each role's side moves (R,), by the path lengths (12,) of the joints of ``TIPS`` over ``seconds``: the
+    mean of its wrist and finger joints a second, as a fraction of ``_FULL_SPEED``, at most 1, to the third power; for
+    the trunk that of the side that moves more.
+
+    A network's answer is multiplied by this: an arm that rests stays at rest, wherever it hangs, and one that idles
+    hardly changes (docs/decisions.md).
     """
-    start, stop = motion.active_span
-    whole = trajectory(motion)
-    # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
-    last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
-    start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
-    n = len(whole.positions)
-    away = np.logical_or(*are_away(whole.positions[:, :: whole.positions.shape[1] // 2]).T)
-    first = max(0, _n_left_out(whole.positions, away, start))
-    kept = slice(first, n - max(0, _n_left_out(whole.positions[::-1], away[::-1], n - stop)))
-    start, stop = max(start, first), min(stop, kept.stop)
-    shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
-    return _Shown(shown, first, (start - first, stop - first))
+    half = len(TIPS) // 2
+    left, right = (
+        min(1.0, float(lengths[side].mean()) / seconds / _FULL_SPEED) ** 3 for side in (slice(half), slice(half, None))
+    )
+    out = np.full(len(ROLES), max(left, right))
+    out[LEFT], out[RIGHT] = left, right
+    return out
 
 
-def _n_left_out(positions: FloatArray, away: Mask, n_low: int) -> int:
-    """How many frames of a word's beginning are not shown, from positions (T, 12, 3), whether a hand is away from rest
-    (T,) and how many frames pass until an arm is raised: not all of them where a hand has left its rest long before
-    that, for a part of the sign that is low.
+FULL_S = 0.6
+"""Length of a gap, seconds, from which on a network's answer counts in full."""
+
+
+def answer_weights(t: FloatArray, seen: GapFeatures) -> FloatArray:
+    """Weights (n, R) of a network's answer at times t (n,) in the gap, 0 to 1: 16 t^2 (1 - t)^2 times
+    min(1, seconds / FULL_S)^1.5 times ``seen.motion_weights``.
+
+    Both ends and their velocities stay exact, and what a cubic bridges well stays near it: short gaps, and hands that
+    rest.
     """
-    n_still = _n_still_frames(positions)
-    n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~away[:n_low]).max(initial=0)))
-    return min(max(n_low, n_still) - REST_FRAMES, max(n_rest, n_still) - REST_FRAMES // 2)
+    bump = 16.0 * t**2 * (1.0 - t) ** 2
+    return np.asarray(min(1.0, seen.seconds / FULL_S) ** 1.5 * bump[:, None] * seen.motion_weights)
 
 
-def _n_still_frames(positions: FloatArray) -> int:
-    """How many frames of positions (T, 12, 3) pass before one joint has left its first position; 0 where none does."""
-    away = positions - positions[0]
-    return int((np.einsum("tkc,tkc->tk", away, away).max(axis=1) > STILL**2).argmax())
+def delta_rotvecs(answer: FloatArray, seen: GapFeatures, n_between: int) -> FloatArray:
+    """Canonical rotation vectors (n_between, R, 3), radians, that a network's answer (n_gap, R, 3) gives the frames of
+    a transition: ``answer_weights`` times the answer.
+    """
+    at = np.arange(1, seen.n_gap + 1) / (seen.n_gap + 1)
+    t = np.arange(1, n_between + 1) / (n_between + 1)
+    if seen.n_gap != n_between:
+        answer = CubicSpline(at, answer)(t)
+    out = answer_weights(t, seen)[..., None] * np.asarray(answer, np.float64)
+    return mirrored_deltas(out) if seen.mirrored else out
