@@ -1,11 +1,8 @@
 """A trained system as a folder: ONNX files, and bundle.json with what they are and the sha256 of each.
 
 ``BundleConfig`` is bundle.json, read and checked in one place. A bundle of another system, as the paper's are, has more
-in it, which ``stored`` keeps.
-
-ONNX graphs that name other files for their weights: those files are in no bundle's hash.
-
-A bundle's ONNX networks as onnxruntime sessions, each opened and checked when first run, on one thread.
+in it, which ``stored`` keeps. ``Sessions`` opens the networks in onnxruntime, each checked when it is first run, on one
+thread. A graph that names other files for its weights is refused: no hash of the bundle covers those files.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
     Duration     how long the frames between them take                                  clips, Cut -> seconds
     Transition   the frames between them                                                Gap -> Clip
 
-All clips of a call are aligned: one skeleton, one rate, one placement.
+All clips of a call are aligned: one skeleton, one placement, and one rate, save for a cutter with ``own_rate``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What becomes of words on their way to a sentence, in one place: words -> plan -> passes -> pieces.
 
-    words    every clip becomes a word: aligned to the first one, brought to the tempo asked for   (``Planner.align``),
-             and held where a phrase ends                                                          (``Planner.time``)
+    words    every clip becomes a word: aligned to the first one, at the speed asked for           (``Planner.align``),
+             brought to the tempo asked for, and held where a phrase ends                          (``Planner.time``)
     plan     every two neighbours get a seam: a cut, and a gap of so many frames                   (``Planner.seams``)
     passes   the gaps are filled, and the seams changed, by the passes below, in this order        (``passes``)
     pieces   words and new frames are put out in order, edits applied, seams scored                (``sentence``)

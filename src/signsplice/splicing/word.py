@@ -156,7 +156,7 @@ class FrameMap:
 
 @dataclass(frozen=True)
 class HeldEnd:
-    """How a word ends that is held before a mark (``passes.pauses``).
+    """How a word ends that is held before a mark (``pauses``).
 
     mark: the mark.
     kept: the recorded frame up to which it is as without the pause.
