@@ -28,7 +28,7 @@ from signsplice.motion import rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 
-OUT = Path(__file__).resolve().parents[1] / "src/signsplice/body/figure.npz"
+OUT = Path(__file__).resolve().parents[2] / "src/signsplice/body/figure.npz"
 STEP = 1e-5
 """Unit of the stored numbers, statures: 0.017 mm."""
 STATURE_DM = 16.535
