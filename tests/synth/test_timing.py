@@ -6,7 +6,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import make_plain_words
 import numpy as np
 import pytest
 
@@ -21,6 +20,7 @@ from signsplice_workshop.corpora import pseudo, sentences, truth
 from signsplice_workshop.measure.corpus_checks import over_limit
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "golden"))
+import make_plain_words
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "plain_words.npz"
 ALL = Manner(low_pass_frames=1.0, off_frame=1.0, tempo_spread=1.0, pass_difference=1.0, hesitation=1.0)
