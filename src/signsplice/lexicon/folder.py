@@ -121,13 +121,7 @@ def build(
     Raises ``InputError``, also where one of the folders lies in the other; then nothing has changed at ``output``.
     """
     check_target(output)
-    given = [inputs] if isinstance(inputs, (str, Path)) else [*inputs]
-    written = [path for path in given if is_written(path)]
-    folders = [
-        path
-        for path in given
-        if path not in written or any(file.suffix.lower() in READ_SUFFIXES for file in Path(path).rglob("*"))
-    ]
+    folders, written = _folders_and_written(inputs)
     form = "int16" if compact else "float32"
     signs, refused = _read_written(written, lenient)
     files, left_out = gather(folders, output, recipe, signer)
@@ -172,6 +166,18 @@ def build(
             raise InputError(f"{[*folders, output][0]}: every {what} is broken, the first one: {left_out[0]}")
     lines = tuple(warnings), tuple(left_out), unread(folders, recipe)
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, *lines)
+
+
+def _folders_and_written(inputs: str | Path | Sequence[str | Path]) -> tuple[list[str | Path], list[str | Path]]:
+    """The inputs that may hold clips, and those that hold written signs; a folder may be both."""
+    given = [inputs] if isinstance(inputs, (str, Path)) else [*inputs]
+    written = [path for path in given if is_written(path)]
+    folders = [
+        path
+        for path in given
+        if path not in written or any(file.suffix.lower() in READ_SUFFIXES for file in Path(path).rglob("*"))
+    ]
+    return folders, written
 
 
 def check(

@@ -7,6 +7,7 @@ lexicons. What the synthetic signer makes is imported when a word is asked for t
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from functools import cached_property, lru_cache
@@ -257,13 +258,13 @@ class SignedWords(Source, Generic[SignT]):
         self.path = path
         self._find_sign, self._make = lru_cache(_N_KEPT)(self.find_sign), lru_cache(_N_KEPT)(self._make_word)
 
+    @abstractmethod
     def find_sign(self, name: str) -> SignT | None:
         """The sign that a name stands for, None where there is none."""
-        raise NotImplementedError
 
+    @abstractmethod
     def make_clip(self, sign: SignT) -> tuple[Clip, str, str]:
         """The clip of a sign, who signs it, and where it comes from."""
-        raise NotImplementedError
 
     def find(self, name: str) -> SourceWord | None:
         """The word that a name stands for, None where there is none."""
