@@ -20,11 +20,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import binary_closing, binary_opening, find_objects, label
 
 from signsplice.motion import FloatArray, rotation
@@ -38,8 +37,9 @@ from signsplice.rig.info import (
     CanonicalMotion,
     mirrored_deltas,
 )
+from signsplice.rig.roles import ARM
 
-VERSION = 4
+VERSION = 5
 """Of the features and of the networks' outputs: raised when either changes."""
 N_ROTATION = 6 * len(ROLES)
 N_POSITION = 3 * len(TIPS)
@@ -141,15 +141,14 @@ def mirrored(one: CanonicalTrajectory) -> CanonicalTrajectory:
 def frame_features(
     one: CanonicalTrajectory,
     spacing: float | FloatArray = 1.0 / FEATURE_FPS,
-    firsts: Sequence[int] | NDArray[np.intp] = (0,),
-    out: NDArray[np.float32] | None = None,
+    firsts: Sequence[int] = (0,),
 ) -> NDArray[np.float32]:
     """Features (T, N_FRAME) of frames: rotations, positions, and both as rates from the frame before (0 at the first).
 
     spacing: seconds from every frame to the next, one number or (T - 1,).
-    firsts: frames with which stretches of their own begin; out: where the features are written.
+    firsts: frames with which stretches of their own begin.
     """
-    out = np.empty((len(one), N_FRAME), np.float32) if out is None else out
+    out = np.empty((len(one), N_FRAME), np.float32)
     values, rates = np.split(out, 2, axis=1)
     values[:, :N_ROTATION] = one.rotations_6d.reshape(len(one), -1)
     values[:, N_ROTATION:] = one.positions.reshape(len(one), -1)
@@ -277,30 +276,34 @@ N_CONTEXT = 8
 """Frames of each sign that the network which makes transitions sees."""
 MIN_GAP_FRAMES, MAX_GAP_FRAMES = 2, 45
 """Fewest and most frames, at ``FEATURE_FPS``, of the transitions that it makes."""
+N_MOMENTS = 12
+"""Moments of a gap that it sees, evenly spaced, however long the gap is."""
+N_SEEN = N_CONTEXT + N_MOMENTS + N_CONTEXT
 N_TOKEN = 2 * N_FRAME + 8
+N_TERMS = 3
+"""Terms of the polynomial in time that it answers with."""
+IS_ARM = np.array([role.endswith(ARM) for role in ROLES])
+"""Roles (R,) that it corrects: collarbones, arms and wrists, A of them. On captures that networks had not seen, their
+answers for fingers, trunk, neck and head were worse than the curve at every length of a gap.
+"""
 
 
 def gap_frames(seconds: float) -> int:
-    """New frames at ``FEATURE_FPS`` between two frames that lie ``seconds`` apart: the network looks at so many
-    moments.
-    """
+    """New frames at ``FEATURE_FPS`` between two frames that lie ``seconds`` apart."""
     return round(seconds * FEATURE_FPS) - 1
 
 
 @dataclass(frozen=True, eq=False)
 class GapMoments:
-    """The moments at which the network looks at a gap, S = N_CONTEXT + n_gap + N_CONTEXT; they follow from numbers of
-    frames alone.
+    """The ``N_SEEN`` moments at which the network looks at a gap; they follow from numbers of frames alone.
 
-    n_gap: frames of the gap at ``FEATURE_FPS``.
     seconds: from the last frame before to the first after.
     frames: of the motion that is looked at.
-    position_codes: (S, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge) or
-        not; time t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
-    spacing: (S,) seconds from every moment to the next.
+    position_codes: (N_SEEN, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge)
+        or not; time t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
+    spacing: (N_SEEN,) seconds from every moment to the next.
     """
 
-    n_gap: int
     seconds: float
     frames: MomentFrames
     position_codes: NDArray[np.float32]
@@ -310,33 +313,33 @@ class GapMoments:
 def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> GapMoments:
     """The moments of a gap: of ``n_frames``, ``n_before`` of the sign before and then ``n_between`` of a transition."""
     seconds = (n_between + 1) / fps
-    n_gap = gap_frames(seconds)
     last, first = (n_before - 1) / fps, (n_before + n_between) / fps
     steps = np.arange(N_CONTEXT) / FEATURE_FPS
-    times = np.concatenate([last - steps[::-1], last + seconds * np.arange(1, n_gap + 1) / (n_gap + 1), first + steps])
+    inside = last + seconds * np.arange(1, N_MOMENTS + 1) / (N_MOMENTS + 1)
+    times = np.concatenate([last - steps[::-1], inside, first + steps])
     is_real = (times > -1e-6) & (times < (n_frames - 1) / fps + 1e-6)
-    spacing = np.full(len(times), 1.0 / FEATURE_FPS)
-    spacing[N_CONTEXT - 1 : N_CONTEXT + n_gap] = seconds / (n_gap + 1)
-    t = np.clip((np.arange(len(times)) - N_CONTEXT + 1) / (n_gap + 1.0), 0.0, 1.0)
-    part = np.zeros((len(times), 3))
-    part[:N_CONTEXT, 0] = part[N_CONTEXT : N_CONTEXT + n_gap, 1] = part[N_CONTEXT + n_gap :, 2] = 1.0
-    length = np.full(len(times), seconds)
+    spacing = np.full(N_SEEN, 1.0 / FEATURE_FPS)
+    spacing[N_CONTEXT - 1 : N_CONTEXT + N_MOMENTS] = seconds / (N_MOMENTS + 1)
+    t = np.clip((np.arange(N_SEEN) - N_CONTEXT + 1) / (N_MOMENTS + 1.0), 0.0, 1.0)
+    part = np.zeros((N_SEEN, 3))
+    part[:N_CONTEXT, 0] = part[N_CONTEXT:-N_CONTEXT, 1] = part[-N_CONTEXT:, 2] = 1.0
+    length = np.full(N_SEEN, seconds)
     codes = np.column_stack([part, is_real, t, t * (1.0 - t), length, np.log(np.maximum(length, 0.02))])
-    return GapMoments(n_gap, seconds, frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
+    return GapMoments(seconds, frames_at(times, fps, n_frames), codes.astype(np.float32), spacing)
 
 
-def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: NDArray[np.intp]) -> NDArray[np.float32]:
-    """What the network sees of gaps (N, N_TOKEN): of ``whole``, the N moments of all ``gaps`` in order, those of each
-    from its ``starts`` on: the sign before, a classical transition, the sign after.
+def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments]) -> NDArray[np.float32]:
+    """What the network sees of G gaps (G, N_SEEN, N_TOKEN), of ``whole``, the moments of all ``gaps`` in order: the
+    sign before, a classical transition, the sign after.
 
     A token is the frame's features, the same relative to the last frame before, and where it lies (``GapMoments``).
     """
-    out = np.empty((len(whole.positions), N_TOKEN), np.float32)
+    out = np.empty((len(gaps), N_SEEN, N_TOKEN), np.float32)
     spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
-    own = frame_features(whole, spacing, starts, out[:, :N_FRAME])
-    last = np.repeat(starts + N_CONTEXT - 1, [len(gap.spacing) for gap in gaps])
-    np.subtract(own, own[last], out=out[:, N_FRAME : 2 * N_FRAME])
-    out[:, 2 * N_FRAME :] = np.concatenate([gap.position_codes for gap in gaps])
+    frames = frame_features(whole, spacing, range(0, len(whole), N_SEEN)).reshape(len(gaps), N_SEEN, N_FRAME)
+    out[..., :N_FRAME] = frames
+    np.subtract(frames, frames[:, N_CONTEXT - 1, None], out=out[..., N_FRAME : 2 * N_FRAME])
+    out[..., 2 * N_FRAME :] = [gap.position_codes for gap in gaps]
     return out
 
 
@@ -344,18 +347,14 @@ def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments], starts: N
 class GapFeatures:
     """A gap as the network sees it, and what its answer needs on the return to the clip.
 
-    tokens: (N_CONTEXT + n_gap + N_CONTEXT, N_TOKEN), see ``gap_tokens``.
-    n_gap: frames of the gap at ``FEATURE_FPS``.
-    seconds: from the last frame before to the first after.
+    tokens: (N_SEEN, N_TOKEN), see ``gap_tokens``.
     mirrored: whether the network sees the gap in the mirror.
-    motion_weights: (R,) how much each role's side moves, 0 to 1, as the network sees it (``motion_weights``).
+    weights: (A,) factors of the network's answer, 0 to 1, as it sees the arms (``answer_weights``).
     """
 
     tokens: NDArray[np.float32]
-    n_gap: int
-    seconds: float
     mirrored: bool
-    motion_weights: FloatArray
+    weights: FloatArray
 
 
 def gap_features(joined: CanonicalMotion, n_before: int, n_between: int) -> GapFeatures:
@@ -367,30 +366,26 @@ def gap_features(joined: CanonicalMotion, n_before: int, n_between: int) -> GapF
 
 def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, int]]) -> list[GapFeatures]:
     """The features of gaps that lie in one motion, each (its frames, ``n_before``, ``n_between``)."""
-    found = [
+    moments = [
         CACHE.recent(gap_moments, frames.stop - frames.start, *counts, motion.fps, most=_MOMENTS_KEPT)
         for frames, *counts in gaps
     ]
-    starts = np.cumsum([0, *(len(gap.spacing) for gap in found)])
     firsts = [frames.start for frames, _, _ in gaps]
-    low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, found, strict=True)])
-    alpha = np.concatenate([gap.frames.alpha for gap in found])
-    mixed = np.concatenate([start + gap.frames.mixed for start, gap in zip(starts[:-1], found, strict=True)])
+    low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, moments, strict=True)])
+    alpha = np.concatenate([gap.frames.alpha for gap in moments])
+    mixed = np.concatenate([N_SEEN * k + gap.frames.mixed for k, gap in enumerate(moments)])
     whole = sampled(motion, MomentFrames(low, alpha, mixed))
-    steps = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1)  # of each joint from frame to frame (S - 1, 12)
-    stretches = list(pairwise(starts.tolist()))
-    paths = [steps[start : stop - 1].sum(axis=0) for start, stop in stretches]
-    mirror = [bool(path[0] > path[len(TIPS) // 2]) for path in paths]
-    if any(mirror):
-        rows = np.concatenate([np.arange(*ends) for ends, flip in zip(stretches, mirror, strict=True) if flip])
+    positions = whole.positions.reshape(len(gaps), N_SEEN, len(TIPS), 3)
+    paths = np.linalg.norm(np.diff(positions, axis=1), axis=-1).sum(axis=1)  # (G, 12) path length of each joint
+    mirror = paths[:, 0] > paths[:, len(TIPS) // 2]
+    if mirror.any():
+        rows = np.repeat(mirror, N_SEEN)
         part = mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
         whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
-    tokens = gap_tokens(whole, found, starts[:-1])
-    paths = [np.roll(path, len(TIPS) // 2) if flip else path for path, flip in zip(paths, mirror, strict=True)]
-    weights = [motion_weights(path, gap.seconds + _CONTEXT_S) for path, gap in zip(paths, found, strict=True)]
+        paths[mirror] = np.roll(paths[mirror], len(TIPS) // 2, axis=1)
     return [
-        GapFeatures(tokens[slice(*ends)], gap.n_gap, gap.seconds, flip, weight)
-        for ends, gap, flip, weight in zip(stretches, found, mirror, weights, strict=True)
+        GapFeatures(tokens, bool(is_mirrored), answer_weights(path, gap.seconds))
+        for tokens, is_mirrored, path, gap in zip(gap_tokens(whole, moments), mirror, paths, moments, strict=True)
     ]
 
 
@@ -398,47 +393,34 @@ _CONTEXT_S = 2.0 * (N_CONTEXT - 1) / FEATURE_FPS
 _MOMENTS_KEPT = 512
 _FULL_SPEED = 0.4
 """Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""
-
-
-def motion_weights(lengths: FloatArray, seconds: float) -> FloatArray:
-    """How much each role's side moves (R,), by the path lengths (12,) of the joints of ``TIPS`` over ``seconds``: the
-    mean of its wrist and finger joints a second, as a fraction of ``_FULL_SPEED``, at most 1, to the third power; for
-    the trunk that of the side that moves more.
-
-    A network's answer is multiplied by this: an arm that rests stays at rest, wherever it hangs, and one that idles
-    hardly changes (docs/decisions.md).
-    """
-    half = len(TIPS) // 2
-    left, right = (
-        min(1.0, float(lengths[side].mean()) / seconds / _FULL_SPEED) ** 3 for side in (slice(half), slice(half, None))
-    )
-    out = np.full(len(ROLES), max(left, right))
-    out[LEFT], out[RIGHT] = left, right
-    return out
-
-
 FULL_S = 0.6
 """Length of a gap, seconds, from which on a network's answer counts in full."""
 
 
-def answer_weights(t: FloatArray, seen: GapFeatures) -> FloatArray:
-    """Weights (n, R) of a network's answer at times t (n,) in the gap, 0 to 1: 16 t^2 (1 - t)^2 times
-    min(1, seconds / FULL_S)^1.5 times ``seen.motion_weights``.
+def answer_weights(lengths: FloatArray, seconds: float) -> FloatArray:
+    """Factors (A,) of a network's answer for a gap of ``seconds``, by the path lengths (12,) of the joints of ``TIPS``
+    over the gap and its context: min(1, seconds / FULL_S)^1.5, times the mean speed of the arm's wrist and fingers, as
+    a fraction of ``_FULL_SPEED``, at most 1, to the third power.
 
-    Both ends and their velocities stay exact, and what a cubic bridges well stays near it: short gaps, and hands that
-    rest.
+    What a cubic bridges well stays near it: short gaps, and hands that rest, wherever they hang (docs/decisions.md).
     """
-    bump = 16.0 * t**2 * (1.0 - t) ** 2
-    return np.asarray(min(1.0, seen.seconds / FULL_S) ** 1.5 * bump[:, None] * seen.motion_weights)
+    speeds = lengths.reshape(2, -1).mean(axis=1) / (seconds + _CONTEXT_S)  # (2,)
+    sides = min(1.0, seconds / FULL_S) ** 1.5 * np.minimum(1.0, speeds / _FULL_SPEED) ** 3
+    return np.repeat(sides, IS_ARM.sum() // 2)
+
+
+def answer_basis(t: FloatArray) -> FloatArray:
+    """The polynomials (n, N_TERMS) of a network's answer at times t (n,) in the gap, 0 to 1: 64 t^3 (1 - t)^3 times
+    Legendre's first ones, so that both ends, their velocities and their accelerations stay the curve's.
+    """
+    return 64.0 * (t * (1.0 - t))[:, None] ** 3 * legvander(2.0 * t - 1.0, N_TERMS - 1)
 
 
 def delta_rotvecs(answer: FloatArray, seen: GapFeatures, n_between: int) -> FloatArray:
-    """Canonical rotation vectors (n_between, R, 3), radians, that a network's answer (n_gap, R, 3) gives the frames of
-    a transition: ``answer_weights`` times the answer.
+    """Canonical rotation vectors (n_between, R, 3), radians, that a network's answer (N_TERMS, A, 3) gives the frames of
+    a transition; 0 for roles that it does not correct.
     """
-    at = np.arange(1, seen.n_gap + 1) / (seen.n_gap + 1)
-    t = np.arange(1, n_between + 1) / (n_between + 1)
-    if seen.n_gap != n_between:
-        answer = CubicSpline(at, answer)(t)
-    out = answer_weights(t, seen)[..., None] * np.asarray(answer, np.float64)
+    basis = answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
+    out = np.zeros((n_between, len(ROLES), 3))
+    out[:, IS_ARM] = seen.weights[:, None] * np.tensordot(basis, answer.astype(np.float64), axes=1)
     return mirrored_deltas(out) if seen.mirrored else out

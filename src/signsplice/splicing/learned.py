@@ -23,9 +23,8 @@ from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, JoinedClips, joined
-from signsplice.rig.info import FEATURE_FPS, ROLES, CanonicalMotion, apply_deltas, canonical_motion, rig_info
+from signsplice.rig.info import FEATURE_FPS, CanonicalMotion, apply_deltas, canonical_motion, rig_info
 from signsplice.rig.metrics import is_keyed
-from signsplice.rig.roles import ARM
 from signsplice.splicing import features
 from signsplice.splicing.bundle import Array, Sessions, read_config
 from signsplice.splicing.contracts import Cut, Cutter, Duration, Gap, Transition
@@ -132,10 +131,6 @@ SYSTEM = "signsplice"
 NAME, FLUENT = "learned", "learned-fluent"
 _BATCH = 16
 """Gaps of one pass at most: larger passes take as long a gap."""
-_CORRECTED = np.array([role.endswith(ARM) for role in ROLES])
-"""Roles (R,) that the network corrects: collarbones, arms and wrists. On captures that it had not seen, its answer
-for fingers, trunk, neck and head was worse than the curve at every length of a gap.
-"""
 
 
 REST_FRAMES = 24
@@ -436,9 +431,6 @@ class LearnedTransition(Transition):
     name, learned = NAME, True
     summary = "limited Hermite curve, its arms bent by a network that sees eight frames on either side"
 
-    corrected = _CORRECTED
-    """Roles (R,) whose joints the network corrects."""
-
     def __init__(self, sessions: Sessions) -> None:
         self.sessions = sessions
         self.base = find_transition("hermite")
@@ -471,28 +463,23 @@ class LearnedTransition(Transition):
         lengths = [n_frames for _, _, n_frames in counts]
         local = np.concatenate([base.local_rotations for base in bases])
         deltas = [
-            features.delta_rotvecs(rotvecs, one, n_frames)
-            for rotvecs, one, n_frames in zip(self._rotvecs(seen), seen, lengths, strict=True)
+            features.delta_rotvecs(answer, gap, n_frames)
+            for answer, gap, n_frames in zip(self._answers(seen), seen, lengths, strict=True)
         ]
-        local = apply_deltas(block.clip.skeleton, local, np.concatenate(deltas), self.corrected)
+        local = apply_deltas(block.clip.skeleton, local, np.concatenate(deltas), features.IS_ARM)
         parts = np.split(local, np.cumsum(lengths)[:-1])
         return [replace(base, local_rotations=part) for base, part in zip(bases, parts, strict=True)]
 
-    def _rotvecs(self, seen: Sequence[features.GapFeatures]) -> list[FloatArray]:
-        """The network's rotation vectors (n_gap, R, 3) of every gap. Gaps of one length are a batch; each gets the
-        numbers that it would get alone, bit for bit, as far as measured (tests compare).
+    def _answers(self, seen: Sequence[features.GapFeatures]) -> FloatArray:
+        """The network's answers (G, N_TERMS, A, 3). Each gap gets the numbers that it would get alone, bit for bit, as
+        far as measured (tests compare).
         """
-        found: dict[int, FloatArray] = {}
-        lengths = [one.n_gap for one in seen]
-        for n_gap in set(lengths):
-            rows = [row for row, length in enumerate(lengths) if length == n_gap]
-            for start in range(0, len(rows), _BATCH):
-                batch = rows[start : start + _BATCH]
-                tokens = np.stack([seen[row].tokens for row in batch], dtype=np.float32)
-                inputs = {"tokens": tokens, "mask": np.ones(tokens.shape[:2], bool)}
-                shape = (len(batch), n_gap, len(ROLES), 3)
-                found |= zip(batch, self.sessions.run("bridge", inputs, turns=shape)["turns"], strict=True)
-        return [found[row] for row in range(len(seen))]
+        blocks = []
+        for start in range(0, len(seen), _BATCH):
+            tokens = np.stack([gap.tokens for gap in seen[start : start + _BATCH]])
+            shape = (len(tokens), features.N_TERMS, int(features.IS_ARM.sum()), 3)
+            blocks.append(self.sessions.run("bridge", {"tokens": tokens}, turns=shape)["turns"])
+        return np.concatenate(blocks)
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
         """A line about a gap that is too long for the network."""

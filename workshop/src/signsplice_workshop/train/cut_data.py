@@ -1,4 +1,4 @@
-"""Training data of the network that cuts and times.
+"""Training data of the network that cuts.
 
 A draw is a few words of one signer, and all pairs of them are trained on. Some words are noisy, as captures are, and
 some are sampled between the frames at which they were generated. A batch depends on the seed and the step alone.
@@ -19,7 +19,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.motion import FloatArray, rotation
-from signsplice.rig.info import FEATURE_FPS, ROLES
+from signsplice.rig.info import ROLES
 from signsplice.signer.signer import stream
 from signsplice.splicing import features
 from signsplice.splicing.features import PHASES, CanonicalTrajectory
@@ -38,8 +38,6 @@ OFFSET_RAD = 0.2
 """Largest standard deviation of that rotation."""
 SUBFRAME_PROBABILITY = 0.25
 """Fraction of the words that are sampled between two frames."""
-NEARBY_PROBABILITY = 0.5
-"""Fraction of the pairs whose duration is trained between two frames near the true ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +48,11 @@ class SignerWords:
     - phases: (T,) for each word, indices into ``PHASES``
     - true_cuts: (W, W, 3) for word before and word after: last frame kept, first frame kept, number of transition
       frames; -1 where a pair has no truth
-    - nearby_cuts: (W, W, 3) the same for two frames near those; equal to ``true_cuts`` where the file has none
     """
 
     trajectories: tuple[CanonicalTrajectory, ...]
     phases: tuple[Int, ...]
     true_cuts: Int
-    nearby_cuts: Int
 
 
 def read_words(path: Path) -> SignerWords:
@@ -70,8 +66,7 @@ def read_words(path: Path) -> SignerWords:
             rotations_6d = rotation.to_6d(rotation.normalize(packed_quats[frames] / 32767.0))
             trajectories.append(CanonicalTrajectory(rotations_6d, positions[frames], has_role))
             phases.append(frame_phases(np.arange(n_frames), word_events))
-        nearby_cuts = stored.get("asides", true_cuts)
-    return SignerWords(tuple(trajectories), tuple(phases), true_cuts.astype(np.int64), nearby_cuts.astype(np.int64))
+    return SignerWords(tuple(trajectories), tuple(phases), true_cuts.astype(np.int64))
 
 
 def frame_phases(at: Int, events: Sequence[int]) -> Int:
@@ -91,9 +86,7 @@ class CutBatch:
     - mask: (G, W, T), False at padding
     - phases: (G, W, T), indices into ``PHASES``
     - pre, post: (G, W, W), last frame kept of the word before, first frame kept of the word after
-    - timed_pre, timed_post: (G, W, W), the same two frames or two near them, whose duration is trained
-    - seconds: (G, W, W), duration from ``timed_pre`` to ``timed_post``
-    - has_truth: (G, W, W), False where the four frames and the duration are meaningless
+    - has_truth: (G, W, W), False where the two frames are meaningless
     - step: the training step, for messages
     """
 
@@ -102,9 +95,6 @@ class CutBatch:
     phases: Tensor
     pre: Tensor
     post: Tensor
-    timed_pre: Tensor
-    timed_post: Tensor
-    seconds: Tensor
     has_truth: Tensor
     step: int = 0
 
@@ -125,9 +115,6 @@ class CutDraw:
     words: list[tuple[NDArray[np.float32], Int]]
     pre: Int
     post: Int
-    timed_pre: Int
-    timed_post: Int
-    seconds: NDArray[np.float32]
     has_truth: NDArray[np.bool_]
 
 
@@ -182,18 +169,10 @@ class CutDataset:
         words, delays = self._words(signer, chosen, rng)
         lengths = np.array([min(len(trajectory), features.WORD_FRAMES) for trajectory, _ in words])
         pairs = np.ix_(chosen, chosen)
-        truth = timed = signer.true_cuts[pairs]
-        if not self.clean:
-            nearby = rng.random(truth.shape[:2])[..., None] < NEARBY_PROBABILITY
-            timed = np.where(nearby, signer.nearby_cuts[pairs], truth)
+        truth = signer.true_cuts[pairs]
         pre, post = _shifted_frames(truth, delays, lengths)
-        timed_pre, timed_post = _shifted_frames(timed, delays, lengths)
-        has_truth = truth[..., 2] >= 0
-        seconds = np.where(has_truth, timed[..., 2] + 1, 1) / FEATURE_FPS
-        return CutDraw(
-            [_tokens(trajectory, phases) for trajectory, phases in words],
-            pre, post, timed_pre, timed_post, seconds.astype(np.float32), has_truth,
-        )  # fmt: skip
+        tokens = [_tokens(trajectory, phases) for trajectory, phases in words]
+        return CutDraw(tokens, pre, post, truth[..., 2] >= 0)
 
     def _words(
         self, signer: SignerWords, chosen: Int, rng: np.random.Generator

@@ -25,12 +25,11 @@ from torch import Tensor, nn
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import check_place
 from signsplice.splicing.bundle import BUNDLE_FILE, Array, bundle_sha256, multiplies_in_8_bits, read_file
-from signsplice.splicing.features import N_FRAME
 from signsplice.splicing.learned import open_sessions
 from signsplice.splicing.runtime import onnxruntime
 from signsplice_workshop.train import records
 from signsplice_workshop.train.bundles import write_bundle
-from signsplice_workshop.train.networks import ChooseGraph, Cutting, ReadGraph, TimeGraph
+from signsplice_workshop.train.networks import ChooseGraph, Cutting, ReadGraph
 from signsplice_workshop.train.prefetch import Dataset
 from signsplice_workshop.train.tasks import Task
 
@@ -178,10 +177,8 @@ def product_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
         graphs = _cutting_graphs(network, [valid.batch([k]) for k in range(3)])
     else:
         # The example is a batch of several gaps, because the exporter would take a size of 1 for a constant.
-        batches = [valid.batch(rows) for rows in ([0, 1, 2], [3], [4, 5])]
-        inputs = [{"tokens": batch.tokens, "mask": batch.mask} for batch in batches]
-        free: dict[str, tuple[int, ...]] = {"tokens": (0, 1), "mask": (0, 1)}
-        graphs = {"bridge": ExportGraph(network, inputs[0], ("turns",), free, tuple(inputs[1:]))}
+        inputs = [{"tokens": valid.batch(rows).tokens} for rows in ([0, 1, 2], [3], [4, 5])]
+        graphs = {"bridge": ExportGraph(network, inputs[0], ("turns",), {"tokens": (0,)}, tuple(inputs[1:]))}
     return {f"{name}.onnx": exported(name, graph) for name, graph in graphs.items()}
 
 
@@ -194,10 +191,6 @@ def _cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, Expor
         {"before": before[0], "leave": before[1], "after": after[0], "enter": after[2]}
         for before, after in zip(readings[::2], readings[1::2], strict=True)
     ]
-    ends = [
-        {"leaving": p[:, 3, :N_FRAME], "entering": q[:, 5, :N_FRAME], "leave": pair["leave"], "enter": pair["enter"]}
-        for p, q, pair in zip(words[::2], words[1::2], pairs, strict=True)
-    ]
     tokens = [{"tokens": word} for word in words]
     outputs = ("states", "leave", "enter", "phases")
     return {
@@ -205,7 +198,6 @@ def _cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, Expor
         "cut": ExportGraph(
             ChooseGraph(network), pairs[0], ("left", "entered"), {"before": (1,), "after": (1,)}, tuple(pairs[1:])
         ),
-        "duration": ExportGraph(TimeGraph(network), ends[0], ("seconds",), {}, tuple(ends[1:])),
     }
 
 

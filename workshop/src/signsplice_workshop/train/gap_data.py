@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, interp1d
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
@@ -58,6 +59,11 @@ SWAY_RAD, SWAY_HZ = 0.1, (0.2, 2.0)
 NOISE_PROBABILITY = 0.3
 NOISE_RAD = (0.001, 0.008)
 """Range of the standard deviation of noise."""
+KEYED_PROBABILITY = 0.25
+"""Fraction of the hidden stretches that a program drew between keys: there the curve is hard to better, and a clip
+that is not seen to be keyed must not be made worse.
+"""
+KEY_FRAMES = (3, 12)
 OTHER_ARM_PROBABILITY = 0.3
 _MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.N_CONTEXT
 """The shortest gap with all the frames that the network sees on either side."""
@@ -162,6 +168,23 @@ def with_noise(quats: FloatArray, deviation: float, rng: np.random.Generator) ->
     return rotation.multiply(quats, rotation.exp(white))
 
 
+def with_keys(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """The motion drawn anew between its frames at keys some ``KEY_FRAMES`` apart: by lines, by the cubics through
+    their neighbours (Catmull and Rom 1974), or by cubics that do not overshoot (Fritsch and Carlson 1980).
+    """
+    every, last = int(rng.integers(KEY_FRAMES[0], KEY_FRAMES[1] + 1)), len(quats) - 1
+    keys = np.unique([0, *range(int(rng.integers(every)), last, every), last])
+    values, at = rotation.continuous(quats[keys]), np.arange(len(quats))
+    kind = int(rng.integers(3))
+    if kind == 0 or len(keys) < 3:
+        drawn = interp1d(keys, values, axis=0)(at)
+    elif kind == 1:
+        drawn = CubicHermiteSpline(keys, values, np.gradient(values, keys, axis=0))(at)
+    else:
+        drawn = PchipInterpolator(keys, values)(at)
+    return rotation.normalize(drawn)
+
+
 SEAM_FRACTION = 0.5
 """Fraction of the gaps that are true transitions."""
 WORD_FRACTION = 0.3
@@ -171,8 +194,6 @@ STRETCH_TARGET = 0.6
 is easier to predict than people are, and most captures are filled better with half of the answer (lab/LOG.md, Half of
 it).
 """
-_POOL_STEPS = 8
-"""Training steps whose gaps are sorted by length together."""
 _BASE = find_transition("hermite")
 
 
@@ -255,19 +276,19 @@ def _role_parents() -> NDArray[np.intp]:
 class GapBatch:
     """B gaps of up to T frames, in windows of up to S frames.
 
-    - tokens: (B, S, N_TOKEN); mask: (B, S), False at padding
+    - tokens: (B, N_SEEN, N_TOKEN)
     - base, true: quaternions (B, T, R, 4), the classical transition and the target; real: (B, T), False at padding
-    - weights: (B, T, R), factor of the network's answer (``gap_features.answer_weights``)
+    - basis: (B, T, N_TERMS) polynomials of the network's answer; weights: (B, A) its factors (``gap_features``)
     - bones: (B, R, 3), arm lengths
     - seam: (B,), whether the gap is a true transition
     - step: the training step, for messages
     """
 
     tokens: Tensor
-    mask: Tensor
     base: Tensor
     true: Tensor
     real: Tensor
+    basis: Tensor
     weights: Tensor
     bones: Tensor
     seam: Tensor
@@ -312,7 +333,6 @@ class GapDataset:
         self.seed, self.n_fixed, self.clean = seed, n_fixed, clean
         if clean and not all(signer.seams for signer in chain(*self.signers)):
             raise InputError("a signer has no transition to train on; name folders with seams")
-        self._pools: dict[tuple[int, int, int], NDArray[np.int64]] = {}
 
     def __len__(self) -> int:
         return self.n_fixed if self.n_fixed is not None else sum(len(one.seams) for one in chain(*self.signers))
@@ -323,34 +343,21 @@ class GapDataset:
         return self.signers[0][0].role_parents
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
-        """Numbers of the gaps of a step; no gap is drawn twice.
-
-        The gaps of ``_POOL_STEPS`` steps are sorted by length and cut into batches in random order, so that batches
-        need little padding.
-        """
-        pool, at = divmod(step, _POOL_STEPS)
-        key = (pool, size, seed)
-        if key not in self._pools:
-            numbers = np.arange(pool * _POOL_STEPS * size, (pool + 1) * _POOL_STEPS * size)
-            by_length = numbers[np.argsort([self._plan(int(n)).n_gap for n in numbers], kind="stable")]
-            order = stream("pool", seed, pool).permutation(_POOL_STEPS)
-            self._pools = {k: v for k, v in self._pools.items() if k[0] == pool - 1}
-            self._pools[key] = by_length.reshape(_POOL_STEPS, size)[order]
-        rows: NDArray[np.int64] = self._pools[key][at]
-        return rows
+        """Numbers of the gaps of a step; no gap is drawn twice."""
+        return np.arange(step * size, (step + 1) * size)
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> GapBatch:
         """The gaps with these numbers, padded to one length."""
         gaps = [self.gap(int(row)) for row in rows]
-        tensors = {
+        padded = {
             name: pad_sequence([torch.from_numpy(np.asarray(gap[name])) for gap in gaps], batch_first=True)
-            for name in ("tokens", "base", "true", "weights")
+            for name in ("base", "true", "basis")
         }
+        stacked = {name: torch.from_numpy(np.stack([gap[name] for gap in gaps])) for name in ("tokens", "weights", "bones")}
         return GapBatch(
-            **tensors,
-            mask=pad_sequence([torch.ones(len(gap["tokens"]), dtype=torch.bool) for gap in gaps], batch_first=True),
-            real=pad_sequence([torch.ones(len(gap["weights"]), dtype=torch.bool) for gap in gaps], batch_first=True),
-            bones=torch.from_numpy(np.stack([gap["bones"] for gap in gaps])),
+            **padded,
+            **stacked,
+            real=pad_sequence([torch.ones(len(gap["basis"]), dtype=torch.bool) for gap in gaps], batch_first=True),
             seam=torch.tensor([gap["seam"] for gap in gaps]),
             step=step,
         )
@@ -370,6 +377,8 @@ class GapDataset:
         quats, start = quats[low:high], start - low
         if self.n_fixed is None and not self.clean:
             quats = with_offsets_and_sway(quats, rng)
+            if plan.seam is None and rng.random() < KEYED_PROBABILITY:
+                quats = with_keys(quats, rng)
         if not self.clean and rng.random() < NOISE_PROBABILITY:
             quats = with_noise(quats, float(rng.uniform(*NOISE_RAD)), rng)
         arrays = self.arrays(signer, quats, start, n_gap)
@@ -389,7 +398,9 @@ class GapDataset:
         return _GapPlan(rng, signer, None, round(float(np.exp(log_frames))))
 
     def arrays(self, signer: SignerMotion, quats: FloatArray, start: int, n_gap: int) -> dict[str, Any]:
-        """``n_gap`` frames of a motion (T, R, 4) from ``start`` on as tokens, base, true, weights and bones."""
+        """``n_gap`` frames of a motion (T, R, 4) from ``start`` on as tokens, base, true, basis, weights and
+        bones.
+        """
         hips = np.broadcast_to(rotation.IDENTITY, (len(quats), 1, 4))
         local_quats = np.concatenate([hips, quats[:, signer.roles]], axis=1)
         clip = Clip(signer.skeleton, local_quats, np.zeros((len(quats), 3)), FEATURE_FPS)
@@ -407,6 +418,7 @@ class GapDataset:
             "tokens": window.tokens,
             "base": base_quats.astype(np.float32),
             "true": true_quats.astype(np.float32),
-            "weights": gap_features.answer_weights(alpha, window).astype(np.float32),
+            "basis": gap_features.answer_basis(alpha).astype(np.float32),
+            "weights": window.weights.astype(np.float32),
             "bones": bones,
         }

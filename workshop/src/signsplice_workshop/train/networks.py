@@ -2,11 +2,11 @@
 
 **Transitions** (``Bridge``): one pass over the sign before, a classical transition, and the sign after. It is a
 Transformer encoder with pre-layer normalisation and rotary positions (Su et al. 2021), because what matters is how far
-apart two frames are. Its answer is a rotation vector for every joint at every frame of the gap, weighted by a window
-that is flat at both ends (``gap_features.delta_rotvecs``) and added to the classical transition. The last layer is
-initialised with zeros, so that an untrained network is the classical method.
+apart two frames are. Its answer is a polynomial of rotation vectors for every joint of the arms, times a window that
+is flat at both ends (``features.answer_basis``), added to the classical transition: it cannot shake. The last layer
+is initialised with zeros, so that an untrained network is the classical method.
 
-**Cuts and durations** (``Cutting``): where to leave a word depends little on the next word: on how far and in which
+**Cuts** (``Cutting``): where to leave a word depends little on the next word: on how far and in which
 direction the hands have to go, and on whether the handshape changes. So a Transformer encoder with rotary positions
 reads every word alone and once (``networks.features.word_tokens``), two frames to a token. It yields a state for each
 frame and two summaries, one for leaving the word and one for entering it; a summary is made by a few learned attention
@@ -22,12 +22,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.polynomial.legendre import legvander
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.rig.info import ROLES
-from signsplice.splicing.features import N_CONTEXT, N_FRAME, N_TOKEN, N_WORD, PHASES
+from signsplice.splicing.features import IS_ARM, N_CONTEXT, N_MOMENTS, N_TERMS, N_TOKEN, N_WORD, PHASES
 
 MAX_DEVIATIONS = 5.0
 """Inputs are clamped to this many standard deviations from the mean."""
@@ -44,10 +45,10 @@ class BridgeConfig:
     - dropout: probability
     """
 
-    width: int = 256
-    n_heads: int = 8
-    n_layers: int = 4
-    inner: int = 1024
+    width: int = 128
+    n_heads: int = 4
+    n_layers: int = 3
+    inner: int = 512
     dropout: float = 0.0
 
 
@@ -105,36 +106,38 @@ class Bridge(nn.Module):
 
     - config: its sizes
     - mean, deviation: (N_TOKEN,) of the tokens that it was trained on
+    - fit: (N_TERMS, N_MOMENTS) from values at the gap's moments to the polynomial nearest to them
     """
 
     mean: Tensor
     deviation: Tensor
+    fit: Tensor
 
     def __init__(self, config: BridgeConfig, mean: Tensor | None = None, deviation: Tensor | None = None) -> None:
         super().__init__()
         self.config = config
         self.register_buffer("mean", torch.zeros(N_TOKEN) if mean is None else mean)
         self.register_buffer("deviation", torch.ones(N_TOKEN) if deviation is None else deviation)
+        moments = np.arange(1, N_MOMENTS + 1) / (N_MOMENTS + 1)
+        fit = np.linalg.pinv(legvander(2.0 * moments - 1.0, N_TERMS - 1))
+        self.register_buffer("fit", torch.from_numpy(fit.astype(np.float32)))
         self.embedding = nn.Linear(N_TOKEN, config.width)
         self.layers = nn.ModuleList(RotaryLayer(config) for _ in range(config.n_layers))
         self.norm = nn.LayerNorm(config.width)
-        self.out = nn.Linear(config.width, 3 * len(ROLES))
+        self.out = nn.Linear(config.width, 3 * int(IS_ARM.sum()))
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
-    def forward(self, tokens: Tensor, mask: Tensor | None = None) -> Tensor:
-        """Rotation vectors (B, S - 2 N_CONTEXT, R, 3) for the frames of the gap.
-
-        tokens: (B, S, N_TOKEN), padded at the end. mask: (B, S), False at padding, whose answers are meaningless.
+    def forward(self, tokens: Tensor) -> Tensor:
+        """The terms (B, N_TERMS, A, 3) of a polynomial of rotation vectors (``features.answer_basis``), for tokens
+        (B, N_SEEN, N_TOKEN).
         """
         states = self.embedding(standardised(tokens, self.mean, self.deviation))
-        allowed = None if mask is None else mask[:, None, None]
         rope = rope_angles(states.shape[1], self.config.width // self.config.n_heads, states)
         for layer in self.layers:
-            states = layer(states, rope, allowed)
-        gap = self.norm(states[:, N_CONTEXT : states.shape[1] - N_CONTEXT])
-        out: Tensor = self.out(gap)
-        return out.reshape(*out.shape[:2], len(ROLES), 3)
+            states = layer(states, rope, None)
+        terms: Tensor = self.fit @ self.out(self.norm(states[:, N_CONTEXT:-N_CONTEXT]))
+        return terms.reshape(terms.shape[0], N_TERMS, -1, 3)
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ class CuttingConfig:
     - n_layers: encoder layers
     - inner: units of a feed-forward layer
     - n_looks, look: a summary is made of ``n_looks`` attention queries with ``look`` numbers each
-    - hidden: units of the layers that make a condition, a score and a duration
+    - hidden: units of the layers that make a condition and a score
     - dropout: probability
     """
 
@@ -161,7 +164,7 @@ class CuttingConfig:
 
 
 class Cutting(nn.Module):
-    """The cutting and timing network.
+    """The cutting network.
 
     - config: its sizes
     - mean, deviation: (N_WORD,) of the tokens that it was trained on
@@ -187,10 +190,6 @@ class Cutting(nn.Module):
         self.relation = nn.Sequential(nn.Linear(3 * summary, hidden), nn.GELU(), nn.Linear(hidden, hidden), nn.GELU())
         self.leaving = _FrameScores(width, hidden)
         self.entering = _FrameScores(width, hidden)
-        self.timing = nn.Sequential(
-            nn.Linear(3 * N_FRAME + 2 * summary, hidden), nn.GELU(), nn.Linear(hidden, hidden), nn.GELU(),
-            nn.Linear(hidden, 1),
-        )  # fmt: skip
 
     def read(self, tokens: Tensor, mask: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """States (B, T, D) of frames, summaries (B, S) for leaving and for entering, and logits (B, T, 5) of phases.
@@ -216,14 +215,6 @@ class Cutting(nn.Module):
         """The condition (..., H) of a pair, from the summaries (..., S) for leaving one word and entering the other."""
         out: Tensor = self.relation(torch.cat([leave, enter, enter - leave], dim=-1))
         return out
-
-    def seconds(self, leaving: Tensor, entering: Tensor, leave: Tensor, enter: Tensor) -> Tensor:
-        """Seconds (...,) of the transition between two frames (..., N_FRAME) of two words with the given summaries
-        (..., S).
-        """
-        a, b = (standardised(x, self.mean[:N_FRAME], self.deviation[:N_FRAME]) for x in (leaving, entering))
-        out: Tensor = self.timing(torch.cat([a, b, b - a, leave, enter], dim=-1))[..., 0]
-        return F.softplus(out - 1.2)
 
 
 class _FrameScores(nn.Module):
@@ -263,11 +254,3 @@ class ChooseGraph(_Graph):
         """Scores of leaving (1, P) and of entering (1, Q), from states (1, P, D) and (1, Q, D) and summaries (1, S)."""
         condition = self.network.condition(leave, enter)
         return self.network.leaving(before, condition), self.network.entering(after, condition)
-
-
-class TimeGraph(_Graph):
-    """The part of the network that times a pair."""
-
-    def forward(self, leaving: Tensor, entering: Tensor, leave: Tensor, enter: Tensor) -> Tensor:
-        """Seconds (1,) of the transition between two frames (1, N_FRAME) of two words with summaries (1, S)."""
-        return self.network.seconds(leaving, entering, leave, enter)

@@ -16,8 +16,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
-from signsplice.rig.info import FEATURE_FPS, ROLES, TRUNK
-from signsplice.splicing import features
+from signsplice.rig.info import ROLES, TRUNK
+from signsplice.splicing.features import IS_ARM
 from signsplice_workshop.train.cut_data import CutBatch
 from signsplice_workshop.train.gap_data import GapBatch
 from signsplice_workshop.train.networks import Bridge, Cutting
@@ -102,9 +102,11 @@ class BridgeTask(Task):
 
     def filled(self, batch: GapBatch) -> Tensor:
         """The network's transitions, quaternions (B, T, R, 4)."""
-        # The gap's frames come first in the network's answer, whatever the length of the padded window.
-        answer = self.network(batch.tokens, batch.mask)[:, : batch.weights.shape[1]].float()  # (B, T, R, 3)
-        return rotate(batch.base, answer * batch.weights[..., None])
+        terms = self.network(batch.tokens).float()  # (B, N_TERMS, A, 3)
+        rotvecs = torch.einsum("btk,bkac->btac", batch.basis, terms) * batch.weights[:, None, :, None]
+        quats = batch.base.clone()
+        quats[:, :, IS_ARM] = rotate(batch.base[:, :, IS_ARM], rotvecs)
+        return quats
 
     def errors(self, batch: GapBatch, quats: Tensor) -> tuple[Tensor, Tensor]:
         """Errors of transitions ``quats`` (B, T, R, 4): mean distance (B,) of the scored joints, arm lengths, and mean
@@ -132,7 +134,6 @@ class BridgeTask(Task):
 
 
 PHASE_WEIGHT = 0.5
-TIME_WEIGHT = 0.5
 _IMPOSSIBLE = -1e4
 """Score of a frame of padding."""
 
@@ -142,20 +143,16 @@ class CutPrediction:
     """The network's answers for a batch.
 
     - leave_scores, enter_scores: (G, W, W, T), very low at padding
-    - seconds: (G, W, W), from ``timed_pre`` to ``timed_post`` of the batch
     - phase_logits: (G, W, T, 5)
     """
 
     leave_scores: Tensor
     enter_scores: Tensor
-    seconds: Tensor
     phase_logits: Tensor
 
 
 class CuttingTask(Task):
-    """The network that cuts and times, with its loss: cross-entropy of both frames of every pair and of the phases,
-    plus the mean absolute error of the logarithm of the seconds, so that short and long transitions count alike.
-    """
+    """The network that cuts, with its loss: cross-entropy of both frames of every pair and of the phases."""
 
     def __init__(self, network: Cutting) -> None:
         super().__init__()
@@ -173,14 +170,9 @@ class CuttingTask(Task):
         condition = self.network.condition(leave, enter)  # (G, W, W, H)
         leave_scores = self.network.leaving(states[:, :, None], condition)
         enter_scores = self.network.entering(states[:, None], condition)
-        numbers = batch.tokens[..., : features.N_FRAME]
-        draw = torch.arange(n_draws, device=numbers.device)[:, None, None]
-        word = torch.arange(n_words, device=numbers.device)
-        left, entered = numbers[draw, word[:, None], batch.timed_pre], numbers[draw, word[None], batch.timed_post]
         return CutPrediction(
             leave_scores.masked_fill(~batch.mask[:, :, None], _IMPOSSIBLE),
             enter_scores.masked_fill(~batch.mask[:, None], _IMPOSSIBLE),
-            self.network.seconds(left, entered, leave, enter).float(),
             phase_logits,
         )
 
@@ -193,16 +185,13 @@ class CuttingTask(Task):
         cut_loss = cut_loss + F.cross_entropy(found.enter_scores[known], batch.post[known], reduction="sum")
         each = F.cross_entropy(found.phase_logits.flatten(0, 2), batch.phases.flatten(), reduction="none")
         phase_loss = (each * batch.mask.flatten()).sum() / n_frames
-        time_loss = (found.seconds[known].log() - batch.seconds[known].log()).abs().sum() / n_known
-        loss: Tensor = cut_loss / n_known + PHASE_WEIGHT * phase_loss + TIME_WEIGHT * time_loss
+        loss: Tensor = cut_loss / n_known + PHASE_WEIGHT * phase_loss
         return loss
 
     def judge(self, batch: CutBatch) -> dict[str, float]:
         """Scores over the pairs with a truth; empty where there is none.
 
         ``pre``, ``post``, ``both``: fractions of exact frames. ``within_2``: fraction with both frames within two.
-        ``error_ms``, ``length``: mean error of the durations, and fraction with the exact number of frames, both
-        between the true frames.
         """
         known = batch.has_truth
         if not bool(known.any()):
@@ -211,13 +200,9 @@ class CuttingTask(Task):
         pre, post = found.leave_scores.argmax(-1), found.enter_scores.argmax(-1)  # (G, W, W)
         off = torch.stack([pre - batch.pre, post - batch.post], dim=-1).abs()[known]  # (pairs, 2)
         exact = off == 0
-        seconds, true_seconds = found.seconds[known], batch.seconds[known]
-        same_length = (seconds * FEATURE_FPS).round() == (true_seconds * FEATURE_FPS).round()
         return {
             "pre": exact[..., 0].float().mean().item(),
             "post": exact[..., 1].float().mean().item(),
             "both": exact.all(-1).float().mean().item(),
             "within_2": (off <= 2).all(-1).float().mean().item(),
-            "error_ms": 1e3 * (seconds - true_seconds).abs().mean().item(),
-            "length": same_length.float().mean().item(),
         }

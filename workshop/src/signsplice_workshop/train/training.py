@@ -36,7 +36,7 @@ from signsplice_workshop.train.processes import Processes, only_one
 from signsplice_workshop.train.tasks import BridgeTask, CuttingTask, Task
 from signsplice_workshop.train.warm_start import WarmStart
 
-FILES = {"cutter": ("word.onnx", "cut.onnx", "duration.onnx"), "transition": ("bridge.onnx",)}
+FILES = {"cutter": ("word.onnx", "cut.onnx"), "transition": ("bridge.onnx",)}
 NETWORKS = tuple(FILES)
 HELD_BACK = 0.1
 """Fraction of the signers of each folder, at least one, that are kept for validation."""
@@ -72,14 +72,12 @@ class TrainingSchedule:
 
 SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("cutter", "smoke"): TrainingSchedule(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
-    ("cutter", "ship"): TrainingSchedule(CuttingConfig(), 12_000, 2, 1e-3, 24),
-    ("cutter", "more"): TrainingSchedule(CuttingConfig(), 5_000, 2, 5e-4, 24),
+    ("cutter", "ship"): TrainingSchedule(CuttingConfig(), 6_000, 2, 1e-3, 24),
+    ("cutter", "more"): TrainingSchedule(CuttingConfig(), 4_000, 2, 5e-4, 24),
     ("cutter", "corpus"): TrainingSchedule(CuttingConfig(), 8_000, 2, 5e-4, 24, clean=True),
     ("transition", "smoke"): TrainingSchedule(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
-    ("transition", "small"): TrainingSchedule(BridgeConfig(96, 4, 4, 384), 600, 32, 1e-3, 64, n_checks=2),
-    ("transition", "ship"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 6_000, 32, 8e-4, 512),
-    ("transition", "more"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512),
-    ("transition", "corpus"): TrainingSchedule(BridgeConfig(192, 6, 4, 768), 4_000, 32, 4e-4, 512, clean=True),
+    ("transition", "ship"): TrainingSchedule(BridgeConfig(), 12_000, 32, 1e-3, 512),
+    ("transition", "corpus"): TrainingSchedule(BridgeConfig(), 4_000, 32, 5e-4, 512, clean=True),
 }
 """Each network at each scale. ``small`` compares data. ``more`` continues an earlier training, on
 other data; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
@@ -249,7 +247,8 @@ def build(training: ProductTraining, data: Dataset) -> Task:
     schedule = training.schedule
     steps = range(_STATISTICS_BATCHES)
     batches = [data.batch(data.rows(step, schedule.batch, training.seed), step) for step in steps]
-    tokens = torch.cat([batch.tokens[batch.mask] for batch in batches])
+    has_words = isinstance(schedule.config, CuttingConfig)
+    tokens = torch.cat([batch.tokens[batch.mask] if has_words else batch.tokens.flatten(0, 1) for batch in batches])
     statistics = tokens.mean(0), tokens.std(0).clamp(min=_MIN_DEVIATION)
     if isinstance(schedule.config, CuttingConfig):
         return CuttingTask(Cutting(schedule.config, *statistics))
