@@ -16,14 +16,14 @@ from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256, read_config, 
 from signsplice_workshop.train.bundles import write_bundle
 
 TINY = GOLDEN / "tiny_bundle"
-VALUES: Mapping[str, Any] = {"system": "signsplice", "features": 4, "networks": {"cutter": {"n_parameters": 12}}}
+VALUES: Mapping[str, Any] = {"system": "signsplice", "features": 5, "networks": {"cutter": {"n_parameters": 12}}}
 
 
 def test_a_bundle_is_read_as_it_was_written(tmp_path: Path) -> None:
     files = {"a.onnx": b"first", "b.onnx": b"second"}
     write_bundle(tmp_path, VALUES, files)
     config = read_config(tmp_path)
-    assert (config.system, config.features, config.precision) == ("signsplice", 4, None)
+    assert (config.system, config.features, config.precision) == ("signsplice", 5, None)
     assert config.networks["cutter"].n_parameters == 12
     assert config.networks["cutter"].trained_on is None
     assert config.files == {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}

@@ -118,7 +118,7 @@ def commands(inputs: Path) -> list[Writer]:
         Writer("synth pairs", run(*corpus), lambda folder: None),
         Writer("checkpoints", train_parts(inputs / "pairs"), lambda folder: None),
         Writer(
-            "export --int8", _export,
+            "export", _export,
             _old_bundle,
         ),
     ]  # fmt: skip
@@ -129,7 +129,7 @@ def _old_bundle(folder: Path) -> None:
 
 
 def _export(folder: Path) -> None:
-    export.quantize_bundle(TINY, folder / "bundle")
+    export.halve_bundle(TINY, folder / "bundle")
 
 
 def train_parts(pairs: Path) -> Callable[[Path], None]:

@@ -127,7 +127,7 @@ COMMANDS: dict[str, list[list[str]]] = {
         "synth endless -o signing --signers 2 --words 4 --seams 4 --processes 2",
         "train cutter --signing signing --out bundle --scale smoke --steps 2 --device cpu",
         "train transition --signing signing --out bundle --scale smoke --steps 2 --device cpu",
-        "export bundle -o small --int8",
+        "export bundle -o small",
     ),
     "bulk on Ray": _signsplice(
         "bulk recipes -o recipes.csv --count 4 --words 2:3",

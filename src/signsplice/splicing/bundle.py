@@ -53,7 +53,7 @@ class BundleConfig:
     files: ONNX file name -> sha256.
     features: version of the features that the networks see (``features.VERSION``).
     networks: this project's networks by name.
-    precision: "int8" where weights are stored in 8 bits.
+    precision: "float16" where weights are stored in 16 bits.
     stored: the whole file as JSON values.
     """
 
@@ -245,16 +245,7 @@ class Sessions:
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
             options.log_severity_level = 4  # what goes wrong is said once, by the error raised
-            # 8-bit weights become 32-bit ones when the graph is opened. Otherwise onnxruntime rounds the inputs to 8
-            # bits too, on each kind of processor in its own way.
-            options.add_session_config_entry("session.disable_quant_qdq", "1")
             with format_errors(file, "network"):
-                if multiplies_in_8_bits(content):
-                    raise FormatError(
-                        "multiplies in 8 bits, and so makes other sentences on other processors; "
-                        "`signsplice export` writes the same weights for 32 bits",
-                        file=file,
-                    )
                 if names_other_files(content):
                     raise FormatError(
                         "keeps weights in other files, which no hash of the bundle covers; export the system anew, "
@@ -265,11 +256,6 @@ class Sessions:
             takes = [entry.name for entry in session.get_inputs()]
             self._sessions[name] = (session, takes, [entry.name for entry in session.get_outputs()])
         return self._sessions[name]
-
-
-def multiplies_in_8_bits(content: bytes) -> bool:
-    """Whether a graph rounds the inputs of its products to 8 bits, as bundles of version 0.3 did."""
-    return b"DynamicQuantizeLinear" in content
 
 
 def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None:

@@ -146,5 +146,4 @@ DURATIONS: dict[str, Duration] = {
         RuleDuration("speed", "distance over boundary speed", _speed),
     )
 }
-CLASSICAL_DURATION = "tempo"
-"""Used where no network can be read; the default is learned (``options.choose``)."""
+DEFAULT_DURATION = "tempo"

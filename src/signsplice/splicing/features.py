@@ -417,8 +417,8 @@ def answer_basis(t: FloatArray) -> FloatArray:
 
 
 def delta_rotvecs(answer: FloatArray, seen: GapFeatures, n_between: int) -> FloatArray:
-    """Canonical rotation vectors (n_between, R, 3), radians, that a network's answer (N_TERMS, A, 3) gives the frames of
-    a transition; 0 for roles that it does not correct.
+    """Canonical rotation vectors (n_between, R, 3), radians, that a network's answer (N_TERMS, A, 3) gives the frames
+    of a transition; 0 for roles that it does not correct.
     """
     basis = answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
     out = np.zeros((n_between, len(ROLES), 3))

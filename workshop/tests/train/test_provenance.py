@@ -20,13 +20,13 @@ def test_a_command_has_no_folders_of_this_machine(tmp_path: Path, monkeypatch: p
         "steps": None,
         "seed": 3,
         "scale": "ship",
-        "int8": True,
+        "bare": True,
         "bf16": False,
         "out": Path("../x"),
     }
     assert records.command(["train", "cutter"], options) == [
         *("signsplice", "train", "cutter", "--signing", "out/a", "--signing", "out/b", "--signing", "c"),
-        *("--seed", "3", "--scale", "ship", "--int8", "--no-bf16", "--out", "../x"),
+        *("--seed", "3", "--scale", "ship", "--bare", "--no-bf16", "--out", "../x"),
     ]
 
 

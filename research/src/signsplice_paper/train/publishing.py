@@ -11,8 +11,8 @@ from signsplice.formats.atomic import replacing
 from signsplice_paper import protocol, published_bundles
 from signsplice_paper.configs import read_config
 from signsplice_paper.systems import open_bundle
-from signsplice_paper.train.half_weights import halve_bundle
 from signsplice_workshop.corpora.pairs import Pairs
+from signsplice_workshop.train.export import halve_bundle
 
 
 def publish(sources: Sequence[Path], out: Path, pairs: Pairs, n_pairs: int) -> list[str]:
@@ -30,7 +30,7 @@ def publish(sources: Sequence[Path], out: Path, pairs: Pairs, n_pairs: int) -> l
             raise InputError(f"{source}: has no name of its own; name the folder")
         judged = protocol.choose(pairs, str(config.split), limit=n_pairs)
         with tempfile.TemporaryDirectory(prefix="signsplice-publish-") as folder:
-            halve_bundle(source, Path(folder) / "halved", {})
+            halve_bundle(source, Path(folder) / "halved")
             half = open_bundle(Path(folder) / "halved")
             agrees = published_bundles.agreement(open_bundle(source), half, pairs, judged.numbers)
         target = out / config.path.parent.resolve().name

@@ -16,7 +16,7 @@ from signsplice.errors import InputError, MissingExtraError
 if TYPE_CHECKING:
     from signsplice_workshop.train.loop import ProgressCallback
 
-_SCALES = ("smoke", "small", "ship", "more", "corpus")
+_SCALES = ("smoke", "ship", "more", "corpus")
 
 
 @click.group()
@@ -68,7 +68,7 @@ _SIGNING = "Signing to train on, of `signsplice synth endless`; several folders 
               help="Folder of an earlier training, or a bundle, to start from; of several the mean.")  # fmt: skip
 @_product_options
 def cutter(signing: tuple[str, ...], earlier: tuple[str, ...], **options: Any) -> None:
-    """Train the network that finds where to leave and enter words, and how long the transition takes. The same command
+    """Train the network that finds where to leave and enter words. The same command
     continues after an interruption.
 
     Several processes can divide the work: torchrun --nproc-per-node 2 -m signsplice train cutter ...
@@ -123,15 +123,12 @@ def _tune(
 @click.command()
 @click.argument("bundle", metavar="BUNDLE")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the bundle to write.")
-@click.option("--int8", is_flag=True, required=True, help="With 8-bit weights: smaller, and less exact.")
-def export(bundle: str, output: str, int8: bool) -> None:
-    """Write the networks of a bundle with 8-bit weights; needs the extra `train`. `signsplice evaluate` measures the
-    loss of accuracy.
-    """
+def export(bundle: str, output: str) -> None:
+    """Write the networks of a bundle with 16-bit weights, half as large; needs the extra `train`."""
     check_extra()
-    from signsplice_workshop.train.export import quantize_bundle
+    from signsplice_workshop.train.export import halve_bundle
 
-    before, after = quantize_bundle(Path(bundle), Path(output))
+    before, after = halve_bundle(Path(bundle), Path(output))
     print(f"{output}: {before / 1e6:.1f} MB in {after / 1e6:.1f} MB")
 
 

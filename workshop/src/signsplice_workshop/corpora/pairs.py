@@ -45,6 +45,7 @@ from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import Manner, Signer, draw_signer, skeleton, stream
 from signsplice_workshop.corpora import truth
+from signsplice_workshop.corpora.motion_version import MOTION_VERSION
 from signsplice_workshop.corpora.number_space import NumberSpace, read_space, space_of
 from signsplice_workshop.corpora.pool import Pool, is_whole
 from signsplice_workshop.corpora.touches import SeenEvents, seen_events, with_touches
@@ -332,7 +333,7 @@ class Recipe:
     @property
     def hash(self) -> str:
         """Twelve hex digits that change with everything the corpus depends on."""
-        text = json.dumps({"version": VERSION, **asdict(self)}, sort_keys=True)
+        text = json.dumps({"version": VERSION, "motion": MOTION_VERSION, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def signers(self) -> tuple[Signer, Signer]:
@@ -466,6 +467,7 @@ def _head(
     ]
     return {
         "version": VERSION,
+        "motion": MOTION_VERSION,
         "hash": recipe.hash,
         "seed": recipe.seed,
         "fps": recipe.fps,

@@ -28,22 +28,19 @@ from signsplice.signer.signer import HANGING, PLAIN, RESTS, TRAITS, Manner, Sign
 from signsplice.signer.timing import Events
 from signsplice_workshop.corpora import pseudo, truth
 from signsplice_workshop.corpora import sentences as running
+from signsplice_workshop.corpora.motion_version import MOTION_VERSION
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.pool import Pool, is_whole
 from signsplice_workshop.corpora.touches import with_touches
 
 Array = NDArray[Any]
 
-VERSION = 8
-"""Raised with every change of a part's content; part of its file name."""
 FIRST_SIGNER = 1000
 """Seed of the first signer; the signers of any corpus of pairs have lower seeds."""
 _SHORTEST, _LONGEST = 3, 12
 _SIGNS_KEPT = 256
 """Pseudo-signs that are kept for the next part, which may be the same signer's."""
 _NO_MOVEMENT = (-1, -1)
-_NEAR = 3.0
-"""Standard deviation, frames, of the cut frames near the true ones for which a transition length is stored too."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +103,7 @@ def write_all(
 def path_of(folder: Path, plan: TrainingDataPlan, number: int) -> Path:
     """The file of a signer's part. Its name tells the signer's traits, unless these are all."""
     size = f"{plan.n_words}x{plan.n_seams}-{plan.fps:g}fps"
-    return folder / f"signer-{plan.seed}-{number:04d}-{size}{_traits_in_name(plan.traits)}-v{VERSION}.npz"
+    return folder / f"signer-{plan.seed}-{number:04d}-{size}{_traits_in_name(plan.traits)}-{MOTION_VERSION}.npz"
 
 
 def _traits_in_name(traits: tuple[str, ...] | None) -> str:
@@ -137,7 +134,6 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
     events: (W, 8) up, start, end, down, begin and end of the first movement and of the last one (-1 for none)
     pairs: (W, W, 3) the ground truth of every word after every other: pre, post and the transition's frames, without
         those added for detours around the body
-    asides: (W, W, 3) two cut frames near those, and how many frames the transition between them would have
     sentences: (S, 2) first frame and number of frames
     seams: (N, 3) sentence, first transition frame in it, number of transition frames
     """
@@ -170,7 +166,6 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
         "words": np.stack([starts, lengths], axis=1),
         "events": np.array([event_frames(word.events) for word in words]),
         "pairs": cuts,
-        "asides": _cuts_near(words, cuts, rng),
         "sentences": np.array(sentences).reshape(-1, 2),
         "seams": np.array(seams).reshape(-1, 3),
     }
@@ -179,17 +174,6 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
 def _true_cut(p: IsolatedWord, q: IsolatedWord) -> tuple[int, int, int]:
     pre, post = truth.cut(p, q)
     return pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
-
-
-def _cuts_near(words: list[IsolatedWord], cuts: Array, rng: np.random.Generator) -> Array:
-    """Other cut frames (W, W, 3) for every pair of words, near the true ones, and the transition's frames for them."""
-    near = cuts.copy()
-    near[..., :2] += np.round(rng.normal(0.0, _NEAR, near[..., :2].shape)).astype(int)
-    for i, p in enumerate(words):
-        for j, q in enumerate(words):
-            pre, post = min(max(near[i, j, 0], 0), len(p) - 1), min(max(near[i, j, 1], 0), len(q) - 1)
-            near[i, j] = pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
-    return near
 
 
 def with_rest(signer: Signer) -> Signer:

@@ -1,16 +1,10 @@
-"""Trained networks as ONNX graphs, compared with torch before they are kept; and bundles with 8-bit weights.
-
-In these, weights of matrix products are stored as signed bytes with one scale a column, and become 32-bit numbers again
-when the graph is opened. The products themselves have 32 bits. With 8 bits there too (onnxruntime's dynamic
-quantisation) they are faster, but another kind of processor rounds some inputs to the next byte, and then chooses other
-frames.
-"""
+"""Trained networks as ONNX graphs, compared with torch before they are kept; and bundles with 16-bit weights."""
 
 from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,15 +13,13 @@ from typing import Any
 import numpy as np
 import onnx
 import torch
-from onnx import ModelProto, NodeProto, helper, numpy_helper
+from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 
 from signsplice.errors import InputError, SignspliceError
 from signsplice.formats.atomic import check_place
-from signsplice.splicing.bundle import BUNDLE_FILE, Array, bundle_sha256, multiplies_in_8_bits, read_file
-from signsplice.splicing.learned import open_sessions
+from signsplice.splicing.bundle import BUNDLE_FILE, Array, bundle_sha256, read_config, read_file
 from signsplice.splicing.runtime import onnxruntime
-from signsplice_workshop.train import records
 from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.networks import ChooseGraph, Cutting, ReadGraph
 from signsplice_workshop.train.prefetch import Dataset
@@ -201,119 +193,55 @@ def _cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, Expor
     }
 
 
-INT8 = "int8"
-QUANTIZED, SCALE, ZERO_POINT = "_quantized", "_scale", "_zero_point"
-"""Endings of the names of 8-bit weights and of what belongs to them, as onnxruntime's own quantisation has them."""
-_QUANTIZED_FILES = ("word.onnx", "bridge.onnx")
-"""Graphs that are quantised. The small ones, which choose frames and durations, keep 32 bits: they lost accuracy."""
+FLOAT16 = "float16"
+_LEAST = 1024
+"""Smaller arrays (biases, the numbers' mean and deviation) keep 32 bits."""
+HALF = "_float16"
+"""Ending of the name of a weight that is stored in 16 bits."""
 
 
-def quantized(content: bytes) -> bytes:
-    """A graph whose matrix products take 8-bit weights: byte * scale of the column. Raises ``ValueError`` where none of
-    its products has stored weights, or some are of another kind.
+def halved(content: bytes) -> bytes:
+    """A graph with its larger weights stored in 16 bits, which it widens to 32 when it is opened. All arithmetic stays
+    in 32 bits; a weight loses up to one part in 2,000 of itself.
     """
     model = onnx.load_model_from_string(content)
-    graph = model.graph
-    stored = {entry.name: entry for entry in graph.initializer}
-    names = {node.input[1] for node in graph.node if node.op_type == "MatMul"} & set(stored)
-    if not names or any(node.op_type == "Gemm" for node in graph.node):
-        raise ValueError("expected products of the kind MatMul with stored weights, and none of the kind Gemm")
-    for name in sorted(names):
-        weights = numpy_helper.to_array(stored[name])
-        largest = np.abs(weights).max(axis=0)
-        scale = np.where(largest > 0.0, largest, 1.0).astype(np.float32) / np.float32(127.0)
-        graph.initializer.remove(stored[name])
-        for ending, values in ((QUANTIZED, np.rint(weights / scale).astype(np.int8)), (SCALE, scale)):
-            graph.initializer.append(numpy_helper.from_array(values, name + ending))
-        graph.node.insert(0, _dequantized(name))
-    return _stored(model)
-
-
-def in_32_bits(content: bytes) -> bytes:
-    """A graph with products in 8 bits, as ``export --int8`` made them up to version 0.3, with the same weights in
-    products in 32 bits. Raises ``ValueError`` where it is none.
-    """
-    model = onnx.load_model_from_string(content)
-    graph = model.graph
-    bytes_of = {node.output[0]: node for node in graph.node if node.op_type == "DynamicQuantizeLinear"}
-    users = {name: node for node in graph.node for name in node.input}
-    dropped, products = [*bytes_of.values()], {}
-    for product in (node for node in graph.node if node.op_type == "MatMulInteger"):
-        name, source = product.input[1].removesuffix(QUANTIZED), bytes_of[product.input[0]]
-        cast = users[product.output[0]]
-        scaled = users[cast.output[0]]
-        (scales,) = (node for node in graph.node if set(node.output) & set(scaled.input) - set(cast.output))
-        if {source.output[1], name + SCALE} != set(scales.input):
-            raise ValueError(f"{product.name}: expected a product times the scales of its inputs")
-        products[product.output[0]] = helper.make_node(
-            "MatMul", [source.input[0], name], scaled.output, name=product.name
-        )
-        dropped += [cast, scaled, scales]
-    gone = {node.output[0] for node in dropped}
-    nodes = [products.get(node.output[0], node) for node in graph.node if node.output[0] not in gone]
-    weights = sorted({node.input[1] for node in products.values()})
-    stored = {entry.name: numpy_helper.to_array(entry) for entry in graph.initializer}
-    if not weights or any(stored[name + ZERO_POINT].any() for name in weights):
-        raise ValueError("expected products in 8 bits, of weights whose zero point is 0")
-    used = {name for node in nodes for name in node.input}
-    used |= {name + ending for name in weights for ending in (QUANTIZED, SCALE)}
-    kept = [numpy_helper.from_array(values, name) for name, values in stored.items() if name in used]
-    nodes = [_copy(node) for node in (*map(_dequantized, weights), *nodes)]
-    for field, entries in ((graph.node, nodes), (graph.initializer, kept)):
-        del field[:]
-        field.extend(entries)
-    return _stored(model)
-
-
-def _dequantized(name: str) -> NodeProto:
-    return helper.make_node("DequantizeLinear", [name + QUANTIZED, name + SCALE], [name], name + "_dequantized", axis=1)
-
-
-def _copy(node: NodeProto) -> NodeProto:
-    copy = NodeProto()
-    copy.CopyFrom(node)
-    return copy
-
-
-def _stored(model: ModelProto) -> bytes:
-    onnx.checker.check_model(model, full_check=True)
+    casts = []
+    for entry in model.graph.initializer:
+        weights = numpy_helper.to_array(entry)
+        if weights.dtype != np.float32 or weights.size < _LEAST or np.abs(weights).max() > np.finfo(np.float16).max:
+            continue
+        name = entry.name
+        entry.CopyFrom(numpy_helper.from_array(weights.astype(np.float16), name + HALF))
+        casts.append(helper.make_node("Cast", [name + HALF], [name], to=TensorProto.FLOAT))
+    nodes = [*casts, *model.graph.node]
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)
     return bytes(model.SerializeToString())
 
 
 def weights_of(content: bytes) -> dict[str, Array]:
-    """A graph's weights by name; 8-bit ones are (byte - zero point, if there is one) * scale of the column."""
-    weights = {
-        entry.name: numpy_helper.to_array(entry) for entry in onnx.load_model_from_string(content).graph.initializer
-    }
-    for name in [name.removesuffix(QUANTIZED) for name in weights if name.endswith(QUANTIZED)]:
-        zero = np.asarray(weights.get(name + ZERO_POINT, 0), np.float32)
-        weights[name] = (weights[name + QUANTIZED].astype(np.float32) - zero) * weights[name + SCALE]
-    return weights
+    """A graph's weights by name, those of 16 bits widened to 32."""
+    stored = onnx.load_model_from_string(content).graph.initializer
+    weights = ((entry.name.removesuffix(HALF), numpy_helper.to_array(entry)) for entry in stored)
+    return {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in weights}
 
 
-def quantize_bundle(source: Path, out: Path) -> tuple[int, int]:
-    """Write a bundle with 8-bit weights into another folder; returns the graphs' bytes before and after. Of one with
-    products in 8 bits the weights stay as they are.
+def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any] | None = None) -> tuple[int, int]:
+    """Write a bundle with 16-bit weights into another folder; returns the graphs' bytes before and after.
 
-    The new bundle.json names the command and the bundle it was made from. Raises ``InputError`` where the source is no
-    bundle of the product's networks, is of this kind already, or is the folder to write, and as ``check_bundle_folder``
-    does.
+    bundle.json has ``precision`` and, in ``halved``, the sha256 of the bundle that it was made from with ``facts``.
+    Raises ``InputError`` where the source is no bundle, has other than 32-bit weights, or is the folder to write, and
+    as ``check_bundle_folder`` does.
     """
-    graphs = open_sessions(source)
+    config = read_config(source)
+    if config.precision is not None:
+        raise InputError(f"{source}: has {config.precision} weights; name the bundle that it was made from")
     if out.exists() and out.samefile(source):
         raise InputError(f"{out}: is the bundle itself; name another folder")
     check_bundle_folder(out)
-    files = {name: read_file(source, graphs.config, name) for name in graphs.config.files}
-    change = quantized
-    if graphs.config.precision == INT8:
-        if not any(multiplies_in_8_bits(content) for content in files.values()):
-            raise InputError(f"{source}: has 8-bit weights already; name the bundle that it was made from")
-        change = in_32_bits
-    small = {name: change(content) if name in _QUANTIZED_FILES else content for name, content in files.items()}
-    made_from = {
-        "command": records.command(["export", records.portable(source)], {"int8": True}),
-        "bundle": bundle_sha256(source),
-    }
-    facts = {k: v for k, v in graphs.config.stored.items() if k not in ("version", "files")}
-    write_bundle(out, facts | {"precision": INT8, "quantized": made_from}, small)
+    files = {name: read_file(source, config, name) for name in config.files}
+    small = {name: halved(content) for name, content in files.items()}
+    stored = {k: v for k, v in config.stored.items() if k not in ("version", "files")}
+    stored |= {"precision": FLOAT16, "halved": {"bundle": bundle_sha256(source), **(facts or {})}}
+    write_bundle(out, stored, small)
     return sum(map(len, files.values())), sum(map(len, small.values()))

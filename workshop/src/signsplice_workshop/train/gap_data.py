@@ -353,7 +353,9 @@ class GapDataset:
             name: pad_sequence([torch.from_numpy(np.asarray(gap[name])) for gap in gaps], batch_first=True)
             for name in ("base", "true", "basis")
         }
-        stacked = {name: torch.from_numpy(np.stack([gap[name] for gap in gaps])) for name in ("tokens", "weights", "bones")}
+        stacked = {
+            name: torch.from_numpy(np.stack([gap[name] for gap in gaps])) for name in ("tokens", "weights", "bones")
+        }
         return GapBatch(
             **padded,
             **stacked,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import subprocess
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -83,8 +84,8 @@ def lines(path: Path) -> list[dict[str, Any]]:
     return found
 
 
-KEYS = ("command", "seed", "data", "signsplice", "started_from", "tuned")
-"""What a bundle says of how a network was trained; the last two only where it was trained further or tuned."""
+KEYS = ("command", "seed", "data", "signsplice", "commit", "started_from", "tuned")
+"""What a bundle says of how a network was trained; the commit only where it is known, the last two only where it was trained further or tuned."""
 
 Option = str | int | Path | bool | Sequence[Path] | None
 
@@ -120,6 +121,19 @@ def software() -> str:
         return version("signsplice")
     except PackageNotFoundError:
         return "unknown"
+
+
+def commit() -> str | None:
+    """The commit of the checkout that this code lies in, with a + where tracked files differ from it; None outside."""
+    here = Path(__file__).parent
+
+    def git(*words: str) -> str:
+        return subprocess.run(["git", "-C", str(here), *words], capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return None
 
 
 def sha256(path: Path) -> str:

@@ -73,14 +73,14 @@ class TrainingSchedule:
 SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("cutter", "smoke"): TrainingSchedule(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
     ("cutter", "ship"): TrainingSchedule(CuttingConfig(), 6_000, 2, 1e-3, 24),
-    ("cutter", "more"): TrainingSchedule(CuttingConfig(), 4_000, 2, 5e-4, 24),
+    ("cutter", "more"): TrainingSchedule(CuttingConfig(), 2_000, 2, 5e-4, 24),
     ("cutter", "corpus"): TrainingSchedule(CuttingConfig(), 8_000, 2, 5e-4, 24, clean=True),
     ("transition", "smoke"): TrainingSchedule(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
-    ("transition", "ship"): TrainingSchedule(BridgeConfig(), 12_000, 32, 1e-3, 512),
+    ("transition", "ship"): TrainingSchedule(BridgeConfig(), 8_000, 32, 1e-3, 512),
+    ("transition", "more"): TrainingSchedule(BridgeConfig(), 4_000, 32, 5e-4, 512),
     ("transition", "corpus"): TrainingSchedule(BridgeConfig(), 4_000, 32, 5e-4, 512, clean=True),
 }
-"""Each network at each scale. ``small`` compares data. ``more`` continues an earlier training, on
-other data; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
+"""Each network at each scale. ``more`` continues an earlier training; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
 """
 
 
@@ -310,6 +310,7 @@ def _provenance(
         "seed": training.seed,
         "data": data,
         "signsplice": records.software(),
+        **({} if (commit := records.commit()) is None else {"commit": commit}),
         **({"started_from": [one.provenance for one in warm_starts]} if warm_starts else {}),
     }
 

@@ -1,7 +1,7 @@
 """Weights to start a training from: an earlier training's checkpoint, or a bundle that holds the network.
 
-A bundle's graphs store weights by name, so that the networks that ship can be trained further. 8-bit weights are
-dequantised.
+A bundle's graphs store weights by name, so that the networks that ship can be trained further. 16-bit weights are
+widened.
 """
 
 from __future__ import annotations

@@ -1,0 +1,187 @@
+#!/usr/bin/env python
+"""Makes the networks that ship from nothing, in parts of at most 80 minutes of two cores.
+
+    signing   60 signers with 250 words and 300 seams each, from their seed; its hash is compared with the recorded one
+    start     both networks from random weights: the cutter on one core, the transition on the other
+    forks     the cutter trained further with two seeds, one a core
+    ship      the mean of the two, and the transition, in the bundle that ships
+
+Every part writes what it made into the folder of results: bundles with 16-bit weights, the logs of their trainings, and
+a record of times and hashes. A part whose record is there is not made again, so that the work can go on in another
+checkout: commit the folder between parts. The signing is never stored; it is made again.
+
+    python workshop/runs/weights.py                    all parts, into out/weights and workshop/weights
+    python workshop/runs/weights.py forks ship         these, from the results of the others
+    python workshop/runs/weights.py --smoke -o DIR     the same script at toy size, all in DIR
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from signsplice.splicing.options import WEIGHTS
+from signsplice_workshop.corpora.motion_version import MOTION_VERSION
+
+ROOT = Path(__file__).parents[2]
+NETWORKS = ("cutter", "transition")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Where a run works and how large it is.
+
+    work: folder for signing and checkpoints, which need not last.
+    results: folder of what the parts made.
+    shipped: the bundle to write.
+    smoke: whether everything has toy size.
+    """
+
+    work: Path
+    results: Path
+    shipped: Path
+    smoke: bool
+
+    @property
+    def signing(self) -> Path:
+        """The folder of signing."""
+        return self.work / "signing"
+
+    def scale(self, name: str) -> list[str]:
+        """The option of a training's size."""
+        return ["--scale", "smoke" if self.smoke else name]
+
+
+def make_signing(run: Run) -> dict[str, Any]:
+    """Make the signing that is not there yet; returns the hash of all of it."""
+    n_signers, n_words, n_seams = (3, 6, 6) if run.smoke else (60, 250, 300)
+    signing = ["--signers", str(n_signers), "--words", str(n_words), "--seams", str(n_seams)]
+    call_all(["synth", "endless", *signing, "-o", str(run.signing)])
+    digest = hashlib.sha256()
+    for path in sorted(run.signing.glob("signer-*.npz")):
+        digest.update(path.read_bytes())
+    return {"motion": MOTION_VERSION, "sha256": digest.hexdigest()}
+
+
+def make_start(run: Run) -> dict[str, Any]:
+    """Train both networks from random weights."""
+    call_all(*(train(run, name, f"{name}-start", *run.scale("ship")) for name in NETWORKS))
+    return {f"{name}-start": publish(run, f"{name}-start") for name in NETWORKS}
+
+
+def make_forks(run: Run) -> dict[str, Any]:
+    """Train the cutter further with two seeds."""
+    start = ("--from", str(run.results / "cutter-start"))
+    call_all(*(train(run, "cutter", f"cutter-{k}", *run.scale("more"), "--seed", str(k), *start) for k in (1, 2)))
+    return {f"cutter-{k}": publish(run, f"cutter-{k}") for k in (1, 2)}
+
+
+def make_shipped(run: Run) -> dict[str, Any]:
+    """Write the bundle that ships: networks trained for no steps from results are their means."""
+    means = {"cutter": ("cutter-1", "cutter-2"), "transition": ("transition-start",)}
+    for name, sources in means.items():
+        starts = [word for source in sources for word in ("--from", str(run.results / source))]
+        call_all(train(run, name, "shipped", *run.scale("more"), "--steps", "0", *starts))
+    return {"bundle": publish(run, "shipped", run.shipped)}
+
+
+PARTS: dict[str, Callable[[Run], dict[str, Any]]] = {
+    "signing": make_signing, "start": make_start, "forks": make_forks, "ship": make_shipped,
+}  # fmt: skip
+
+
+def train(run: Run, network: str, name: str, *options: str) -> list[str]:
+    """The words of the command that trains a network into the bundle ``name``."""
+    return ["train", network, "--signing", str(run.signing), "--out", str(run.work / name), *options]
+
+
+def publish(run: Run, name: str, target: Path | None = None) -> str:
+    """Write a bundle with 16-bit weights to where it lasts, with the logs of its trainings; returns the hash of its graphs."""
+    target = run.results / name if target is None else target
+    call_all(["export", str(run.work / name), "-o", str(target)])
+    stored = json.loads((target / "bundle.json").read_text(encoding="utf-8"))
+    for network, facts in stored["networks"].items():
+        for log in run.work.glob(f"parts/{network}-*-{facts['recipe']}/log.jsonl"):
+            shutil.copyfile(log, run.results / f"{name}-{network}.jsonl")
+    return hashlib.sha256("".join(stored["files"].values()).encode()).hexdigest()
+
+
+def call_all(*commands: Sequence[str]) -> None:
+    """Run commands of signsplice side by side, each on one thread. Exits where one fails, and ends the others."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    running = []
+    for words in commands:
+        print("signsplice", *words, flush=True)
+        running.append(subprocess.Popen([sys.executable, "-m", "signsplice", *words], env=environment))
+    try:
+        while any(process.poll() is None for process in running):
+            if any(process.poll() for process in running):
+                break
+            time.sleep(0.2)
+    finally:
+        for process in running:
+            process.terminate()
+        codes = [process.wait() for process in running]
+    if any(codes):
+        raise SystemExit(f"a command failed (exit codes {codes}); the same call continues")
+
+
+def make_part(run: Run, name: str) -> None:
+    """Make a part and write its record; compare the hashes with those of an earlier record, where there is one."""
+    record = run.results / f"{name}.json"
+    earlier = json.loads(record.read_text(encoding="utf-8"))["made"] if record.exists() else None
+    if earlier is not None and name != "signing":
+        print(f"{name}: is there already ({record}); remove it to make this part again")
+        return
+    began, before = time.perf_counter(), _processor_seconds()
+    made = PARTS[name](run)
+    if earlier is not None and made != earlier:
+        raise SystemExit(f"{name}: {made} is not what {record} says, {earlier}: the signer has changed; start anew")
+    if earlier is None:
+        minutes = {"minutes": time.perf_counter() - began, "processor_minutes": _processor_seconds() - before}
+        facts = {"made": made, **{key: round(seconds / 60.0, 1) for key, seconds in minutes.items()}}
+        record.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    print(f"{name}: {made}")
+
+
+def _processor_seconds() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make the parts that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"some of {', '.join(PARTS)}  [default: all]")
+    parser.add_argument("-o", "--out", type=Path, help="folder to work in  [default: out/weights]")
+    parser.add_argument("--smoke", action="store_true", help="at toy size, with results and bundle in the same folder")
+    given = parser.parse_args(arguments)
+    unknown = [name for name in given.parts if name not in PARTS]
+    if unknown:
+        parser.error(f"no part {unknown[0]!r}, expected some of {', '.join(PARTS)}")
+    if given.smoke and given.out is None:
+        parser.error("--smoke needs -o DIR")
+    os.chdir(ROOT)
+    work = given.out or Path("out/weights")
+    results, shipped = (work / "results", work / "bundle") if given.smoke else (Path("workshop/weights"), WEIGHTS)
+    run = Run(work, results, shipped, given.smoke)
+    results.mkdir(parents=True, exist_ok=True)
+    for name in given.parts or PARTS:
+        if name not in ("signing", "ship") and not run.signing.is_dir():
+            make_part(run, "signing")
+        make_part(run, name)
+
+
+if __name__ == "__main__":
+    main()
