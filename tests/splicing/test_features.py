@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from other_rigs import mirror
 from signing import word
 from signsplice.motion import Clip, concatenate, resample, rotation
-from signsplice.rig.info import FEATURE_FPS, ROLES, apply_deltas, canonical_motion
+from signsplice.rig.info import FEATURE_FPS, apply_deltas, canonical_motion
 from signsplice.splicing import features
 from signsplice.splicing import features as gap_features
 from signsplice.splicing.contracts import Gap
@@ -76,40 +75,41 @@ def test_the_features_of_a_frame_are_values_and_their_rates() -> None:
     assert not frames[0, n:].any()
 
 
-def test_the_tokens_of_a_gap_have_where_every_frame_lies() -> None:
+def test_the_tokens_of_a_gap_have_where_every_moment_lies() -> None:
     motion = canonical_motion(word("BOOK").clip[9:28])  # 6 frames before the gap, 5 in it, 8 after it
     tokens = gap_features.gap_features(motion, 6, 5).tokens
-    assert tokens.shape == (21, gap_features.N_TOKEN)
+    assert tokens.shape == (28, gap_features.N_TOKEN)
     n = features.N_FRAME
-    frames = features.frame_features(features.trajectory(motion, (np.arange(21) - 2) / 30.0))
-    np.testing.assert_array_equal(tokens[:, :n], frames)
-    np.testing.assert_allclose(tokens[10, n : 2 * n], frames[10] - frames[7], atol=1e-6)
+    times = np.concatenate([np.arange(-2, 6), 5 + 6 * np.arange(1, 13) / 13, np.arange(11, 19)]) / 30.0
+    frames = features.frame_features(features.trajectory(motion, times), np.diff(times))
+    np.testing.assert_allclose(tokens[:, :n], frames, atol=1e-5)
+    np.testing.assert_allclose(tokens[10, n : 2 * n], tokens[10, :n] - tokens[7, :n], atol=1e-6)
     assert not tokens[7, n : 2 * n].any(), "relative to the last frame before"
     part, (real, t, _, seconds, _) = tokens[:, 2 * n : 2 * n + 3], tokens[:, 2 * n + 3 :].T
-    assert part.argmax(axis=1).tolist() == [0] * 8 + [1] * 5 + [2] * 8
-    assert real.tolist() == [False] * 2 + [True] * 19
-    np.testing.assert_allclose(t[7:14], np.arange(7) / 6, atol=1e-6)
+    assert part.argmax(axis=1).tolist() == [0] * 8 + [1] * 12 + [2] * 8
+    assert real.tolist() == [False] * 2 + [True] * 26
+    np.testing.assert_allclose(t[7:21], np.arange(14) / 13, atol=1e-6)
     np.testing.assert_allclose(seconds, 6 / 30)
     assert gap_features.gap_frames(6 / 30) == 5
 
 
-MATRIX = RNG.normal(0.0, 0.01, (gap_features.N_TOKEN, len(ROLES) * 3))
+N_ARM = int(gap_features.IS_ARM.sum())
+MATRIX = RNG.normal(0.0, 0.01, (gap_features.N_TOKEN, N_ARM * 3))
 
 
 def filled(before: Clip, after: Clip, n_frames: int) -> Clip:
-    """A transition by a network that is one fixed matrix from tokens to rotation vectors."""
+    """A transition by a network that is one fixed matrix from three moments' tokens to its three terms."""
     base = find_transition("hermite").between(Gap(before, after, n_frames))
     seen = gap_features.gap_features(canonical_motion(concatenate([before, base, after])), len(before), n_frames)
-    new = slice(gap_features.N_CONTEXT, gap_features.N_CONTEXT + seen.n_gap)
-    answer = (seen.tokens[new] @ MATRIX).reshape(-1, len(ROLES), 3)
+    answer = (seen.tokens[[9, 13, 17]] @ MATRIX).reshape(gap_features.N_TERMS, N_ARM, 3)
     deltas = gap_features.delta_rotvecs(answer, seen, n_frames)
     return replace(base, local_rotations=apply_deltas(base.skeleton, base.local_rotations, deltas))
 
 
-def unseen_gap(n_gap: int, seconds: float, motion_weights: np.ndarray | None = None) -> gap_features.GapFeatures:
-    """A gap without tokens, in which all roles move in full by default."""
-    weights = np.ones(len(ROLES)) if motion_weights is None else motion_weights
-    return gap_features.GapFeatures(np.zeros((0, 0), np.float32), n_gap, seconds, False, weights)
+def paths_of(gloss: str) -> np.ndarray:
+    """Path lengths (12,) of wrists and fingers in a second of a word."""
+    whole = features.trajectory(canonical_motion(word(gloss).clip), np.arange(20, 50) / 30.0)
+    return np.asarray(np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1).sum(axis=0))
 
 
 def test_a_mirrored_gap_is_filled_with_the_mirrored_frames() -> None:
@@ -122,26 +122,17 @@ def test_a_mirrored_gap_is_filled_with_the_mirrored_frames() -> None:
     )
 
 
-def test_answers_weigh_nothing_at_the_ends_and_less_in_short_gaps() -> None:
-    t = np.array([0.0, 1e-3, 0.5, 1.0])
-    moving = np.linspace(0.0, 1.0, len(ROLES))
-    full, short, long = (gap_features.answer_weights(t, unseen_gap(9, seconds, moving)) for seconds in (0.6, 0.15, 1.4))
-    np.testing.assert_allclose(full, np.outer([0.0, 16e-6 * (1.0 - 1e-3) ** 2, 1.0, 0.0], moving))
+def test_answers_weigh_less_in_short_gaps_and_nothing_for_hands_at_rest() -> None:
+    moving = np.full(12, 10.0)
+    full, short, long = (gap_features.answer_weights(moving, seconds) for seconds in (0.6, 0.15, 1.4))
+    np.testing.assert_allclose(full, np.ones(N_ARM))
     np.testing.assert_allclose(short, 0.125 * full)
     np.testing.assert_allclose(long, full)
-
-
-def test_a_hand_at_rest_has_a_small_motion_weight() -> None:
-    one_handed = word("MOTHER").clip
-    whole = features.trajectory(canonical_motion(one_handed), np.arange(20, 50) / 30.0)
-    paths = np.linalg.norm(np.diff(whole.positions, axis=0), axis=-1).sum(axis=0)
-    weights = gap_features.motion_weights(paths, 1.0)
-    arms = {side: weights[ROLES.index(f"{side}LowerArm")] for side in ("left", "right")}
-    assert arms["left"] < 0.2 < 0.8 < arms["right"] <= 1.0
-    assert weights[ROLES.index("chest")] == arms["right"]
-    other = gap_features.motion_weights(np.roll(paths, len(paths) // 2), 1.0)
-    assert other[ROLES.index("leftIndexDistal")] == arms["right"]
-    assert gap_features.motion_weights(paths, 1e9).max() < 1e-6
+    one_handed = gap_features.answer_weights(paths_of("MOTHER"), 0.6)
+    left, right = one_handed[0], one_handed[-1]
+    assert left < 0.2 < 0.8 < right <= 1.0
+    mirrored = gap_features.answer_weights(np.roll(paths_of("MOTHER"), 6), 0.6)
+    np.testing.assert_allclose(mirrored, one_handed[::-1])
 
 
 def test_a_gap_at_another_rate_is_filled_with_the_same_motion() -> None:
@@ -151,17 +142,11 @@ def test_a_gap_at_another_rate_is_filled_with_the_same_motion() -> None:
     assert rotation.angle_between(fast.local_rotations[1::2], slow.local_rotations).max() < 0.02
 
 
-def test_answers_are_interpolated_smoothly() -> None:
-    t, finer = np.arange(1, 10) / 10, np.arange(1, 28) / 28
-    seen = unseen_gap(9, 1 / 3)
-    wave = np.broadcast_to(np.sin(3.0 * t)[:, None, None], (9, len(ROLES), 3))
-    found = gap_features.delta_rotvecs(wave, seen, 27)[:, 0, 0] / gap_features.answer_weights(finer, seen)[:, 0]
-    assert np.abs(found - np.sin(3.0 * finer))[3:-3].max() < 0.005
-
-
-def test_end_poses_and_end_velocities_do_not_change() -> None:
+def test_end_poses_velocities_and_accelerations_do_not_change() -> None:
+    seen = gap_features.GapFeatures(np.zeros((0, 0), np.float32), False, np.ones(N_ARM))
+    out = gap_features.delta_rotvecs(np.ones((gap_features.N_TERMS, N_ARM, 3)), seen, 400)[:, gap_features.IS_ARM]
     t = np.arange(1, 401) / 401
-    out = gap_features.delta_rotvecs(np.ones((12, len(ROLES), 3)), unseen_gap(12, 0.8), len(t))
-    np.testing.assert_allclose(out[:, 0, 0], 16 * t**2 * (1 - t) ** 2, atol=1e-9)
-    assert out[0].max() < 1e-3
-    assert out.max() == pytest.approx(1.0, abs=1e-4)
+    u = 2.0 * t - 1.0
+    np.testing.assert_allclose(out[:, 0, 0], 64 * (t * (1 - t)) ** 3 * (1 + u + 1.5 * u**2 - 0.5), atol=1e-9)
+    ends = np.diff(np.pad(out[:, 0, 0], 1), n=2)
+    assert np.abs(ends[[0, -1]]).max() < 0.02 * np.abs(ends).max()

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-from signsplice.splicing.features import N_CONTEXT, N_FRAME, N_TOKEN
+from signsplice.splicing.features import N_CONTEXT, N_FRAME, N_SEEN, N_TERMS, N_TOKEN
 
 _OPSET, _IR = 17, 8
-_WIDTH, _N_PHASES, _N_ROLES = 4, 5, 43
+_WIDTH, _N_PHASES, _N_ARM = 4, 5, 8
 _N_WORD_TOKEN = N_FRAME + 2
 
 
@@ -65,21 +65,9 @@ _GRAPHS: dict[
         ],
         {},
     ),
-    "duration.onnx": (
-        {"leaving": [1, N_FRAME], "entering": [1, N_FRAME], "leave": [1, _WIDTH], "enter": [1, _WIDTH]},
-        {"seconds": [1]},
-        [
-            ("Sub", "leaving entering", "a", {}),
-            ("ReduceL2", "a", "b", {"axes": [1], "keepdims": 0}),
-            ("Mul", "leave enter", "c", {}),
-            ("ReduceMean", "c", "d", {"axes": [1], "keepdims": 0}),
-            ("Add", "b d", "seconds", {}),
-        ],
-        {},
-    ),
     "bridge.onnx": (
-        {"tokens": ["b", "t", N_TOKEN], "mask": ["b", "t"]},
-        {"turns": ["b", "g", _N_ROLES, 3]},
+        {"tokens": ["b", N_SEEN, N_TOKEN]},
+        {"turns": ["b", N_TERMS, _N_ARM, 3]},
         [
             ("Slice", "tokens first last axis", "a", {}),
             ("MatMul", "a w", "c", {}),
@@ -88,11 +76,11 @@ _GRAPHS: dict[
         ],
         {
             "w": (N_TOKEN, 2),
-            "v": (2, 3 * _N_ROLES),
+            "v": (2, 3 * _N_ARM),
             "first": [N_CONTEXT],
-            "last": [-N_CONTEXT],
+            "last": [N_CONTEXT + N_TERMS],
             "axis": [1],
-            "shape": [0, 0, _N_ROLES, 3],
+            "shape": [0, 0, _N_ARM, 3],
         },
     ),
 }

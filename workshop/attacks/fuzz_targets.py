@@ -191,7 +191,6 @@ def _use_bundle(methods: Any) -> None:
     for kind, table in (
         ("cutter", methods.cutters),
         ("transition", methods.transitions),
-        ("duration", methods.durations),
     ):
         if table:
             chosen[kind] = next(iter(table.values()))

@@ -107,7 +107,7 @@ def train(run: Run, network: str, name: str, *options: str) -> list[str]:
 
 
 def publish(run: Run, name: str, target: Path | None = None) -> str:
-    """Write a bundle with 16-bit weights to where it lasts, with the logs of its trainings; returns the hash of its graphs."""
+    """Write a bundle with 16-bit weights to where it lasts, and its trainings' logs; returns the hash of its graphs."""
     target = run.results / name if target is None else target
     call_all(["export", str(run.work / name), "-o", str(target)])
     stored = json.loads((target / "bundle.json").read_text(encoding="utf-8"))

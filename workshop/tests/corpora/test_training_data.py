@@ -49,11 +49,6 @@ def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
         for q in range(4):
             assert tuple(part["pairs"][p, q, :2].tolist()) == truth.cut(words[p], words[q])
             assert part["pairs"][p, q, 2] <= len(truth.splice(words[p], words[q]).states)
-            pre, post, n = part["asides"][p, q]
-            assert n == truth.transition_frames(words[p].states[pre], words[q].states[post], words[p])
-    near, cuts = part["asides"][..., :2], part["pairs"][..., :2]
-    assert np.abs(near - cuts).max() < 20, "near the true cut"
-    assert (near != cuts).mean() > 0.5, "and rarely at it"
 
 
 def test_signers_rest_in_every_rest_pose() -> None:

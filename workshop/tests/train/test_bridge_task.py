@@ -15,6 +15,7 @@ from signsplice.motion import (  # noqa: E402
     rotation,
 )
 from signsplice.rig.info import ROLES, TIPS  # noqa: E402
+from signsplice.splicing.features import IS_ARM  # noqa: E402
 from signsplice_workshop.measure import motion_scores  # noqa: E402
 from signsplice_workshop.train import tasks  # noqa: E402
 from signsplice_workshop.train.gap_data import GapDataset  # noqa: E402
@@ -95,14 +96,27 @@ def test_padding_changes_nothing_and_every_weight_has_a_gradient(gaps: GapDatase
     torch.manual_seed(0)
     network = Bridge(TOY)
     torch.nn.init.normal_(network.out.weight, std=0.1)
+    task = BridgeTask(network, gaps.role_parents.tolist())
     batch = gaps.batch(gaps.rows(2, 6, 0))
     row = int(batch.real.sum(1).argmin())
-    n_gap = int(batch.real[row].sum())
-    padded = network(batch.tokens, batch.mask)[row, :n_gap]
-    alone = network(batch.tokens[row : row + 1, : n_gap + 16])[0]
-    torch.testing.assert_close(padded, alone, atol=1e-5, rtol=1e-4)
-    BridgeTask(network, gaps.role_parents.tolist())(batch).backward()
+    alone = gaps.batch(gaps.rows(2, 6, 0)[row : row + 1])
+    assert alone.base.shape[1] < batch.base.shape[1]
+    error, _ = task.errors(batch, task.filled(batch))
+    torch.testing.assert_close(error[row], task.errors(alone, task.filled(alone))[0][0], atol=1e-5, rtol=1e-4)
+    task(batch).backward()
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.parameters())
+
+
+def test_the_network_changes_arms_alone_and_not_the_ends(gaps: GapDataset) -> None:
+    torch.manual_seed(0)
+    network = Bridge(TOY)
+    torch.nn.init.normal_(network.out.weight, std=0.5)
+    batch = gaps.batch(gaps.rows(1, 6, 0))
+    with torch.no_grad():
+        change = (BridgeTask(network, gaps.role_parents.tolist()).filled(batch) - batch.base).abs().amax(-1)
+    is_arm = torch.from_numpy(IS_ARM)
+    assert change[..., ~is_arm].max() == 0.0
+    assert change[..., is_arm].max() > 1e-2
 
 
 def test_rotary_scores_depend_on_distance_alone() -> None:

@@ -13,7 +13,6 @@ pytest.importorskip("torch")
 from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing import features
 from signsplice.splicing.features import PHASES
-from signsplice_workshop.train import cut_data
 from signsplice_workshop.train.cut_data import CutDataset, CutDraw, frame_phases, read_words
 from training_toys import signing
 
@@ -62,23 +61,6 @@ def test_augmented_words_keep_their_truth(paths: list[Path]) -> None:
             assert draw.post[:, k].max() < len(tokens)
             sign = np.flatnonzero(np.isin(phases, [PHASES.index("hold"), PHASES.index("stroke")]))
             assert (draw.pre[k] > sign[0] - 3).all(), "no word is left before its sign"
-
-
-def test_half_of_the_durations_are_between_nearby_frames(paths: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cut_data, "SUBFRAME_PROBABILITY", 0.0)  # frames keep their numbers
-    words, dataset = read_words(paths[0]), CutDataset(paths)
-    known = {tuple(row) for cuts in (words.true_cuts, words.nearby_cuts) for row in cuts.reshape(-1, 3).tolist()}
-    nearby = []
-    for number in range(20):
-        draw = dataset.draw(number)
-        n_frames = np.rint(30.0 * draw.seconds) - 1.0
-        rows = np.stack([draw.timed_pre, draw.timed_post, n_frames], axis=-1).astype(int)
-        assert {tuple(row) for row in rows.reshape(-1, 3).tolist()} <= known, "a duration belongs to its two frames"
-        nearby.append((draw.timed_pre != draw.pre) | (draw.timed_post != draw.post))
-    assert 0.3 < np.mean(nearby) < 0.6
-    clean = CutDataset(paths, n_fixed=1).draw(0)
-    assert (clean.timed_pre == clean.pre).all()
-    assert (clean.timed_post == clean.post).all()
 
 
 def test_phases_follow_one_another(paths: list[Path]) -> None:

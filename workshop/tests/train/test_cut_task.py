@@ -1,4 +1,4 @@
-"""The network that cuts and times: padding, gradients, pairs from single words, and learning one batch by heart."""
+"""The network that cuts: padding, gradients, pairs from single words, and learning one batch by heart."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from signsplice.splicing import features  # noqa: E402
 from signsplice_workshop.train import tasks  # noqa: E402
 from signsplice_workshop.train.cut_data import CutDataset  # noqa: E402
 from signsplice_workshop.train.networks import Cutting, CuttingConfig  # noqa: E402
@@ -30,7 +29,6 @@ def test_only_frames_of_the_word_are_chosen(paths: list[Path]) -> None:
     lengths = batch.mask.sum(-1)
     assert (found.leave_scores.argmax(-1) < lengths[:, :, None]).all()
     assert (found.enter_scores.argmax(-1) < lengths[:, None]).all()
-    assert (found.seconds > 0.0).all()
     assert (batch.pre < lengths[:, :, None]).all()
     assert (batch.post < lengths[:, None]).all()
 
@@ -80,13 +78,9 @@ def test_a_pair_is_predicted_from_the_readings_of_its_words(paths: list[Path]) -
         words = [batch.tokens[:, k][batch.mask[:, k]][None] for k in (1, 3)]
         (states_before, leave, _, _), (states_after, _, enter, _) = (network.read(word) for word in words)
         condition = network.condition(leave, enter)
-        pre, post = int(batch.pre[0, 1, 3]), int(batch.post[0, 1, 3])
-        ends = words[0][:, pre, : features.N_FRAME], words[1][:, post, : features.N_FRAME]
         before, after = network.leaving(states_before, condition), network.entering(states_after, condition)
-        seconds = network.seconds(*ends, leave, enter)
     torch.testing.assert_close(found.leave_scores[0, 1, 3, : before.shape[1]], before[0], atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(found.enter_scores[0, 1, 3, : after.shape[1]], after[0], atol=1e-4, rtol=1e-4)
-    torch.testing.assert_close(found.seconds[0, 1, 3], seconds[0], atol=1e-4, rtol=1e-4)
 
 
 def test_the_cutter_can_learn_one_batch_by_heart(paths: list[Path]) -> None:
@@ -101,7 +95,6 @@ def test_the_cutter_can_learn_one_batch_by_heart(paths: list[Path]) -> None:
         loss.backward()
         optimiser.step()
     scores = task.eval().judge(batch)
-    # Over eight seeds at least 0.92 and at most 6.5 ms. A network that ignores the other word reaches 0.36, one whose
-    # states are lost 0.0, an untrained one 0.12; durations that ignore the frames are 37 ms off, constant ones 63 ms.
+    # Over eight seeds at least 0.92. A network that ignores the other word reaches 0.36, one whose states are lost 0.0,
+    # an untrained one 0.12.
     assert scores["both"] > 0.7
-    assert scores["error_ms"] < 20.0

@@ -85,7 +85,9 @@ def lines(path: Path) -> list[dict[str, Any]]:
 
 
 KEYS = ("command", "seed", "data", "signsplice", "commit", "started_from", "tuned")
-"""What a bundle says of how a network was trained; the commit only where it is known, the last two only where it was trained further or tuned."""
+"""What a bundle says of how a network was trained: the commit only where it is known, the last two only where it was
+trained further or tuned.
+"""
 
 Option = str | int | Path | bool | Sequence[Path] | None
 
@@ -128,7 +130,9 @@ def commit() -> str | None:
     here = Path(__file__).parent
 
     def git(*words: str) -> str:
-        return subprocess.run(["git", "-C", str(here), *words], capture_output=True, text=True, check=True).stdout.strip()
+        return subprocess.run(
+            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True
+        ).stdout.strip()
 
     try:
         return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "--untracked-files=no") else "")

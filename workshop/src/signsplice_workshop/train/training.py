@@ -80,7 +80,8 @@ SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("transition", "more"): TrainingSchedule(BridgeConfig(), 4_000, 32, 5e-4, 512),
     ("transition", "corpus"): TrainingSchedule(BridgeConfig(), 4_000, 32, 5e-4, 512, clean=True),
 }
-"""Each network at each scale. ``more`` continues an earlier training; ``corpus`` continues one on a corpus of pairs, whose words and transitions it uses without augmentation.
+"""Each network at each scale. ``more`` continues an earlier training; ``corpus`` continues one on a corpus of pairs,
+whose words and transitions it uses without augmentation.
 """
 
 
