@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # Trains this project's networks further on the training part of a split of the corpus of pairs, as every system of the
 # paper is trained, so that `signsplice-paper evaluate` can compare them. Half of the data is other synthetic signing,
-# so that the networks do not forget it. Needs what runs/weights.sh and research/runs/paper.sh made. About two hours on two
+# so that the networks do not forget it. Needs what `make weights` and research/runs/paper.sh made. About two hours on two
 # cores. The same call continues after an interruption. Arguments go to every `signsplice train`.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 PAIRS=${PAIRS:-out/pairs}
-SIGNING=${SIGNING:-out/signing}
-WORDS=${WORDS:-out/words-more}
+SIGNING=${SIGNING:-out/weights/signing}
+WORDS=${WORDS:-out/weights/signing}
 WEIGHTS=${WEIGHTS:-out/weights}
 OUT=${OUT:-out/weights-on-corpus}
 BUNDLES=${BUNDLES:-out/bundles}
