@@ -5,9 +5,10 @@ network is shown and answers, poses, collisions, scores) is computed for the sea
 frame gets the numbers that it would get alone.
 
 A pair of words that comes again is not filled again (``TransitionCache``). The key of a gap is a digest of what a
-transition sees: every number of the frames that the gap shows on either side, the skeleton, the rate, the number of new
-frames, and the passes that fill it, with the file of the transition's network. Which words, cuts and options led to
-these frames does not matter, since they act through them alone. Whatever differs in one bit has another key.
+transition sees: every number of the frames that the gap shows on either side, the skeleton, the rate, whether a word
+was drawn between keys, the number of new frames, and the passes that fill it, with the file of the transition's
+network. Which words, cuts and options led to these frames does not matter, since they act through them alone. Whatever
+differs in one bit has another key.
 """
 
 from __future__ import annotations
@@ -210,7 +211,8 @@ def gap_key(passes: Sequence[Pass], gap: Gap) -> bytes | None:
         return None
     digest = hashlib.blake2b(repr(described).encode(), digest_size=32)
     digest.update(skeleton.derived[_skeleton_key])
-    digest.update(struct.pack("<qdqq", gap.n_frames, gap.before.fps, len(gap.before), len(gap.after)))
+    keyed = -1 if gap.keyed is None else int(gap.keyed)
+    digest.update(struct.pack("<qdqqb", gap.n_frames, gap.before.fps, len(gap.before), len(gap.after), keyed))
     for clip in (gap.before, gap.after):
         _add_frames(digest, clip)
     return digest.digest()

@@ -18,6 +18,7 @@ from typing import ClassVar, TypeVar
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, concatenate
+from signsplice.rig.keyedness import judge_keyedness
 
 CONTEXT = 8
 """Frames of each sign that a seam's scores see, and the least that a transition is shown."""
@@ -117,11 +118,18 @@ class Gap:
     before: the end of what is kept of the sign before, at least one frame.
     after: the beginning of what is kept of the sign after, on the same skeleton and at the same rate.
     n_frames: number of new frames; 0 where the signs follow one another directly.
+    keyed: whether either sign was drawn between keys (``rig.keyedness``); None: judged from what the gap shows.
     """
 
     before: Clip
     after: Clip
     n_frames: int
+    keyed: bool | None = None
+
+    @property
+    def is_keyed(self) -> bool:
+        """Whether either sign was drawn between keys."""
+        return judge_keyedness(self.before, self.after).is_keyed if self.keyed is None else self.keyed
 
     @property
     def seconds(self) -> float:
@@ -137,11 +145,16 @@ class Gap:
         return concatenate(parts), len(before)
 
 
-def gap_at(before: Clip, after: Clip, cut: Cut, n_frames: int, entry: int = 0) -> Gap:
-    """The gap of two clips that are joined at ``cut``; no frame of ``before`` earlier than ``entry`` is shown."""
+def gap_at(before: Clip, after: Clip, cut: Cut, n_frames: int, entry: int = 0, keyed: bool | None = None) -> Gap:
+    """The gap of two clips that are joined at ``cut``; no frame of ``before`` earlier than ``entry`` is shown.
+
+    keyed: whether either was drawn between keys; None: judged from both whole clips.
+    """
+    if keyed is None:
+        keyed = any(judge_keyedness(clip).is_keyed for clip in (before, after))
     n_shown = max(CONTEXT, math.ceil(_SHOWN_S * before.fps - 1e-6) + 1)
     stop = cut.pre + 1
-    return Gap(before[max(entry, stop - n_shown) : stop], after[cut.post : cut.post + n_shown], n_frames)
+    return Gap(before[max(entry, stop - n_shown) : stop], after[cut.post : cut.post + n_shown], n_frames, keyed)
 
 
 class Transition(Method):

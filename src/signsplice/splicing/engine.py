@@ -19,6 +19,7 @@ from signsplice.body.retarget import retarget
 from signsplice.errors import InputError
 from signsplice.motion import Clip, concatenate, unchecked_copy
 from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut, Transition, gap_at
 from signsplice.splicing.durations import MAX_TRANSITION_S
@@ -135,10 +136,11 @@ def inbetween(
     entries = [0, *(stop for _, stop in ranges)]  # where each stretch that is kept begins
     ends = [*(start for start, _ in ranges), len(clip)]  # and where it ends
     began = perf_counter()
+    keyed = judge_keyedness(*(clip[start:stop] for start, stop in zip(entries, ends, strict=True))).is_keyed
     word, planned = AlignedWord(0, clip, clip, FrameMap()), list[Seam]()
     for k, (start, stop) in enumerate(ranges):
         cut = Cut(start - 1, stop)
-        gap = gap_at(clip, clip[: ends[k + 1]], cut, stop - start, entry=entries[k])
+        gap = gap_at(clip, clip[: ends[k + 1]], cut, stop - start, entries[k], keyed)
         planned.append(Seam(ONE_CLIP, word, word, cut, gap))
     avoids = chosen.transition.learned if avoid_collisions is None else avoid_collisions
     planned = fill([FillGaps(chosen.transition), *([AvoidCollisions()] if avoids else [])], planned)

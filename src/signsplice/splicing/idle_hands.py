@@ -233,10 +233,10 @@ def _arm_path(seam: Seam, hand: IdleHand, n_more: int, avoids: bool) -> _ArmPath
     post, stop = cut.post, cut.pre + 1
     if hand.arrives:
         frames = concatenate([seam.new_frames, after[post : post + n_more]])
-        gap = gap_at(before, after, Cut(cut.pre, post + n_more), len(frames), entry)
+        gap = gap_at(before, after, Cut(cut.pre, post + n_more), len(frames), entry, seam.gap.keyed)
     else:
         frames = concatenate([before[stop - n_more : stop], seam.new_frames])
-        gap = gap_at(before, after, Cut(cut.pre - n_more, post), len(frames), entry)
+        gap = gap_at(before, after, Cut(cut.pre - n_more, post), len(frames), entry, seam.gap.keyed)
     curve = find_transition("quintic").between(gap)
     new = edited(frames, [edit_of(frames, curve, 0, arm_joints(frames, hand.side))])
     depth = 0.0

@@ -24,7 +24,6 @@ from scipy.special import log_softmax
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, JoinedClips, joined
 from signsplice.rig.info import FEATURE_FPS, CanonicalMotion, apply_deltas, canonical_motion, rig_info
-from signsplice.rig.metrics import is_keyed
 from signsplice.splicing import features
 from signsplice.splicing.bundle import Array, Sessions, read_config
 from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
@@ -388,7 +387,7 @@ class LearnedTransition(Transition):
     """The limited Hermite curve, its arms corrected by a network that sees the gap and eight frames on either side.
 
     End poses and end velocities stay those of the curve. Fingers, trunk, neck, head and joints without a role, gaps of
-    fewer than 2 or more than 45 frames at 30 a second, words that were drawn between keys (``metrics.is_keyed``), and
+    fewer than 2 or more than 45 frames at 30 a second, words that were drawn between keys (``Gap.keyed``), and
     rigs whose arms are not known by name follow the curve alone.
     """
 
@@ -412,7 +411,7 @@ class LearnedTransition(Transition):
     def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
         """The new frames of every gap: the curves of all, and what the network sees of them, are computed together."""
         made = self.base.fill(gaps)
-        bent = [row for row, gap in enumerate(gaps) if _within_limits(gap) and not is_keyed(gap.before, gap.after)]
+        bent = [row for row, gap in enumerate(gaps) if _within_limits(gap) and not gap.is_keyed]
         windows = [_window(gaps[row], made[row]) for row in bent]
         for block in joined(windows):
             rows = [bent[row] for row in block.rows]

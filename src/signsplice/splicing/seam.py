@@ -150,7 +150,9 @@ class Seam:
         """The seam with a gap of ``n_frames`` between the words as they are edited now; its frames are those that were
         there.
         """
-        gap = gap_at(self.before_clip, self.after_clip, self.retimed_cut, n_frames, self.before.first_frame)
+        gap = gap_at(
+            self.before_clip, self.after_clip, self.retimed_cut, n_frames, self.before.first_frame, self.gap.keyed
+        )
         return replace(self, gap=gap, gap_edits=self.edits)
 
 
@@ -173,7 +175,7 @@ def planned_seam(
         warnings = (*warnings, line)
     after = replace(after, entry=cut.post, arrival_s=arrival_s, slide_m=slide_m)
     retimed = Cut(before.frames.last(cut.pre), after.first_frame)
-    gap = gap_at(before.retimed, after.retimed, retimed, n_frames, before.first_frame)
+    gap = gap_at(before.retimed, after.retimed, retimed, n_frames, before.first_frame, before.keyed or after.keyed)
     return Seam(kind, before, after, cut, gap, warnings)
 
 

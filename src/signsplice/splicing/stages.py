@@ -21,6 +21,7 @@ from signsplice.lexicon.gloss import is_letter
 from signsplice.motion import Clip, resample
 from signsplice.rig.align import Reference, reference
 from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_held
+from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, RunningDuration
@@ -94,7 +95,8 @@ class Planner:
         if system is not None:
             warnings = (*warnings, *system.rate_warnings(clip))
         frames = FrameMap(n_left_out=kept.start)
-        word = AlignedWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name))
+        keyed = judge_keyedness(clip).is_keyed
+        word = AlignedWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name), keyed=keyed)
         if resampled is not aligned.clip:
             word = replace(word, own=own, own_step=step, own_first=step * kept.start - stray.start)
         return word, first or to

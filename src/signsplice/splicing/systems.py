@@ -83,7 +83,14 @@ class WholeSystem(Method, ABC):
                 f"{self.name} leaves the first word at frame {left}, before its entry at frame {entered}"
             )
         cut = Cut(pre, post)
-        gap = gap_at(before.clip, after.clip, cut, 0 if frames is None else len(frames), before.entry)
+        gap = gap_at(
+            before.clip,
+            after.clip,
+            cut,
+            0 if frames is None else len(frames),
+            before.entry,
+            before.keyed or after.keyed,
+        )
         return Seam(SYSTEM, before, replace(after, entry=post), cut, gap, warnings, frames)
 
     def stands(self, first: Clip) -> Placement | None:

@@ -188,6 +188,7 @@ class AlignedWord:
         where that is ``clip``.
     own_step: how many frames of ``own`` pass in a frame of ``clip``.
     own_first: the frame of ``own`` that the first frame of ``clip`` shows, a fraction.
+    keyed: whether its recording was drawn between keys (``rig.keyedness``).
     """
 
     index: int
@@ -205,6 +206,7 @@ class AlignedWord:
     own: Clip | None = None
     own_step: float = 1.0
     own_first: float = 0.0
+    keyed: bool = False
 
     @property
     def first_frame(self) -> int:

@@ -15,8 +15,8 @@ from signsplice.formats import atomic, load
 from signsplice.formats.reading import read_bytes
 from signsplice.motion import Clip, FloatArray
 from signsplice.progress import Progress
-from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
+from signsplice.rig.keyedness import judge_keyedness
 from signsplice.signer import notation
 from signsplice.signer.phonology import Sign
 from signsplice.signer.signer import stream
@@ -67,11 +67,11 @@ speed."""
 def _realism(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], plot: Path | None) -> list[str]:
     """Lines of Markdown; ``real``: clips of real signing by name. The plot is written to ``plot``; None draws none.
 
-    Clips that were drawn between keys (``rig.metrics.is_keyed``) are marked, and no figure is held against them.
+    Clips that were drawn between keys (``rig.keyedness``) are marked, and no figure is held against them.
     """
     motion = corpus_realism.wrist_motion(pairs)
     durations = corpus_realism.durations(pairs)
-    captured = {name: clip for name, clip in real.items() if not metrics.is_keyed(clip)}
+    captured = {name: clip for name, clip in real.items() if not judge_keyedness(clip).is_keyed}
     quantities = [
         *durations,
         *corpus_realism.motion_quantities(pairs, motion),

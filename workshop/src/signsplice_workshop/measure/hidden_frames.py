@@ -11,6 +11,7 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, concatenate
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
+from signsplice.rig.keyedness import judge_keyedness
 from signsplice.splicing.collisions import depths
 from signsplice.splicing.contracts import Gap, Transition
 from signsplice.splicing.seam import DEEP_M
@@ -37,7 +38,7 @@ class _Scored:
 
     scores: (n_gaps, 7), as of ``_score``.
     true_jump: median velocity jump of the real motion, m/s.
-    keyed: fraction of the gaps whose frames a program interpolated between keys (``metrics.is_keyed``).
+    keyed: fraction of the gaps that lie in clips drawn between keys (``rig.keyedness``).
     """
 
     scores: FloatArray
@@ -97,7 +98,7 @@ def hidden_frames(
     total = len(lengths) * len(transitions)
     for n_frames in lengths:
         windows = [
-            clip[start : start + n_frames + 2 * SHOWN]
+            (clip[start : start + n_frames + 2 * SHOWN], judge_keyedness(clip).is_keyed)
             for clip in clips
             for start in range(0, len(clip) - n_frames - 2 * SHOWN + 1, stride)
         ]
@@ -106,10 +107,10 @@ def hidden_frames(
                 f"no clip has {n_frames + 2 * SHOWN} frames, as a gap of {n_frames} frames with {SHOWN} frames of "
                 "context on either side needs; give longer clips"
             )
-        true_jump = float(np.median([_velocity_jump(window, n_frames) for window in windows]))
-        keyframed = float(np.mean([metrics.is_keyed(window) for window in windows]))
+        true_jump = float(np.median([_velocity_jump(window, n_frames) for window, _ in windows]))
+        keyframed = float(np.mean([keyed for _, keyed in windows]))
         for transition in transitions:
-            scores = np.array([_score(window, transition, n_frames) for window in windows])  # (n_gaps, 7)
+            scores = np.array([_score(*window, transition, n_frames) for window in windows])  # (n_gaps, 7)
             scored = _Scored(scores, true_jump, keyframed)
             rows.append(row_of(MEASURES, scored, transition=transition.name, n_frames=n_frames))
             if progress is not None:
@@ -126,7 +127,7 @@ def table(rows: Sequence[Row], clips: Sequence[Clip] = ()) -> list[str]:
     names = list(dict.fromkeys(row.transition for row in rows))
     of_length = [found[names[0], n] for n in lengths]
     lines: list[str] = [f"`{SIGNATURE}`"]
-    keyed = [clip for clip in clips if metrics.is_keyed(clip)]
+    keyed = [clip for clip in clips if judge_keyedness(clip).is_keyed]
     lines += [f"\n{clip.name} is no measure of real motion ({motion_scores.keyed_mark(clip)})." for clip in keyed]
     for measure in (one for one in MEASURES if one.head):
         cells = [[name, *(measure.cell(found[name, n]) for n in lengths)] for name in names]
@@ -137,16 +138,16 @@ def table(rows: Sequence[Row], clips: Sequence[Clip] = ()) -> list[str]:
     lines += ["", f"Gaps: {gaps} frames."]
     if any(row.drawn > 0.0 for row in of_length):
         fractions = ", ".join(f"{100.0 * row.drawn:.0f} % of {row.n_frames}" for row in of_length)
-        lines += ["", f"Gaps that a program mostly interpolated between keys, not captured: {fractions} frames."]
+        lines += ["", f"Gaps in clips that a program drew between keys, not captured: {fractions} frames."]
     return lines
 
 
-def _score(window: Clip, transition: Transition, n_frames: int) -> tuple[float, ...]:
+def _score(window: Clip, keyed: bool, transition: Transition, n_frames: int) -> tuple[float, ...]:
     """Position error, those of hands, fingers and trunk, motion ratio, velocity jump (m/s) and depth (m) of a
-    transition on one gap.
+    transition on one gap; ``keyed``: whether the whole clip is.
     """
     before, true, after = window[:SHOWN], window[SHOWN:-SHOWN], window[-SHOWN:]
-    filled = fill(transition, [Gap(before, after, n_frames)], None)[0]
+    filled = fill(transition, [Gap(before, after, n_frames, keyed)], None)[0]
     whole = concatenate([before, filled, after])
     # Motion is counted from the last frame before to the first after, so that a held pose counts its jumps too.
     ratio = motion_scores.motion_ratio(whole[SHOWN - 1 : 1 - SHOWN], window[SHOWN - 1 : 1 - SHOWN])

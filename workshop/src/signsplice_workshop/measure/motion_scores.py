@@ -11,7 +11,8 @@ import numpy as np
 
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.info import TRUNK, rig_info
-from signsplice.rig.metrics import MOVING_RAD, interpolated_fraction
+from signsplice.rig.keyedness import judge_keyedness
+from signsplice.rig.metrics import MOVING_RAD
 from signsplice.rig.roles import FINGERS, SIDES
 
 POSITION_ERROR = "position-error|joints:arms+fingers|frame:root|unit:arm/1000|mean"
@@ -127,9 +128,9 @@ def keyed_fraction(clip: Clip) -> float:
 
 
 def keyed_mark(clip: Clip) -> str:
-    """How tables mark a clip that ``is_keyed``."""
-    even, fraction = 100.0 * keyed_fraction(clip), 100.0 * interpolated_fraction(clip)
-    return f"keyed: {even:.0f} % of its moving frames repeat the step before, {fraction:.0f} % lie between keys"
+    """How tables mark a clip that is keyed (``rig.keyedness``)."""
+    even = 100.0 * keyed_fraction(clip)
+    return f"{judge_keyedness(clip).reason}, {even:.0f} % of its moving frames repeat the step before"
 
 
 def motion_ratio(predicted: Clip, true: Clip) -> float:
