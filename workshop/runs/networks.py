@@ -1,0 +1,131 @@
+#!/usr/bin/env python
+"""What the transition network is worth beside the curves: workshop/docs/measured/networks.md.
+
+    python workshop/runs/networks.py [TAKE.bvh]
+
+Frames are hidden from the last third of a captured take, from that third drawn anew between keys, and from words of
+three synthetic signers in four rest poses. Intervals are of 1,000 bootstraps over blocks of gaps that follow one another.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+import signsplice as ss
+from signsplice.motion import Clip, FloatArray, concatenate, resample
+from signsplice.rig.keyedness import judge_keyedness
+from signsplice.signer import planner
+from signsplice.signer.signer import RESTS, STANDARD, draw_signer
+from signsplice.splicing.contracts import Gap, Transition
+from signsplice.splicing.curves import find_transition
+from signsplice.splicing.options import choose
+from signsplice_workshop.corpora import pseudo
+from signsplice_workshop.corpora.rekeying import DRAWINGS, rekeyed
+from signsplice_workshop.measure import motion_scores
+from signsplice_workshop.measure.hands import wrist_positions
+from signsplice_workshop.measure.hidden_frames import LENGTHS, SHOWN
+from signsplice_workshop.measure.measures import markdown
+
+PAGE = Path(__file__).parents[1] / "docs" / "measured" / "networks.md"
+_BLOCK, _DRAWS = 8, 1000
+_STRIDE = 4
+
+
+def hide(clips: Sequence[Clip], transitions: Sequence[Transition], n_frames: int) -> FloatArray:
+    """Scores (transitions, gaps, 5) of gaps of ``n_frames``: errors of hands, fingers and trunk, thousandths of the
+    arm's length; mean jerk of the wrists; path of the wrists over the true one.
+    """
+    gaps, windows = [], []
+    for clip in clips:
+        keyed = judge_keyedness(clip).is_keyed
+        for start in range(0, len(clip) - n_frames - 2 * SHOWN + 1, _STRIDE):
+            window = clip[start : start + n_frames + 2 * SHOWN]
+            windows.append(window)
+            gaps.append(Gap(window[:SHOWN], window[-SHOWN:], n_frames, keyed))
+    rows = []
+    for transition in transitions:
+        scores = []
+        for window, gap, new in zip(windows, gaps, transition.fill(gaps), strict=True):
+            errors = motion_scores.group_errors(new, window[SHOWN:-SHOWN])
+            paths = [wrist_positions(clip) for clip in (concatenate([gap.before, new, gap.after]), window)]
+            inner = [path[SHOWN - 1 : 1 - SHOWN] for path in paths]
+            jerk = np.linalg.norm(np.diff(paths[0][4:-4], n=3, axis=0), axis=-1).mean()
+            lengths = [np.linalg.norm(np.diff(path, axis=0), axis=-1).sum() for path in inner]
+            scores.append((errors.hands, errors.fingers, errors.trunk, jerk, lengths[0] / max(lengths[1], 1e-9)))
+        rows.append(scores)
+    return np.array(rows)
+
+
+def ratio(scores: FloatArray, base: FloatArray) -> str:
+    """Mean of scores (n,) over that of a base (n,), with its 95 % interval."""
+    rng = np.random.default_rng(0)
+    blocks = np.array_split(np.arange(len(scores)), max(1, len(scores) // _BLOCK))
+    sums = np.array([[scores[rows].sum(), base[rows].sum()] for rows in blocks])
+    drawn = sums[rng.integers(len(sums), size=(_DRAWS, len(sums)))].sum(axis=1)
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [0.025, 0.975])
+    return f"{scores.sum() / base.sum():.2f} ({low:.2f} to {high:.2f})"
+
+
+_ROWS = (("learned", "hands", 0, 0), ("", "fingers", 0, 1), ("", "trunk, head", 0, 2), ("", "jerk", 0, 3),
+         ("quintic", "hands", 2, 0), ("", "jerk", 2, 3))  # fmt: skip
+"""Method, score, row and column of the scores of ``hide``."""
+
+
+def table_of(name: str, clips: Sequence[Clip], transitions: Sequence[Transition]) -> list[list[str]]:
+    """Rows of the first transition, and of the third, over the second, by score; of the hands with intervals."""
+    by_length = {n: hide(clips, transitions, n) for n in LENGTHS}
+    keyed = float(np.mean([judge_keyedness(clip).is_keyed for clip in clips]))
+    rows = []
+    for method, score, row, column in _ROWS:
+        pairs = [(scores[row, :, column], scores[1, :, column]) for scores in by_length.values()]
+        cells = [ratio(*pair) if (row, column) == (0, 0) else f"{pair[0].sum() / pair[1].sum():.2f}" for pair in pairs]
+        rows.append([f"{name}, {keyed:.0%} judged keyed" if not rows else "", method, score, *cells])
+    paths = [f"{np.median(scores[0, :, 4]):.2f}" for scores in by_length.values()]
+    return [*rows, ["", "learned", "path over the true one", *paths]]
+
+
+def words_of(seed: int, rest: str) -> list[Clip]:
+    """Twelve pseudo-signs by a signer in a rest pose."""
+    signer = replace(STANDARD if seed == 0 else draw_signer(seed), rest=rest)
+    return [planner.isolated(pseudo.sign(8_000 + 100 * seed + k), signer).clip for k in range(8)]
+
+
+def main(take: str | None = None) -> None:
+    """Write the page, or print it where the take is missing."""
+    learned = choose().transition
+    transitions = [learned, find_transition("hermite"), find_transition("quintic")]
+    rows: list[list[str]] = []
+    if take is not None:
+        clip = ss.load(take)
+        last = clip[2 * len(clip) // 3 :]
+        rows += table_of("take, 30 fps", [last], transitions)
+        rows += table_of("take, 24 fps", [resample(last, 24.0)], transitions)
+        rng = np.random.default_rng(5)
+        for kind in DRAWINGS:
+            rows += table_of(f"take, {kind}", [rekeyed(last, every, kind, rng) for every in (3, 6, 12)], transitions)
+    for seed, name in ((0, "standard signer"), (11, "signer 11"), (12, "signer 12")):
+        for rest in RESTS if seed == 0 else islice(RESTS, 1):
+            rows += table_of(f"words, {name}, {rest}", words_of(seed, rest), transitions)
+    lines = markdown(("motion", "method", "over Hermite", *LENGTHS), rows)
+    print("\n".join(lines))
+    if take is not None:
+        PAGE.write_text("\n".join([*HEAD, *lines, ""]), encoding="utf-8")
+
+
+HEAD = [
+    "# Hidden frames, by group",
+    "",
+    "The learned transition and quintic over the limited Hermite curve, by number of hidden frames; below 1 is better.",
+    "Intervals of 95 % over blocks of gaps. No choice was made on the last third of the take.",
+    "",
+]
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2])
