@@ -28,7 +28,11 @@ from signsplice.rig.roles import ARM
 from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.bundle import Array, Sessions
+<<<<<<< ours
 from signsplice.splicing.contracts import Gap
+=======
+from signsplice.splicing.contracts import Cut, Gap, gap_at
+>>>>>>> theirs
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import (
     REST_FRAMES,
@@ -38,6 +42,8 @@ from signsplice.splicing.learned import (
     open_sessions,
 )
 from signsplice.splicing.options import WEIGHTS
+from signsplice.splicing.sentence import Sentence
+from signsplice_workshop.corpora.rekeying import rekeyed
 
 TINY = GOLDEN / "tiny_bundle"
 SESSIONS = open_sessions(TINY)
@@ -190,6 +196,26 @@ def test_the_network_corrects_the_arms_alone() -> None:
     wrists = [joints["leftHand"], joints["rightHand"]]
     away = np.linalg.norm(np.subtract(*(kinematics.forward(clip, wrists)[1] for clip in (made, base))), axis=-1)
     assert away[[0, -1]].max() < 0.06 * away.max(), "next to both signs the wrists are where the curve has them"
+
+
+def test_beside_a_word_drawn_between_keys_the_curve_stays() -> None:
+    drawn = rekeyed(P, 4, "unity")
+    curve = find_transition("hermite")
+    for before, after in ((drawn, Q), (Q, drawn)):
+        gap = gap_at(before, after, Cut(39, 22), 9)
+        assert gap.keyed
+        np.testing.assert_array_equal(TRANSITION.between(gap).local_rotations, curve.between(gap).local_rotations)
+        bent = TRANSITION.between(replace(gap, keyed=False))
+        assert np.abs(bent.local_rotations - curve.between(gap).local_rotations).max() > 1e-4
+    assert gap_at(P, Q, Cut(39, 22), 9).keyed is False
+
+
+def test_the_recorded_word_is_judged_not_the_one_at_another_rate_or_tempo() -> None:
+    drawn = rekeyed(P, 5, "maya-auto")
+    sentence = Sentence(ss.SpliceOptions(fps=47.0, tempo="natural"))
+    words, seams = sentence.plan([drawn, Q])
+    assert [word.keyed for word in words] == [True, False]
+    assert seams[0].gap.keyed
 
 
 def test_gaps_filled_together_are_filled_as_each_alone() -> None:

@@ -71,6 +71,8 @@ OTHER_GAPS = {
     "frames shown after": replace(GAP, after=GAP.after[:-1]),
     "sides": Gap(GAP.after, GAP.before, GAP.n_frames),
     "number of frames": replace(GAP, n_frames=7),
+    "words drawn between keys": replace(GAP, keyed=True),
+    "words that are captured": replace(GAP, keyed=False),
     "rate": changed("before", fps=lambda clip: clip.fps + 1e-9),
     "a bone": on_skeleton(offsets=nudged(SKELETON.offsets)),
     "a name": on_skeleton(names=(*SKELETON.names[:-1], "other")),

@@ -318,7 +318,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         "up": _axis(stands.up),
         "forward": _axis(stands.forward),
         "face": "none" if clip.face is None else f"{len(clip.face.channels)} coefficients",
-        "motion": judge_keyedness(clip).reason,
+        "motion": judge_keyedness(with_ends_held(clip)).reason,
         "memory kB": clip.nbytes // 1024,
         "rest": rest,
         "roles": {role: skeleton.names[joint] for role, joint in humanoid.joints.items()},

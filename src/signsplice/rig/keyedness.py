@@ -61,7 +61,7 @@ def _judge_clip(clip: Clip) -> Keyedness:
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
+class _MotionFit:
     """Where lines and curves fit a motion of T frames and J joints.
 
     rate: frames a second.
@@ -86,7 +86,7 @@ class _View:
     def keyed_seconds(self, joints: NDArray[np.bool_]) -> tuple[float, float]:
         """How much of the joints' motion lies in seconds in which curves fit, and frames from key to key there."""
         speed, curves, width = self.speed[:, joints], self.curves[:, joints], round(self.rate) | 1
-        n_fit, n_moving = (_running_mean(mask * 1.0, width, "constant") for mask in (curves, speed > 0.0))
+        n_fit, n_moving = (_running_mean(mask.astype(np.float64), width, "constant") for mask in (curves, speed > 0.0))
         is_keyed = n_fit > _KEYED_SECOND * n_moving
         total, within = speed.sum(), speed[is_keyed].sum()
         if not within:
@@ -106,7 +106,7 @@ def _judge(*clips: Clip) -> Keyedness:
     moving = [fit for fit in fits if fit.density(is_arm) >= 0.0]
     judged, name = (is_arm, "the arms'") if moving else (everything, "all joints'")
 
-    def density_of(fit: _View) -> float:
+    def density_of(fit: _MotionFit) -> float:
         """All joints count, but what the arms do not show, they do not."""
         of_judged = fit.density(judged)
         return min(0.5 * (of_judged + fit.density(everything)), 2.0 * of_judged)
@@ -128,15 +128,15 @@ def _judge(*clips: Clip) -> Keyedness:
     return Keyedness(is_keyed, fraction, every, ", ".join(lines))
 
 
-def _joined(fits: tuple[_View, ...]) -> _View:
+def _joined(fits: tuple[_MotionFit, ...]) -> _MotionFit:
     """The same view of several clips as one."""
     arrays = (
         np.concatenate(parts) for parts in zip(*((fit.speed, fit.lines, fit.curves) for fit in fits), strict=True)
     )
-    return _View(fits[0].rate, *arrays)
+    return _MotionFit(fits[0].rate, *arrays)
 
 
-def _views(clip: Clip) -> Iterator[_View]:
+def _views(clip: Clip) -> Iterator[_MotionFit]:
     """The fit at the clip's rate, at most about 60 a second, and at those from which slerp may have brought it there:
     frames between those of a slower clip lie on lines, whatever it shows.
     """
@@ -168,11 +168,11 @@ def _source_frames(rotations: FloatArray, step: Fraction) -> FloatArray:
     return np.concatenate([blocks.reshape(-1, *rotations.shape[1:]), shown[-1][-1:]])
 
 
-def _view(q: FloatArray, rate: float) -> _View:
+def _view(q: FloatArray, rate: float) -> _MotionFit:
     """Where lines and curves fit rotations (T, J, 4); nowhere in fewer than five frames."""
     if len(q) < 5:
         nowhere = np.zeros((0, q.shape[1]))
-        return _View(rate, nowhere, nowhere > 0.0, nowhere > 0.0)
+        return _MotionFit(rate, nowhere, nowhere > 0.0, nowhere > 0.0)
     q = rotation.continuous(q)
     second = q[:-2] - 2.0 * q[1:-1] + q[2:]
     fourth = second[:-2] - 2.0 * second[1:-1] + second[2:]  # (T - 4, J, 4)
@@ -187,7 +187,7 @@ def _view(q: FloatArray, rate: float) -> _View:
     lines[1:] |= is_even[1:] & is_even[:-1]
     lines[:-1] |= is_even[1:] & is_even[:-1]
     curves = lines | (spikes < limit) | (breaks < limit)
-    return _View(rate, np.where(moves, speed, 0.0), lines & moves, curves & moves)
+    return _MotionFit(rate, np.where(moves, speed, 0.0), lines & moves, curves & moves)
 
 
 def _turns(q: FloatArray, changes: FloatArray) -> FloatArray:

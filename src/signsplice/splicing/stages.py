@@ -95,7 +95,7 @@ class Planner:
         if system is not None:
             warnings = (*warnings, *system.rate_warnings(clip))
         frames = FrameMap(n_left_out=kept.start)
-        keyed = judge_keyedness(clip).is_keyed
+        keyed = judge_keyedness(held).is_keyed
         word = AlignedWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name), keyed=keyed)
         if resampled is not aligned.clip:
             word = replace(word, own=own, own_step=step, own_first=step * kept.start - stray.start)

@@ -190,7 +190,8 @@ def rekeyed(
     """
     drawing, keys = DRAWINGS[kind], key_frames(len(clip), every, rng)
     rate = clip.fps if fps is None else fps
-    times = np.arange(int(np.floor((len(clip) - 1) * rate / clip.fps + 1e-9)) + 1) * clip.fps / rate
+    n_frames = int(np.floor((len(clip) - 1) * rate / clip.fps + 1e-9)) + 1
+    times = np.arange(n_frames, dtype=np.float64) * clip.fps / rate
     q = rotation.continuous(clip.local_rotations)
     values = q if drawing.axes is None else rotation.nearest_euler_sequence(rotation.to_euler(q, drawing.axes))
     at_keys = values[keys.astype(int)].reshape(len(keys), -1)
