@@ -12,9 +12,12 @@ BUNDLE = Path(__file__).parents[1] / "golden" / "tiny_int8"
 WORDS = BUNDLE.with_name("processor_words")
 """Four words as commit 282f865 signs them: those that ship are signed anew now and then, on one kind of processor."""
 PAIRS = (("HELLO", "DEAF"), ("THANK-YOU", "I"))
+SECONDS = {PAIRS[0]: 77 / 30.0, PAIRS[1]: 28 / 30.0}
+"""Of the transitions that another processor made."""
 
 
 def spliced(pair: tuple[str, str]) -> ss.SpliceResult:
     """Two words of ``WORDS``, joined by the networks of ``BUNDLE``."""
     with Lexicon(WORDS) as words:
-        return ss.splice([words.clip(gloss) for gloss in pair], ss.SpliceOptions(bundle=BUNDLE))
+        clips = [words.clip(gloss) for gloss in pair]
+    return ss.splice(clips, ss.SpliceOptions(bundle=BUNDLE, transition_time=SECONDS[pair]))

@@ -13,13 +13,10 @@ from conftest import GOLDEN
 import signsplice as ss
 from signing import word
 from signsplice.errors import InputError
-from signsplice.rig.info import arms
 from signsplice.splicing import options as methods
 from signsplice.splicing import report
 from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256
-from signsplice.splicing.contracts import Cut
-from signsplice.splicing.durations import travel_widths
-from signsplice.splicing.learned import LearnedCutter, LearnedDuration, LearnedTransition
+from signsplice.splicing.learned import LearnedCutter, LearnedTransition
 
 TINY = GOLDEN / "tiny_bundle"
 CLIPS = [word(gloss).clip for gloss in ("MOTHER", "BOOK", "SEE")]
@@ -34,18 +31,18 @@ def weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def learned_parts(chosen: methods.Methods) -> tuple[bool, bool, bool]:
-    """Whether cutter, transition and duration are networks."""
+def learned_parts(chosen: methods.Methods) -> tuple[bool, bool]:
+    """Whether cutter and transition are networks."""
     return (
         isinstance(chosen.cutter, LearnedCutter),
         isinstance(chosen.transition, LearnedTransition),
-        isinstance(chosen.duration, LearnedDuration),
     )
 
 
 def test_networks_are_the_default_and_the_report_names_them(weights: Path) -> None:
     chosen = methods.choose()
-    assert learned_parts(chosen) == (True, True, True)
+    assert learned_parts(chosen) == (True, True)
+    assert chosen.duration.name == "tempo"
     assert chosen.bundle == bundle_sha256(weights)
     assert chosen.warnings == ()
     assert methods.choose(duration="auto").duration is chosen.duration
@@ -66,7 +63,7 @@ def test_with_classical_methods_no_bundle_is_opened(tmp_path: Path, monkeypatch:
 
 def test_the_bundle_is_named_where_one_part_is_learned(weights: Path) -> None:
     chosen = methods.choose("ends", None, "fixed")
-    assert learned_parts(chosen) == (False, True, False)
+    assert learned_parts(chosen) == (False, True)
     assert chosen.bundle == bundle_sha256(weights)
     assert methods.choose("ends", "hermite", "fixed").bundle is None
 
@@ -106,7 +103,7 @@ def test_a_bundle_may_hold_only_some_networks(weights: Path) -> None:
     del stored["files"]["bridge.onnx"]
     (weights / BUNDLE_FILE).write_text(json.dumps(stored))
     chosen = methods.choose(bundle=weights)
-    assert learned_parts(chosen) == (True, False, True)
+    assert learned_parts(chosen) == (True, False)
     assert chosen.transition.name == "hermite"
     with pytest.raises(InputError, match="holds no network for the transition"):
         methods.choose(transition="learned", bundle=weights)
@@ -129,10 +126,10 @@ def test_a_bundle_that_is_written_anew_is_opened_anew(weights: Path) -> None:
 
 def test_the_list_of_methods_has_one_default_of_each_kind(weights: Path) -> None:
     rows = methods.all_methods()
-    for kind in ("cutter", "transition", "duration"):
-        assert [method.name for k, method, is_default in rows if k == kind and is_default] == ["learned"]
+    for kind, default in (("cutter", "learned"), ("transition", "learned"), ("duration", "tempo")):
+        assert [method.name for k, method, is_default in rows if k == kind and is_default] == [default]
         names = [method.name for k, method, _ in rows if k == kind]
-        assert len(names) == len(set(names)) > 3
+        assert len(names) == len(set(names)) > 1
 
 
 def test_a_rig_without_known_arms_is_filled_and_timed_by_rule(weights: Path) -> None:
@@ -157,17 +154,3 @@ def test_a_gap_that_is_too_long_for_the_network_has_a_warning(weights: Path) -> 
     assert any("made by hermite alone" in line for line in result.seams[0].warnings)
     short = ss.splice(CLIPS[:2], ss.SpliceOptions(transition_time=0.4))
     assert not any("made by" in line for line in short.seams[0].warnings)
-
-
-def test_the_learned_duration_is_not_shorter_than_human_ones(weights: Path) -> None:
-    learned = methods.open_learned(weights)
-    unhurried = learned.durations["learned"]
-    plain = LearnedDuration(unhurried.reader, unhurried=False)
-    p, q = CLIPS[:2]
-    n_by_law = 0
-    for cut in (Cut(10, 20), Cut(36, 30), Cut(36, len(q) - 3), Cut(24, 24)):
-        law = 0.051 + 0.149 * np.log2(1.0 + travel_widths(arms(p), arms(q), cut.pre, cut.post) / 0.15)
-        # Within 2 %: the network sees distances in arm lengths of the T-pose, ``arms`` those of the clip.
-        assert unhurried.seconds(p, q, cut) == pytest.approx(max(plain.seconds(p, q, cut), 0.25, law), rel=0.02)
-        n_by_law += law > 0.25
-    assert n_by_law > 0

@@ -28,12 +28,11 @@ from signsplice.rig.roles import ARM
 from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.bundle import Array, Sessions
-from signsplice.splicing.contracts import Cut, Gap
+from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import (
     REST_FRAMES,
     LearnedCutter,
-    LearnedDuration,
     LearnedTransition,
     WordReader,
     open_sessions,
@@ -44,7 +43,6 @@ TINY = GOLDEN / "tiny_bundle"
 SESSIONS = open_sessions(TINY)
 READER = WordReader(SESSIONS)
 CUTTER = LearnedCutter(READER, whole=False)
-DURATION = LearnedDuration(READER, unhurried=False)
 TRANSITION = LearnedTransition(SESSIONS)
 P, Q = word("MOTHER").clip, word("BOOK").clip
 
@@ -84,7 +82,6 @@ def test_of_long_words_only_the_inner_ends_are_read() -> None:
     assert len(before.features) == len(after.features) == 150
     assert CUTTER.cut_all([long, Q])[0].pre >= len(long) - 150
     assert CUTTER.cut_all([Q, long])[0].post < 150
-    assert DURATION.seconds(long, long, Cut(len(long) - 1, 0)) > 0.0
 
 
 @pytest.mark.parametrize("rest", RESTS)
@@ -138,9 +135,8 @@ def test_a_word_is_read_once_for_all_its_seams() -> None:
     sessions = Counting()
     reader = WordReader(sessions)
     words = [P[:], Q[:], word("SEE").clip[:]]
-    ss.splice([*words, *words], ss.SpliceOptions(cutter=LearnedCutter(reader), duration=LearnedDuration(reader)))
+    ss.splice([*words, *words], ss.SpliceOptions(cutter=LearnedCutter(reader)))
     runs = [name for name, _ in sessions.runs]
-    assert runs.count("duration") == 5
     assert runs.count("cut") == 3, "once a word, wherever it stands"
     assert runs.count("word") <= 6, "each of three words, as it is and at most once more in the mirror"
 
@@ -168,17 +164,6 @@ def test_all_cuts_of_a_sentence_are_chosen_together() -> None:
     kept = [after.pre - before.post for before, after in itertools.pairwise(cuts)]
     assert [(seam.pre_frame, seam.post_frame) for seam in result.seams] == [(cut.pre, cut.post) for cut in cuts]
     assert min(kept) > 0, "a word is left after it is entered"
-
-
-def test_every_rig_hand_and_rate_has_the_same_duration() -> None:
-    cut = Cut(40, 22)
-    expected = DURATION.seconds(P, Q, cut)
-    assert 0.02 < expected < 5.0
-    assert DURATION.seconds(other_rig(P), other_rig(Q), cut) == pytest.approx(expected, rel=1e-4)
-    assert DURATION.seconds(mirror(P), mirror(Q), cut) == pytest.approx(expected, rel=1e-4)
-    fast = DURATION.seconds(resample(P, 60.0), resample(Q, 60.0), Cut(80, 44))
-    assert fast + 1.0 / 60.0 == pytest.approx(expected + 1.0 / 30.0, rel=1e-2), "between the frames that are kept"
-    assert DURATION.seconds(P, Q, Cut(0, len(Q) - 1)) > 0.0
 
 
 def test_a_learned_transition_changes_the_curve_but_not_its_ends() -> None:
@@ -251,14 +236,10 @@ def test_clips_of_one_or_two_frames_are_enough() -> None:
     assert np.isfinite(concatenate([P[40:41], made, Q[22:23]]).local_rotations).all()
 
 
-def test_a_sentence_is_cut_timed_and_filled_by_networks() -> None:
-    options = ss.SpliceOptions(cutter=CUTTER, transition=TRANSITION, duration=DURATION)
+def test_a_sentence_is_cut_and_filled_by_networks() -> None:
+    options = ss.SpliceOptions(cutter=CUTTER, transition=TRANSITION)
     result = ss.splice([P, Q, word("YES").clip], options)
     assert (result.cutter, result.transition) == ("learned-fluent", "learned")
-    assert [seam.n_transition for seam in result.seams] == [
-        max(1, round(DURATION.seconds(a, b, Cut(seam.pre_frame, seam.post_frame)) * 30.0))
-        for a, b, seam in zip((P, Q), (Q, word("YES").clip), result.seams, strict=True)
-    ]
     again = ss.splice([P, Q, word("YES").clip], options)
     np.testing.assert_array_equal(result.clip.local_rotations, again.clip.local_rotations)
 

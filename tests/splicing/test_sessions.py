@@ -65,7 +65,7 @@ DAMAGE: dict[str, tuple[str, Change | bytes]] = {
     "a node is lost": ("word.onnx", without_a_node),
     "another input": ("cut.onnx", another_input),
     "another output": ("cut.onnx", renamed_output),
-    "no number": ("duration.onnx", not_a_number),
+    "no number": ("cut.onnx", not_a_number),
     "no number in a gap": ("bridge.onnx", not_a_number),
 }
 
@@ -76,7 +76,7 @@ def test_a_damaged_network_is_refused_with_its_file(what: str, tmp_path: Path) -
     bundle = broken_bundle(tmp_path, name, change)
     with shipped() as words:
         clips = [words.clip("I"), words.clip("SIGN")]
-    options = SpliceOptions("learned", "learned", "learned", bundle=bundle, avoid_collisions=False)
+    options = SpliceOptions("learned", "learned", bundle=bundle, avoid_collisions=False)
     with pytest.raises(FormatError, match=name.replace(".", r"\.")) as caught:
         splice(clips, options)
     assert len(str(caught.value).splitlines()) == 1

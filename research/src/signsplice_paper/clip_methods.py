@@ -20,8 +20,8 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice.splicing.cutters import CUTTERS
-from signsplice.splicing.durations import CLASSICAL_DURATION
-from signsplice.splicing.learned import FLUENT, LearnedDuration
+from signsplice.splicing.durations import DEFAULT_DURATION
+from signsplice.splicing.learned import FLUENT, LearnedCutter
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.splicing.options import Methods, choose, open_learned
 from signsplice_paper.prediction import Prediction
@@ -89,7 +89,7 @@ class ClipMethod:
             return 0
         networks = open_learned(self.bundle).networks
         in_use = {
-            "cutter": isinstance(self.parts.duration, LearnedDuration),
+            "cutter": self.cutter == FLUENT,
             "transition": self.transition == LEARNED,
         }
         return sum(networks[name].n_parameters for name, used in in_use.items() if used)
@@ -98,12 +98,7 @@ class ClipMethod:
     def parts(self) -> Methods:
         """The cutter, transition and duration of these names."""
         cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
-        learned_duration = self.cutter == FLUENT or (self.given == "positions" and self.learned)
-        parts = choose(cutter, self.transition, LEARNED if learned_duration else CLASSICAL_DURATION, self.bundle)
-        if not isinstance(parts.duration, LearnedDuration):
-            return parts
-        duration = LearnedDuration(parts.duration.reader, unhurried=False)
-        return Methods(parts.cutter, parts.transition, duration, parts.bundle)
+        return choose(cutter, self.transition, DEFAULT_DURATION, self.bundle)
 
     def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
         """The splice position and the transition between two words' clips.
@@ -113,8 +108,8 @@ class ClipMethod:
         # What was computed of these words for another pair must not shorten the measured time.
         for clip in (before, after):
             clip.derived.clear()
-        if isinstance(self.parts.duration, LearnedDuration):
-            self.parts.duration.reader.forget(before, after)
+        if isinstance(self.parts.cutter, LearnedCutter):
+            self.parts.cutter.reader.forget(before, after)
         cut = truth if "positions" in self.given else self.parts.cutter.cut_all([before, after])[0]
         n_frames = n_true
         if "length" not in self.given:

@@ -1,4 +1,4 @@
-"""The learned cutter, duration and transition: a bundle's networks behind the classes of the classical methods.
+"""The learned cutter and transition: a bundle's networks behind the classes of the classical methods.
 
 Two words are seen on the canonical humanoid at 30 frames a second (``features``), each read once however often it is
 placed (``WordReader``); the networks' answers go back to the clips' own joints and rate.
@@ -28,9 +28,8 @@ from signsplice.rig.metrics import is_keyed
 from signsplice.rig.roles import ARM
 from signsplice.splicing import features
 from signsplice.splicing.bundle import Array, Sessions, read_config
-from signsplice.splicing.contracts import Cut, Cutter, Duration, Gap, Transition
+from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
 from signsplice.splicing.curves import find_transition
-from signsplice.splicing.durations import HUMAN_MEDIAN_S, travel_law
 from signsplice.splicing.features import (
     MAX_GAP_FRAMES,
     MIN_GAP_FRAMES,
@@ -388,41 +387,6 @@ class LearnedCutter(Cutter):
 
 def _seam_scores(p: WordReading, q: WordReading, left: FloatArray, entered: FloatArray) -> SeamScores:
     return SeamScores(left[:, None] + entered, p.first + p.active[0], q.first + q.active[0])
-
-
-class LearnedDuration(Duration):
-    """How long a transition takes, by the network that cuts: from the two frames that it joins, and both words.
-
-    unhurried: never shorter than human transitions, 0.25 s in the median and more for long distances
-        (``duration.travel_law``), since viewers of avatars prefer transitions slower than human ones (Al-khazraji et
-        al. 2021).
-    """
-
-    name, learned = NAME, True
-    summary = "a network that sees both words and the two frames that are joined"
-
-    def __init__(self, reader: WordReader, unhurried: bool = True) -> None:
-        self.reader, self.unhurried = reader, unhurried
-
-    def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
-        """Seconds that the new frames take: the network's, from the last frame kept to the first, less one frame."""
-        p, q = self.reader.pair(before, after)
-        inputs = {"leave": p.leave, "enter": q.enter}
-        for name, word, frame, clip in (("leaving", p, cut.pre, before), ("entering", q, cut.post, after)):
-            row = round(frame / clip.fps * FEATURE_FPS) - word.first
-            inputs[name] = word.features[None, min(max(row, 0), len(word.features) - 1)]
-        answer = self.reader.sessions.run("duration", inputs, seconds=(1,))["seconds"]
-        seconds = float(answer[0]) - 1.0 / before.fps
-        if not self.unhurried:
-            return seconds
-        return max(seconds, HUMAN_MEDIAN_S, travel_law(_travel(inputs["leaving"][0], inputs["entering"][0], before)))
-
-
-def _travel(leaving: NDArray[np.float32], entering: NDArray[np.float32], clip: Clip) -> float:
-    """Distance of the hand that goes farther between two frames' features (N_FRAME,), in shoulder widths."""
-    distances = np.linalg.norm(features.wrist_positions(entering) - features.wrist_positions(leaving), axis=-1)
-    sizes = rig_info(clip.skeleton).sizes
-    return float(distances.max()) * sizes.arm_length / sizes.shoulder_width
 
 
 class LearnedTransition(Transition):

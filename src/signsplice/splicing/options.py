@@ -19,10 +19,10 @@ from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS
 from signsplice.splicing.durations import (
     CITATION,
-    CLASSICAL_DURATION,
+    DEFAULT_DURATION,
     DURATIONS,
     MAX_TRANSITION_S,
-    RunningDuration,
+    TravelDuration,
     seconds_a_sign,
 )
 from signsplice.splicing.faces import check_rules
@@ -31,7 +31,6 @@ from signsplice.splicing.learned import (
     FLUENT,
     NAME,
     LearnedCutter,
-    LearnedDuration,
     LearnedTransition,
     WordReader,
     open_sessions,
@@ -50,14 +49,13 @@ MethodT = TypeVar("MethodT", bound=Method)
 class LearnedMethods:
     """What a bundle offers.
 
-    cutters, transitions, durations: by name.
+    cutters, transitions: by name.
     sha256: of the bundle; None where there is none.
     networks: what bundle.json says of each network.
     """
 
     cutters: Mapping[str, LearnedCutter] = field(default_factory=dict)
     transitions: Mapping[str, LearnedTransition] = field(default_factory=dict)
-    durations: Mapping[str, LearnedDuration] = field(default_factory=dict)
     sha256: str | None = None
     networks: Mapping[str, NetworkConfig] = field(default_factory=dict)
 
@@ -108,7 +106,6 @@ def _open(folder: Path, sha256: str) -> LearnedMethods:
     return LearnedMethods(
         {cutter.name: cutter for cutter in cutters},
         {NAME: LearnedTransition(sessions)} if "bridge.onnx" in sessions.config.files else {},
-        {NAME: LearnedDuration(reader)} if reads_words else {},
         sha256,
         sessions.config.networks,
     )
@@ -120,18 +117,18 @@ def choose(
     duration: str | Duration | None = None,
     bundle: str | Path | None = None,
 ) -> Methods:
-    """The methods of a call: objects as they are, others by name; ``learned`` and None from ``bundle``, by default the
-    one that ships.
+    """The methods of a call: objects as they are, others by name; cutter and transition ``learned`` and None from
+    ``bundle``, by default the one that ships.
 
     None is the classical default, with one warning, where the bundle that ships cannot be read. Raises ``InputError``
     for an unknown name, for ``learned`` where there is no such network, and for a bundle that is named and cannot be
     read.
     """
-    named = (cutter, transition, None if duration == AUTO else duration)
+    named = (cutter, transition)
     where = Path(WEIGHTS if bundle is None else bundle)
     own, warnings = LearnedMethods(), tuple[str, ...]()
     called_for = any(name in (NAME, FLUENT) for name in named if isinstance(name, str))
-    tables: tuple[Mapping[str, Method], ...] = (CUTTERS, TRANSITIONS, DURATIONS)
+    tables: tuple[Mapping[str, Method], ...] = (CUTTERS, TRANSITIONS)
     unknown = any(isinstance(name, str) and name not in table for name, table in zip(named, tables, strict=True))
     if bundle is not None or None in named or unknown:  # the message about an unknown name lists the learned ones too
         try:
@@ -140,12 +137,13 @@ def choose(
             if bundle is not None or called_for:
                 raise
             warnings = (f"no learned methods, classical ones are used: {error}",)
+    duration = DEFAULT_DURATION if duration in (None, AUTO) else duration
     chosen = (
-        _one("cutter", named[0], own.cutters, CUTTERS, CLASSICAL_CUTTER, where),
-        _one("transition", named[1], own.transitions, TRANSITIONS, CLASSICAL_TRANSITION, where),
-        _one("duration", named[2], own.durations, DURATIONS, CLASSICAL_DURATION, where),
+        _one("cutter", cutter, own.cutters, CUTTERS, CLASSICAL_CUTTER, where),
+        _one("transition", transition, own.transitions, TRANSITIONS, CLASSICAL_TRANSITION, where),
+        find("duration", duration, DURATIONS) if isinstance(duration, str) else duration,
     )
-    networks = [*own.cutters.values(), *own.transitions.values(), *own.durations.values()]
+    networks = [*own.cutters.values(), *own.transitions.values()]
     return Methods(*chosen, own.sha256 if any(method in networks for method in chosen) else None, warnings)
 
 
@@ -173,7 +171,7 @@ def all_methods() -> list[tuple[str, Method, bool]]:
     tables: tuple[tuple[str, dict[str, Method], Method], ...] = (
         ("cutter", {**CUTTERS, **own.cutters}, defaults.cutter),
         ("transition", {**TRANSITIONS, **own.transitions}, defaults.transition),
-        ("duration", {**DURATIONS, **own.durations}, defaults.duration),
+        ("duration", {**DURATIONS}, defaults.duration),
     )
     return [(kind, method, method is default) for kind, table, default in tables for method in table.values()]
 
@@ -187,8 +185,8 @@ _DECIDED_BY_SYSTEM = (
 class SpliceOptions:
     """What one call wants.
 
-    cutter, transition, duration: a name, or an object of that class; None: the learned one, or the classical default
-        where the networks cannot be read (``choose``).
+    cutter, transition, duration: a name, or an object of that class; None: the default, which is learned for cutter and
+        transition, or classical where the networks cannot be read (``choose``).
     bundle: folder of the networks; None: those that ship.
     transition_time: length of every transition, seconds, in place of the duration.
     sign_speed: how many times as fast signs play.
@@ -256,15 +254,15 @@ class SpliceOptions:
         duration. No network is read for a system whose misses are not filled, which needs none.
         """
         if self.system is not None and not self.fill_misses:
-            return choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION)
+            return choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, DEFAULT_DURATION)
         methods, seconds = choose(self.cutter, self.transition, self.duration, self.bundle), self.seconds_a_sign
         if seconds is None or self.has_own("duration"):
             return methods
-        return replace(methods, duration=RunningDuration(seconds))
+        return replace(methods, duration=TravelDuration(seconds))
 
     def has_own(self, kind: str) -> bool:
         """Whether the call names a cutter, transition or duration (``kind``) other than the default."""
-        return getattr(self, kind) not in (None, AUTO, NAME)
+        return getattr(self, kind) not in (None, AUTO, NAME, DEFAULT_DURATION)
 
     @property
     def lengthens(self) -> bool:

@@ -19,7 +19,6 @@ from signsplice.errors import FormatError, InputError  # noqa: E402
 from signsplice.splicing.bundle import read_config  # noqa: E402
 from signsplice.splicing.learned import (  # noqa: E402
     LearnedCutter,
-    LearnedDuration,
     WordReader,
     open_sessions,
 )
@@ -84,7 +83,7 @@ def test_both_networks_are_trained_into_one_bundle(signing_folder: Path, first: 
     assert not set(facts["signers"]) & set(facts["held_back"])
     reader = WordReader(open_sessions(bundle))
     cut = LearnedCutter(reader).cut_all([word("MOTHER").clip, word("BOOK").clip])[0]
-    assert LearnedDuration(reader).seconds(word("MOTHER").clip, word("BOOK").clip, cut) > 0.0
+    assert 0 <= cut.pre < len(word("MOTHER").clip)
 
 
 def test_a_bundle_names_command_seed_and_data(signing_folder: Path, first: Path) -> None:

@@ -39,7 +39,7 @@ from signsplice.signer.signer import HANGING, RESTS, STANDARD, Signer, stream
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS
-from signsplice.splicing.durations import CLASSICAL_DURATION
+from signsplice.splicing.durations import DEFAULT_DURATION
 from signsplice.splicing.durations import NATURAL as NATURAL_TEMPO
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.idle_hands import NATURAL, idle_hands
@@ -255,12 +255,12 @@ def compared_methods(bundle: str | Path | None = None) -> dict[str, SpliceOption
     Learned, where ``bundle`` (by default the one that ships) can be read: all parts together, and each part with
     classical ones. Raises ``InputError`` for a named bundle that cannot be read.
     """
-    plain = SpliceOptions(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, CLASSICAL_DURATION, avoid_collisions=False)
+    plain = SpliceOptions(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, DEFAULT_DURATION, avoid_collisions=False)
     out = {f"{name} + {CLASSICAL_TRANSITION}": replace(plain, cutter=name) for name in CUTTERS}
     out |= {f"{CLASSICAL_CUTTER} + {name}": replace(plain, transition=name) for name in TRANSITIONS}
     out[f"{CLASSICAL_CUTTER} + {CLASSICAL_TRANSITION}, collision avoidance"] = replace(plain, avoid_collisions=True)
     if choose(bundle=bundle).bundle is not None:
-        default = SpliceOptions(NAME, NAME, NAME, bundle)
+        default = SpliceOptions(NAME, NAME, bundle=bundle)
         learned = replace(default, avoid_collisions=False)
         out[f"{CLASSICAL_CUTTER} + {NAME}"] = replace(plain, transition=NAME, bundle=bundle)
         out[f"{NAME} + {CLASSICAL_TRANSITION}"] = replace(learned, transition=CLASSICAL_TRANSITION)
