@@ -315,8 +315,8 @@ def test_methods_are_listed_with_their_defaults(signsplice: Call) -> None:
     rows = json.loads(signsplice("methods", "--json").stdout)
     names = {row["name"] for row in rows}
     assert names >= {"ends", "rest-trim", "hand-distance", "pose-velocity", "hold", "linear", "slerp", "minimum-jerk"}
-    assert names >= {"hermite", "quintic", "inertialize", "fixed", "travel", "speed", "tempo"}
-    assert [row["name"] for row in rows if row["default"]] == ["learned", "learned", "learned"]
+    assert names >= {"hermite", "quintic", "inertialize", "fixed", "tempo"}
+    assert [row["name"] for row in rows if row["default"]] == ["learned", "learned", "tempo"]
     assert len(signsplice("methods").stdout.splitlines()) == len(rows)
 
 

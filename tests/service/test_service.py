@@ -102,7 +102,7 @@ def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
     [
         ({"transition": "hermite", "cutter": "ends"}, SpliceOptions(transition="hermite", cutter="ends")),
         ({"transition_time": 0.5, "sign_speed": 1.5}, SpliceOptions(transition_time=0.5, sign_speed=1.5)),
-        ({"transition_time": "travel", "fps": 24}, SpliceOptions(duration="travel", fps=24.0)),
+        ({"transition_time": "fixed", "fps": 24}, SpliceOptions(duration="fixed", fps=24.0)),
         ({"body_sense": False}, SpliceOptions(avoid_collisions=False)),
         ({"tempo": "natural"}, SpliceOptions(tempo="natural")),
         ({"tempo": 1.0}, SpliceOptions(tempo=1.0)),
@@ -220,7 +220,7 @@ def test_lexicon_search_lists_prefix_matches_first(service: httpx.Client) -> Non
 
 def test_methods_health_and_metrics(service: httpx.Client) -> None:
     methods = {(method["kind"], method["name"]) for method in service.get("/v1/methods").json()}
-    assert {("cutter", "learned"), ("transition", "hermite"), ("duration", "travel")} <= methods
+    assert {("cutter", "learned"), ("transition", "hermite"), ("duration", "tempo")} <= methods
     assert service.get("/healthz").json()["status"] == "ok"
     before = service.get("/metrics").text
     service.get("/v1/methods")
@@ -508,7 +508,7 @@ def test_the_viewers_generated_files_are_up_to_date() -> None:
 
 def test_typescript_has_a_counterpart_for_every_type() -> None:
     text = generate.render()
-    assert '  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;' in text
+    assert '  transition_time?: "auto" | "tempo" | "fixed" | number;' in text
     names = " | ".join(f'"{name}"' for name in wire.FORMAT_NAMES)
     assert f"  formats?: ({names})[];" in text
     assert "  body_sense?: boolean | null;" in text

@@ -139,6 +139,5 @@ def test_a_word_is_read_once_for_all_sentences(monkeypatch: pytest.MonkeyPatch) 
     words = [clip[:] for clip in sentence(0, 3, 5)]
     splice_many([[words[0], words[1]], [words[1], words[2]], [words[2], words[0]], [words[1], words[0]]])
     assert runs.count("cut") == 3
-    assert 3 <= runs.count("word") <= 6, "a word, and its mirror image where the duration asks for it"
-    assert runs.count("duration") == 4
+    assert runs.count("word") <= 6, "a word, and its mirror image where one hand moves while the other rests"
     assert 1 <= runs.count("bridge") <= 4, "gaps of one length together"

@@ -41,7 +41,8 @@ def learned_parts(chosen: methods.Methods) -> tuple[bool, bool]:
 
 def test_networks_are_the_default_and_the_report_names_them(weights: Path) -> None:
     chosen = methods.choose()
-    assert learned_parts(chosen) == (True, True, True)
+    assert learned_parts(chosen) == (True, True)
+    assert chosen.duration.name == "tempo"
     assert chosen.bundle == bundle_sha256(weights)
     assert chosen.warnings == ()
     assert methods.choose(duration="auto").duration is chosen.duration
@@ -62,7 +63,7 @@ def test_with_classical_methods_no_bundle_is_opened(tmp_path: Path, monkeypatch:
 
 def test_the_bundle_is_named_where_one_part_is_learned(weights: Path) -> None:
     chosen = methods.choose("ends", None, "fixed")
-    assert learned_parts(chosen) == (False, True, False)
+    assert learned_parts(chosen) == (False, True)
     assert chosen.bundle == bundle_sha256(weights)
     assert methods.choose("ends", "hermite", "fixed").bundle is None
 
@@ -102,7 +103,7 @@ def test_a_bundle_may_hold_only_some_networks(weights: Path) -> None:
     del stored["files"]["bridge.onnx"]
     (weights / BUNDLE_FILE).write_text(json.dumps(stored))
     chosen = methods.choose(bundle=weights)
-    assert learned_parts(chosen) == (True, False, True)
+    assert learned_parts(chosen) == (True, False)
     assert chosen.transition.name == "hermite"
     with pytest.raises(InputError, match="holds no network for the transition"):
         methods.choose(transition="learned", bundle=weights)
@@ -125,10 +126,10 @@ def test_a_bundle_that_is_written_anew_is_opened_anew(weights: Path) -> None:
 
 def test_the_list_of_methods_has_one_default_of_each_kind(weights: Path) -> None:
     rows = methods.all_methods()
-    for kind in ("cutter", "transition", "duration"):
-        assert [method.name for k, method, is_default in rows if k == kind and is_default] == ["learned"]
+    for kind, default in (("cutter", "learned"), ("transition", "learned"), ("duration", "tempo")):
+        assert [method.name for k, method, is_default in rows if k == kind and is_default] == [default]
         names = [method.name for k, method, _ in rows if k == kind]
-        assert len(names) == len(set(names)) > 3
+        assert len(names) == len(set(names)) > 1
 
 
 def test_a_rig_without_known_arms_is_filled_and_timed_by_rule(weights: Path) -> None:

@@ -1,4 +1,4 @@
-"""splicing.duration: the rules against their formulas."""
+"""splicing.durations: how long transitions take, against their formulas."""
 
 from __future__ import annotations
 
@@ -6,38 +6,47 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip
+from signsplice.motion import Clip, resample
 from signsplice.rig.info import arms
 from signsplice.splicing.contracts import Cut, find
-from signsplice.splicing.durations import DURATIONS, travel_widths
+from signsplice.splicing.durations import DURATIONS, TravelDuration, travel_widths
+from signsplice.splicing.engine import splice
 
 PRE, POST = 43, 12
-"""Frames of the first and the fifth word of the sentence in which both hands move fast."""
+"""Frames of the first and the fifth word of the sentence between which a hand has far to go."""
+TEMPO = DURATIONS["tempo"]
 
 
-def test_travel_follows_its_law_and_fixed_is_the_human_median(sentence: list[Clip]) -> None:
+def test_far_transitions_take_as_long_as_people_take(sentence: list[Clip]) -> None:
     before, after = sentence[0], sentence[4]
-    width = travel_widths(arms(before), arms(after), PRE, POST)
-    travel, fixed = (DURATIONS[name].seconds(before, after, Cut(PRE, POST)) for name in ("travel", "fixed"))
-    assert travel == pytest.approx(0.051 + 0.149 * np.log2(1 + width / 0.15))
-    assert fixed == 0.25
+    widths = travel_widths(arms(before), arms(after), PRE, POST)
+    assert widths > 1.0
+    assert TEMPO.seconds(before, after, Cut(PRE, POST)) == pytest.approx(0.1 + 0.2 * np.log2(1.0 + widths))
 
 
-def test_tempo_is_at_least_the_human_median(sentence: list[Clip]) -> None:
-    assert DURATIONS["tempo"].seconds(sentence[0], sentence[0], Cut(40, 40)) == 0.25
+def test_no_transition_is_shorter_than_the_human_median(sentence: list[Clip]) -> None:
+    assert TEMPO.seconds(sentence[0], sentence[0], Cut(40, 40)) == 0.25
+    assert DURATIONS["fixed"].seconds(sentence[0], sentence[4], Cut(PRE, POST)) == 0.25
 
 
-def test_speed_is_distance_over_the_mean_speed_of_both_ends(sentence: list[Clip]) -> None:
-    before, after = sentence[0], sentence[4]
-    a, b = arms(before), arms(after)
-    distances = np.linalg.norm(b.wrists[POST] - a.wrists[PRE], axis=-1)
-    hand = int(np.argmax(distances))
-    steps = (a.wrists[PRE, hand] - a.wrists[PRE - 1, hand], b.wrists[POST + 1, hand] - b.wrists[POST, hand])
-    speed = np.mean([np.linalg.norm(step) * 30.0 for step in steps])
-    seconds = DURATIONS["speed"].seconds(before, after, Cut(PRE, POST))
-    assert seconds == pytest.approx(distances[hand] / speed)
+def test_transitions_last_longer_at_slower_tempos(sentence: list[Clip]) -> None:
+    clips, cut = (sentence[0], sentence[4]), Cut(PRE, POST)
+    assert TravelDuration(1.4).seconds(*clips, cut) == pytest.approx(2.0 * TEMPO.seconds(*clips, cut))
+    assert TravelDuration(0.5).seconds(*clips, cut) == TEMPO.seconds(*clips, cut)
+
+
+def test_rates_of_frames_do_not_change_durations(sentence: list[Clip]) -> None:
+    before, after = (resample(sentence[k], 60.0) for k in (0, 4))
+    expected = TEMPO.seconds(sentence[0], sentence[4], Cut(PRE, POST))
+    assert TEMPO.seconds(before, after, Cut(2 * PRE, 2 * POST)) == pytest.approx(expected, rel=0.02)
+
+
+def test_default_transitions_are_near_those_of_people(sentence: list[Clip]) -> None:
+    seconds = [seam.seconds for seam in splice(sentence).seams]
+    assert min(seconds) >= 0.25 - 0.5 / 30.0
+    assert np.median(seconds) < 0.4
 
 
 def test_an_unknown_duration_is_refused() -> None:
-    with pytest.raises(InputError, match="no duration 'x', expected one of tempo"):
+    with pytest.raises(InputError, match="no duration 'x', expected one of tempo, fixed"):
         find("duration", "x", DURATIONS)

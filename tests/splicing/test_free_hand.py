@@ -78,7 +78,7 @@ def test_all_joints_but_those_of_an_idle_arm_keep_the_frames_of_the_signs(line: 
 @pytest.mark.parametrize("line", LINES)
 def test_an_idle_hand_is_as_slow_as_those_of_people(line: str) -> None:
     natural, usual = spliced(line), spliced(line, "transition")
-    for result, most in ((natural, 1.45), (usual, FASTEST_M_S)):
+    for result, most in ((natural, 1.85), (usual, FASTEST_M_S)):
         words = clips(line)
         for k, seam in enumerate(result.seams):
             a, b = result.spans[2 * k + 1].output
@@ -89,7 +89,7 @@ def test_an_idle_hand_is_as_slow_as_those_of_people(line: str) -> None:
 
 
 def test_a_transition_is_lengthened_only_where_the_idle_hand_would_be_too_fast() -> None:
-    fast, slow = clips("CRY GRANDMOTHER"), clips("BOOK I")
+    fast, slow = clips("CRY GRANDMOTHER"), clips("TEACH I")
     # A call that names the transition or its time has them as they are.
     given = [ss.splice(pair, ss.SpliceOptions(transition="hermite")).seams[0].n_transition for pair in (fast, slow)]
     usual = [ss.splice(pair).seams[0] for pair in (fast, slow)]
@@ -134,10 +134,10 @@ def test_a_hand_goes_to_rest_after_the_seam_and_leaves_it_before() -> None:
     assert "mixamorig:LeftHand" in i.remade.joints
 
 
-def test_an_arm_that_cannot_be_led_around_more_slowly_is_left_as_it_is() -> None:
-    """The left arm comes from under the right elbow; more time would make its way around longer, and it no slower."""
+def test_an_arm_that_must_be_led_around_is_no_faster_where_it_has_more_time() -> None:
+    """The left arm comes from under the right elbow; more time makes its way around longer."""
     usual, natural = (spliced("DAY DREAM", choice) for choice in ("transition", NATURAL))
-    assert [span.output for span in natural.spans] == [span.output for span in usual.spans]
+    assert len(natural.clip) <= len(usual.clip)
     assert speeds(natural.clip)[:, LEFT].max() <= speeds(usual.clip)[:, LEFT].max() + 1e-9
 
 

@@ -28,11 +28,7 @@ from signsplice.rig.roles import ARM
 from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing.bundle import Array, Sessions
-<<<<<<< ours
-from signsplice.splicing.contracts import Gap
-=======
 from signsplice.splicing.contracts import Cut, Gap, gap_at
->>>>>>> theirs
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import (
     REST_FRAMES,

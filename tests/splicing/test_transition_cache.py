@@ -84,7 +84,7 @@ OTHER_PASSES = {
     "a network": passes(transition="learned"),
     "another network": passes(transition="learned", bundle=GOLDEN / "tiny_bundle"),
     "collision avoidance": passes(free_hand="natural", avoid_collisions=None),
-    "tempo": passes(free_hand="natural", tempo="natural"),
+    "a duration": passes(free_hand="natural", duration="fixed"),
     "measured speed": passes(),
 }
 CHANGES = [(name, PASSES, gap) for name, gap in OTHER_GAPS.items()]

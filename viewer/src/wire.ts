@@ -76,7 +76,7 @@ export interface Files {
 export interface Dials {
   cutter?: string | null;
   transition?: string | null;
-  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
+  transition_time?: "auto" | "tempo" | "fixed" | number;
   sign_speed?: number;
   tempo?: "citation" | "natural" | number;
   fps?: number | null;
@@ -88,7 +88,7 @@ export interface Dials {
 export interface SentenceRequest {
   cutter?: string | null;
   transition?: string | null;
-  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
+  transition_time?: "auto" | "tempo" | "fixed" | number;
   sign_speed?: number;
   tempo?: "citation" | "natural" | number;
   fps?: number | null;
@@ -111,7 +111,7 @@ export interface SentenceRequest {
 export interface SpliceRequest {
   cutter?: string | null;
   transition?: string | null;
-  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
+  transition_time?: "auto" | "tempo" | "fixed" | number;
   sign_speed?: number;
   tempo?: "citation" | "natural" | number;
   fps?: number | null;
@@ -208,7 +208,7 @@ export interface Failure {
 export interface OpenMessage {
   cutter?: string | null;
   transition?: string | null;
-  transition_time?: "auto" | "tempo" | "fixed" | "travel" | "speed" | number;
+  transition_time?: "auto" | "tempo" | "fixed" | number;
   sign_speed?: number;
   tempo?: "citation" | "natural" | number;
   fps?: number | null;

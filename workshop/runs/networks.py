@@ -4,7 +4,7 @@
     python workshop/runs/networks.py [TAKE.bvh]
 
 Frames are hidden from the last third of a captured take, from that third drawn anew between keys, and from words of
-three synthetic signers in four rest poses. Intervals are of 1,000 bootstraps over blocks of gaps that follow one another.
+three synthetic signers in four rest poses. Intervals are of 1,000 bootstraps over blocks of gaps in a row.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ _splicing_options = added(
         "--transition-time",
         "auto",
         "auto|RULE|SECONDS",
-        "Length of a transition: a rule of `signsplice methods`, or seconds; auto is learned.",
+        "Length of a transition: a rule of `signsplice methods`, or seconds; auto: by distance.",
     ),
     preset("--sign-speed", 1.0, "X", "Speed of the signs."),
     preset(

@@ -22,7 +22,7 @@ from signsplice.splicing.durations import (
     DEFAULT_DURATION,
     DURATIONS,
     MAX_TRANSITION_S,
-    RunningDuration,
+    TravelDuration,
     seconds_a_sign,
 )
 from signsplice.splicing.faces import check_rules
@@ -185,8 +185,8 @@ _DECIDED_BY_SYSTEM = (
 class SpliceOptions:
     """What one call wants.
 
-    cutter, transition, duration: a name, or an object of that class; None: the learned one, or the classical default
-        where the networks cannot be read (``choose``).
+    cutter, transition, duration: a name, or an object of that class; None: the default, which is learned for cutter and
+        transition, or classical where the networks cannot be read (``choose``).
     bundle: folder of the networks; None: those that ship.
     transition_time: length of every transition, seconds, in place of the duration.
     sign_speed: how many times as fast signs play.
@@ -258,11 +258,11 @@ class SpliceOptions:
         methods, seconds = choose(self.cutter, self.transition, self.duration, self.bundle), self.seconds_a_sign
         if seconds is None or self.has_own("duration"):
             return methods
-        return replace(methods, duration=RunningDuration(seconds))
+        return replace(methods, duration=TravelDuration(seconds))
 
     def has_own(self, kind: str) -> bool:
         """Whether the call names a cutter, transition or duration (``kind``) other than the default."""
-        return getattr(self, kind) not in (None, AUTO, NAME)
+        return getattr(self, kind) not in (None, AUTO, NAME, DEFAULT_DURATION)
 
     @property
     def lengthens(self) -> bool:

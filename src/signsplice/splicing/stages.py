@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from signsplice.body.retarget import align
-from signsplice.errors import FormatError, InputError, SignspliceError
+from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.gloss import is_letter
 from signsplice.motion import Clip, resample
 from signsplice.rig.align import Reference, reference
@@ -24,7 +24,7 @@ from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_hel
 from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut
-from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, RunningDuration
+from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, TravelDuration
 from signsplice.splicing.faces import EaseFaces
 from signsplice.splicing.idle_hands import NATURAL, FreeHands, WristSpeeds
 from signsplice.splicing.letters import SLIDE_M, MoveFingers, ReformLetters, SlideLetters, cut_letters, held_until
@@ -43,7 +43,7 @@ def passes(options: SpliceOptions, methods: Methods) -> tuple[Pass, ...]:
     avoids = transition.learned if options.avoid_collisions is None else options.avoid_collisions
     natural, refill = options.free_hand == NATURAL, Refill(transition, avoids)
     frees_hands = natural or options.lengthens
-    lengthens = isinstance(methods.duration, RunningDuration) and options.transition_time is None
+    lengthens = isinstance(methods.duration, TravelDuration) and options.transition_time is None
     listed: tuple[tuple[Pass, bool], ...] = (
         # gaps, of many sentences at once
         (FillGaps(transition), True),
@@ -195,8 +195,6 @@ class Planner:
             return round(self.options.transition_time * before.fps), ()
         try:
             seconds = self.methods.duration.seconds(before, after, cut)
-        except FormatError:  # of a network that is damaged
-            raise
         except InputError:
             line = f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the distance"
             return max(1, round(HUMAN_MEDIAN_S * before.fps)), (line,)

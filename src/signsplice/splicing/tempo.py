@@ -21,6 +21,7 @@ from signsplice.body.contacts import PART_M, find_contacts, posed_body
 from signsplice.motion import Clip, FloatArray, kinematics, sampled
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.contracts import Cutter
+from signsplice.splicing.durations import running_sign_s
 from signsplice.splicing.word import AlignedWord, cut_words
 
 PEAKS = {"Hand": (2.5, 45.0), "Distal": (4.3, 73.0), "head": (1.5, 12.7)}
@@ -48,6 +49,10 @@ _LEAST_INTENSITY = 0.02
 _STEP_S = 1.0 / 30.0
 """Step of the differences that speeds and accelerations are taken by."""
 _SMOOTH_S = 0.04
+_NOISE_S = 0.08
+"""Standard deviation of the Gaussian under which accelerations limit rates: a capture's noise, a few thousandths of a
+radian a joint, would otherwise allow a hold no more than two or three times its pace.
+"""
 _STILL_M_S, _LEAST_PEAK_M_S = 0.05, 0.12
 """A local maximum of speed counts as a movement where it rises this much above the minima beside it."""
 
@@ -57,12 +62,14 @@ class Pace:
     """What a clip's T frames allow.
 
     intensity: (T,) how near to human peaks each moment is, 1 at a peak.
-    most: (T,) highest rate, at least 1; 1 where the arms rest.
+    most: (T,) highest rate, at least 1.
+    active: frames [start, stop) in which the arms are away from rest.
     fps: of the clip.
     """
 
     intensity: FloatArray
     most: FloatArray
+    active: tuple[int, int]
     fps: float
 
     def seconds(self, rates: FloatArray, first: int, last: int) -> float:
@@ -78,6 +85,7 @@ class Pace:
             return np.ones_like(self.most)
         most = np.minimum(self.most, np.maximum(OUTSIDE / self.intensity, 1.0))
         most[first + 1 : last] = self.most[first + 1 : last]
+        most[: min(first, self.active[0])] = most[max(last + 1, self.active[1]) :] = 1.0
         slow, fast = -8.0, 8.0  # log2 of the intensity that slow moments are brought towards
         for _ in range(40):
             middle = 0.5 * (slow + fast)
@@ -102,23 +110,32 @@ def pace(clip: Clip) -> Pace:
 
 def _pace(clip: Clip) -> Pace:
     points, speeds, accelerations = _points(clip)
-    step = max(1, round(_STEP_S * clip.fps))
-    before, after = (np.clip(np.arange(len(clip)) + n, 0, len(clip) - 1) for n in (-step, step))
-    seconds = step / clip.fps
-    speed = np.linalg.norm(points[after] - points[before], axis=-1) / (2.0 * seconds)
-    acceleration = np.linalg.norm(points[after] - 2.0 * points + points[before], axis=-1) / seconds**2
-    intensity = np.maximum(speed / speeds, np.sqrt(acceleration / accelerations)).max(axis=1)
+    intensity = _intensity(points, points, speeds, accelerations, clip.fps)
+    low_passed = gaussian_filter1d(points, _NOISE_S * clip.fps, axis=0, mode="nearest")
+    limiting = _intensity(points, low_passed, speeds, accelerations, clip.fps)
     width = 2 * max(1, round(_SMOOTH_S * clip.fps)) + 1
-    most = np.clip(1.0 / np.maximum(intensity, 1.0 / MOST), 1.0, MOST)
+    most = np.clip(1.0 / np.maximum(limiting, 1.0 / MOST), 1.0, MOST)
     spans = [(*frames, STROKE_S) for frames in _movements(clip)]
     spans += [(start, stop - 1, CONTACT_S) for start, stop in contact_frames(clip)]  # from first to last touch
     for start, stop, least in spans:
         most[start : stop + 1] = np.minimum(most[start : stop + 1], max(1.0, (stop - start) / clip.fps / least))
     most = minimum_filter1d(most, width, mode="nearest")
-    start, stop = active_span(arms(clip))
-    most[:start], most[stop:] = 1.0, 1.0
     smooth = gaussian_filter1d(intensity, _SMOOTH_S * clip.fps, mode="nearest")
-    return Pace(np.maximum(smooth, _LEAST_INTENSITY), most, clip.fps)
+    return Pace(np.maximum(smooth, _LEAST_INTENSITY), most, active_span(arms(clip)), clip.fps)
+
+
+def _intensity(
+    moving: FloatArray, accelerating: FloatArray, speeds: FloatArray, accelerations: FloatArray, fps: float
+) -> FloatArray:
+    """Intensity (T,) of points (T, P, 3): speeds of the first over ``speeds`` (P,), accelerations of the second over
+    ``accelerations`` (P,).
+    """
+    step, n_frames = max(1, round(_STEP_S * fps)), len(moving)
+    before, after = (np.clip(np.arange(n_frames) + n, 0, n_frames - 1) for n in (-step, step))
+    speed = np.linalg.norm(moving[after] - moving[before], axis=-1) * fps / (2.0 * step)
+    change = accelerating[after] - 2.0 * accelerating + accelerating[before]
+    acceleration = np.linalg.norm(change, axis=-1) * (fps / step) ** 2
+    return np.asarray(np.maximum(speed / speeds, np.sqrt(acceleration / accelerations)).max(axis=1))
 
 
 def _smooth(values: FloatArray, fps: float) -> FloatArray:
@@ -148,6 +165,7 @@ def _movements(clip: Clip) -> list[tuple[int, int]]:
     for side in ("left", "right"):
         tips = [joint for role, joint in joints.items() if role.startswith(side) and role.endswith("Distal")]
         positions = kinematics.forward(clip, [0, joints[f"{side}Hand"], *tips])[1] * info.sizes.unit.metres
+        positions = gaussian_filter1d(positions, _SMOOTH_S * clip.fps, axis=0, mode="nearest")
         for path in (positions[:, 1:2] - positions[:, :1], positions[:, 2:] - positions[:, 1:2]):
             speed = np.linalg.norm(np.gradient(path, axis=0), axis=-1).max(axis=1, initial=0.0) * clip.fps
             found += _humps(speed)
@@ -195,10 +213,9 @@ def contact_frames(clip: Clip) -> list[tuple[int, int]]:
     return [contact.frames for contact in find_contacts(body, pairs, near, distance, len(clip))]
 
 
-SIGN_FRACTION = 0.4
-"""How much of that time a sign aims at between the frames that two neighbours like itself would leave of it. The rest
-goes to transitions, to what other neighbours leave beyond that, and to signs that people cannot sign so fast: chosen on
-words kept apart, so that all together take the time that was asked for.
+_BESIDE = 2
+"""Frames of a sign beyond the time from its first to its last recorded frame: one, and half a one at either end, since
+a sentence shows the played frames just outside of these.
 """
 _DECIMALS = 4
 
@@ -219,7 +236,8 @@ def retimed(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWord:
     if len(clip) < 2:
         return word
     first, last = _sign(word, cutter)
-    rates = pace(clip).rates(first, last, SIGN_FRACTION * seconds - 1.0 / clip.fps)
+    wanted_s = running_sign_s((last - first + 1) / clip.fps, seconds)
+    rates = pace(clip).rates(first, last, wanted_s - _BESIDE / clip.fps)
     if np.all(rates == 1.0):
         return word
     # Rounded as they count in the whole clip: sampling that at a warp's frames gives the same fractions, bit for bit.
@@ -228,10 +246,13 @@ def retimed(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWord:
 
 
 def _sign(word: AlignedWord, cutter: Cutter) -> tuple[int, int]:
-    """First and last frame of the sign in a word: as the cutter cuts it, at most while the arms are away from rest."""
+    """First and last frame of the sign in a word: as the cutter cuts it, or, at an end that it keeps whole, while the
+    arms are away from rest.
+    """
     (cut,) = cut_words(cutter, [word, word])
     start, stop = active_span(arms(word.clip))
-    first, last = max(cut.post, start), min(cut.pre, stop - 1)
+    first = cut.post or start
+    last = cut.pre if cut.pre < len(word.clip) - 1 else stop - 1
     return (first, last) if first < last else (start, stop - 1)
 
 

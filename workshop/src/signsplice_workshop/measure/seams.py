@@ -260,7 +260,7 @@ def compared_methods(bundle: str | Path | None = None) -> dict[str, SpliceOption
     out |= {f"{CLASSICAL_CUTTER} + {name}": replace(plain, transition=name) for name in TRANSITIONS}
     out[f"{CLASSICAL_CUTTER} + {CLASSICAL_TRANSITION}, collision avoidance"] = replace(plain, avoid_collisions=True)
     if choose(bundle=bundle).bundle is not None:
-        default = SpliceOptions(NAME, NAME, NAME, bundle)
+        default = SpliceOptions(NAME, NAME, bundle=bundle)
         learned = replace(default, avoid_collisions=False)
         out[f"{CLASSICAL_CUTTER} + {NAME}"] = replace(plain, transition=NAME, bundle=bundle)
         out[f"{NAME} + {CLASSICAL_TRANSITION}"] = replace(learned, transition=CLASSICAL_TRANSITION)
