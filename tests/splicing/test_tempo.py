@@ -24,6 +24,8 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, concatenate, resample, rotation, sampled
 from signsplice.rig.align import reference
 from signsplice.rig.inspection import with_ends_held
+from signsplice.signer import planner
+from signsplice.signer.signer import STANDARD
 from signsplice.splicing import report as reports
 from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
 from signsplice.splicing.cutters import CUTTERS
@@ -36,7 +38,7 @@ from signsplice.splicing.seam import SIGNS, Seam
 from signsplice.splicing.tempo import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retimed
 from signsplice.splicing.word import AlignedWord, FrameMap
 from signsplice_workshop.measure.hands import wrist_positions
-from signsplice_workshop.measure.tempo import compare, draw_words, table
+from signsplice_workshop.measure.tempo import add_noise, compare, draw_words, hold_longer, table
 
 CUTTER = CUTTERS["pose-velocity"]
 
@@ -303,6 +305,16 @@ def test_lexicons_share_no_word_and_have_enough() -> None:
     assert all(p[0] != q[0] for p, q in pairwise(drawn.values()))
     with pytest.raises(InputError, match="500 words of each signer, expected 7 to"):
         draw_words(500)
+
+
+def test_slow_and_noisy_words_come_near_running_tempo_too() -> None:
+    words = [planner.isolated(word(gloss).sign, replace(STANDARD, tempo=0.6)) for gloss in ("BIRD", "DOG", "BOY", "MY")]
+    slow = [add_noise(hold_longer(slow, 0.5), 0.004) for slow in words]
+    assert [one.events.end - plain.events.end for one, plain in zip(slow, words, strict=True)] == [15] * len(words)
+    rows = compare({"slow": slow})
+    assert rows[0].ratio > 2.0
+    assert rows[1].ratio < 1.4
+    assert rows[1].whole >= rows[0].whole
 
 
 def test_evaluate_refuses_more_words_than_there_are() -> None:

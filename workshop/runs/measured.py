@@ -381,9 +381,10 @@ def tempo(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
         ),
         "",
         *prose(f"""
-            {rows[0]["n_signs"]} words that ship and as many others by each of three other signers, in sentences of
-            seven, first and last left out. Jerk is over the recorded sign's, both scaled to one duration. What follows
-            from this is in [evaluation.md](../evaluation.md).
+            {rows[0]["n_signs"]} words that ship and as many others by each of three other signers, and those that
+            ship again, slowed and held longer or with noise; in sentences of seven, first and last left out. Jerk is
+            over the recorded sign's, both scaled to one duration. What follows from this is in
+            [evaluation.md](../evaluation.md).
         """),
     ]
     return lines, []

@@ -3,10 +3,9 @@ Hermite, and this project's networks.
 
 They work on rotations. Forward kinematics turns their frames into numbers, and that time counts as theirs. A
 method either chooses the length of a transition itself or is given the true one, because the paper's Accuracy and MSE
-mostly measure the length where it is off. Rows state what they were given. Classical rows choose the length by the rule
+mostly measure the length where it is off. Rows state what they were given. All choose the length by the rule
 ``tempo``. The networks that ship never saw a word or a signer of the corpus; other bundles may have been trained on the
-training part of a split. They cut as the corpus does, which shortens signs (``learned-fluent``), and choose the learned
-duration without the minimum that it has for viewers.
+training part of a split. They cut as the corpus does, which shortens signs (``learned-fluent``).
 """
 
 from __future__ import annotations

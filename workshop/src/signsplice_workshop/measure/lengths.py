@@ -51,8 +51,11 @@ def read(path: Path = TABLE) -> Lengths:
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     signs = [row for row in rows if row["kind"] == "sign"]
-    by_gloss = [{row["gloss"]: _seconds(row[key]) for row in signs if row[key]} for key in ("alone_ms", "running_ms")]
-    return Lengths(*by_gloss, np.concatenate([_seconds(row["running_ms"]) for row in rows if row["next"]]))
+    return Lengths(
+        {row["gloss"]: _seconds(row["alone_ms"]) for row in signs if row["alone_ms"]},
+        {row["gloss"]: _seconds(row["running_ms"]) for row in signs if row["running_ms"]},
+        np.concatenate([_seconds(row["running_ms"]) for row in rows if row["kind"] == "transition"]),
+    )
 
 
 def _seconds(milliseconds: str) -> FloatArray:
@@ -76,8 +79,12 @@ def fit_transitions(lengths: Lengths, travel_widths: Sequence[float] = TRAVEL_WI
     ``PERCENTILES``) the same percentiles of the annotated transitions, with the least squared error of log T.
     """
     doublings, seconds = np.log2(1.0 + np.array(travel_widths)), np.percentile(lengths.transitions, PERCENTILES)
-    fit = least_squares(lambda ab: np.log(ab[0] + ab[1] * doublings) - np.log(seconds), (0.1, 0.1), bounds=(1e-3, 1.0))
-    return float(fit.x[0]), float(fit.x[1])
+
+    def errors(ab: FloatArray) -> FloatArray:
+        return np.asarray(np.log(ab[0] + ab[1] * doublings) - np.log(seconds))
+
+    travel_s, doubling_s = least_squares(errors, (0.1, 0.1), bounds=(1e-3, 1.0)).x.tolist()
+    return travel_s, doubling_s
 
 
 def measure_travels(clips: Sequence[Clip]) -> FloatArray:

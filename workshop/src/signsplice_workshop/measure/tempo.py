@@ -10,9 +10,10 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray
+from signsplice.motion import Clip, FloatArray, rotation, sampled
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
@@ -28,6 +29,10 @@ LENGTH = 7
 """Signs of a sentence; the first and the last are not measured, since rest is part of them."""
 SLOW = 0.6
 """Tempo of a signer who shows dictionary forms slowly."""
+SLOW_DICTIONARIES = ((0.6, 0.5), (0.45, 0.8))
+"""Tempo, and seconds that the last posture is held beyond the signer's own time."""
+NOISE_RAD = 0.004
+"""Deviation of each joint's rotations, within those of captures (0.002 to 0.008)."""
 _TURN_M, _SEEN_TURN_M = 0.015, 0.01
 """A recorded hand turns back where it has gone this far, m, along the main axis of its path; a played one is seen to
 from the second on.
@@ -140,10 +145,35 @@ def draw_words(n_words: int) -> dict[str, tuple[Signer, list[Sign]]]:
 
 
 def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
-    """The words of ``draw_words``, signed. Raises as it does."""
-    return {
+    """The words of ``draw_words``, signed, and those that ship as other dictionaries show and capture them: slowly with
+    long last holds, and with noise. Raises as ``draw_words`` does.
+    """
+    words = {
         name: [planner.isolated(one, signer) for one in signs] for name, (signer, signs) in draw_words(n_words).items()
     }
+    shipped = words["words that ship"]
+    for tempo, hold_s in SLOW_DICTIONARIES:
+        slow = [planner.isolated(word.sign, replace(STANDARD, tempo=tempo)) for word in shipped]
+        words[f"slowed to {tempo:g}, held {hold_s:g} s"] = [hold_longer(word, hold_s) for word in slow]
+    words[f"noise of {NOISE_RAD:g} rad"] = [add_noise(word, NOISE_RAD) for word in shipped]
+    return words
+
+
+def hold_longer(word: IsolatedWord, seconds: float) -> IsolatedWord:
+    """The word with its last posture held so much longer."""
+    clip, events, n_more = word.clip, word.events, round(seconds * word.clip.fps)
+    frames = np.r_[: events.end + 1, [events.end] * n_more, events.end + 1 : len(clip)].astype(np.float64)
+    events = replace(events, end=events.end + n_more, down=events.down + n_more)
+    return replace(word, clip=replace(sampled(clip, frames), name=clip.name), events=events)
+
+
+def add_noise(word: IsolatedWord, radians: float) -> IsolatedWord:
+    """The word with every joint turned by noise of this standard deviation an axis, smooth over 1/30 s."""
+    clip = word.clip
+    white = stream("noise", clip.name).standard_normal((*clip.local_rotations.shape[:2], 3))
+    turns = gaussian_filter1d(white, clip.fps / 30.0, axis=0)
+    rotations = rotation.multiply(clip.local_rotations, rotation.exp(turns * radians / turns.std()))
+    return replace(word, clip=replace(clip, local_rotations=rotations))
 
 
 def compare(
@@ -276,6 +306,7 @@ def signature(n_words: int) -> str:
     return (
         f"tempo|words:everyday,{n_words},drawn:once|signs:inner-of-{LENGTH}|running:{RUNNING_S:g}s"
         f"|jerk:third-difference,rms,duration^3/path|turns:{1e3 * _TURN_M:g}mm"
+        f"|slow:{','.join(f'{tempo:g}+{hold_s:g}s' for tempo, hold_s in SLOW_DICTIONARIES)}|noise:{NOISE_RAD:g}rad"
     )
 
 
