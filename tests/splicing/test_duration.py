@@ -9,8 +9,8 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, resample
 from signsplice.rig.info import arms
 from signsplice.splicing.contracts import Cut, find
-from signsplice.splicing.durations import DURATIONS, TravelDuration, travel_widths
-from signsplice.splicing.engine import splice
+from signsplice.splicing.durations import DURATIONS, RUNNING_S, SIGN_FRACTION, TravelDuration, travel_widths
+from signsplice.splicing.engine import SpliceOptions, splice
 
 PRE, POST = 43, 12
 """Frames of the first and the fifth word of the sentence between which a hand has far to go."""
@@ -21,7 +21,9 @@ def test_far_transitions_take_as_long_as_people_take(sentence: list[Clip]) -> No
     before, after = sentence[0], sentence[4]
     widths = travel_widths(arms(before), arms(after), PRE, POST)
     assert widths > 1.0
-    assert TEMPO.seconds(before, after, Cut(PRE, POST)) == pytest.approx(0.1 + 0.2 * np.log2(1.0 + widths))
+    expected = 0.1 + 0.2 * np.log2(1.0 + widths)
+    assert TravelDuration(RUNNING_S).seconds(before, after, Cut(PRE, POST)) == pytest.approx(expected)
+    assert TEMPO.seconds(before, after, Cut(PRE, POST)) == pytest.approx(expected / SIGN_FRACTION), "as signs alone"
 
 
 def test_no_transition_is_shorter_than_the_human_median(sentence: list[Clip]) -> None:
@@ -31,8 +33,9 @@ def test_no_transition_is_shorter_than_the_human_median(sentence: list[Clip]) ->
 
 def test_transitions_last_longer_at_slower_tempos(sentence: list[Clip]) -> None:
     clips, cut = (sentence[0], sentence[4]), Cut(PRE, POST)
-    assert TravelDuration(1.4).seconds(*clips, cut) == pytest.approx(2.0 * TEMPO.seconds(*clips, cut))
-    assert TravelDuration(0.5).seconds(*clips, cut) == TEMPO.seconds(*clips, cut)
+    running = TravelDuration(RUNNING_S).seconds(*clips, cut)
+    assert TravelDuration(1.4).seconds(*clips, cut) == pytest.approx(2.0 * running)
+    assert TravelDuration(0.5).seconds(*clips, cut) == running
 
 
 def test_rates_of_frames_do_not_change_durations(sentence: list[Clip]) -> None:
@@ -42,9 +45,10 @@ def test_rates_of_frames_do_not_change_durations(sentence: list[Clip]) -> None:
 
 
 def test_default_transitions_are_near_those_of_people(sentence: list[Clip]) -> None:
-    seconds = [seam.seconds for seam in splice(sentence).seams]
-    assert min(seconds) >= 0.25 - 0.5 / 30.0
-    assert np.median(seconds) < 0.4
+    for tempo, most in (("citation", 0.5), ("natural", 0.35)):
+        seconds = [seam.seconds for seam in splice(sentence, SpliceOptions(tempo=tempo)).seams]
+        assert min(seconds) >= 0.25 - 0.5 / 30.0
+        assert np.median(seconds) < most
 
 
 def test_an_unknown_duration_is_refused() -> None:

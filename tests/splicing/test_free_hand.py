@@ -25,6 +25,7 @@ from signsplice.signer.signer import RESTS, STANDARD
 from signsplice.splicing import stages
 from signsplice.splicing.collisions import TOLERANCE_M
 from signsplice.splicing.contracts import Cut
+from signsplice.splicing.durations import DURATIONS
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.idle_hands import FASTEST_M_S, NATURAL, FreeHands, idle_hands, is_approached
 from signsplice.splicing.sentence import Sentence
@@ -88,19 +89,20 @@ def test_an_idle_hand_is_as_slow_as_those_of_people(line: str) -> None:
     assert jumps[0] <= jumps[1], "where frames of the sign begin again, the hand does not start or stop at once"
 
 
-def test_a_transition_is_lengthened_only_where_the_idle_hand_would_be_too_fast() -> None:
+def test_a_transition_is_lengthened_only_where_the_idle_hand_would_be_too_fast(monkeypatch: pytest.MonkeyPatch) -> None:
     fast, slow = clips("CRY GRANDMOTHER"), clips("TEACH I")
     # A call that names the transition or its time has them as they are.
-    given = [ss.splice(pair, ss.SpliceOptions(transition="hermite")).seams[0].n_transition for pair in (fast, slow)]
-    usual = [ss.splice(pair).seams[0] for pair in (fast, slow)]
-    assert usual[0].n_transition > given[0]
-    assert usual[1].n_transition == given[1]
-    assert usual[0].peak_speed_m_s <= FASTEST_M_S
-    timed = ss.splice(fast, ss.SpliceOptions(transition_time=given[0] / 30.0))
-    assert timed.seams[0].n_transition == given[0]
+    named = ss.SpliceOptions(transition="hermite")
+    assert ss.splice(slow).seams[0].n_transition == ss.splice(slow, named).seams[0].n_transition
+    monkeypatch.setitem(DURATIONS, "tempo", DURATIONS["fixed"])  # too fast for a hand from face to hip
+    given, usual = ss.splice(fast, named).seams[0].n_transition, ss.splice(fast).seams[0]
+    assert usual.n_transition > given
+    assert usual.peak_speed_m_s <= FASTEST_M_S
+    timed = ss.splice(fast, ss.SpliceOptions(transition_time=given / 30.0))
+    assert timed.seams[0].n_transition == given
     assert timed.seams[0].peak_speed_m_s > FASTEST_M_S
     natural = ss.splice(fast, ss.SpliceOptions(free_hand=NATURAL))
-    assert natural.seams[0].n_transition == given[0], "frames of the sign are enough"
+    assert natural.seams[0].n_transition == given, "frames of the sign are enough"
 
 
 @pytest.mark.parametrize("line", LINES)

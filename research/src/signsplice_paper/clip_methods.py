@@ -19,7 +19,7 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice.splicing.cutters import CUTTERS
-from signsplice.splicing.durations import DEFAULT_DURATION
+from signsplice.splicing.durations import RUNNING_S, TravelDuration
 from signsplice.splicing.learned import FLUENT, LearnedCutter
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice.splicing.options import Methods, choose, open_learned
@@ -97,7 +97,7 @@ class ClipMethod:
     def parts(self) -> Methods:
         """The cutter, transition and duration of these names."""
         cutter = "ends" if self.cutter == TRUE_POSITIONS else self.cutter
-        return choose(cutter, self.transition, DEFAULT_DURATION, self.bundle)
+        return choose(cutter, self.transition, TravelDuration(RUNNING_S), self.bundle)
 
     def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
         """The splice position and the transition between two words' clips.

@@ -70,17 +70,20 @@ def travel_widths(before: Arms, after: Arms, pre: int, post: int) -> float:
 
 
 class TravelDuration(Duration):
-    """People's time for the distance of the hand that goes farther, at least their median, and in proportion more at
-    tempos slower than running signing. Longer where that hand would pass ``FAST_M_S``.
+    """People's time for the distance of the hand that goes farther, in proportion more at tempos slower than running
+    signing, and at least their median. Longer where that hand would pass ``FAST_M_S``.
+
+    seconds_a_sign: the tempo, by default that of signs as recorded: they last 1 / ``SIGN_FRACTION`` of their time in
+        running signing, and a transition at that tempo is beside them as smooth as they are.
 
     Deaf viewers of avatars prefer transitions slower than human ones (Al-khazraji et al. 2021), so none is shorter than
     the human median.
     """
 
     name = "tempo"
-    summary = "100 + 200 log2(1 + D) ms for D shoulder widths (Czech Sign Language), at least 0.25 s"
+    summary = "160 + 320 log2(1 + D) ms for D shoulder widths (Czech Sign Language), at least 0.25 s"
 
-    def __init__(self, seconds_a_sign: float = RUNNING_S) -> None:
+    def __init__(self, seconds_a_sign: float = RUNNING_S / SIGN_FRACTION) -> None:
         self.slowness = max(1.0, seconds_a_sign / RUNNING_S)
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
@@ -89,7 +92,8 @@ class TravelDuration(Duration):
         widths = travel_widths(body, arms(after), cut.pre, cut.post)
         mean_m_s = FAST_M_S / _PEAK_OVER_MEAN
         least = widths * body.shoulder_width * body.metres / mean_m_s - 1.0 / before.fps
-        return max(self.slowness * max(HUMAN_MEDIAN_S, TRAVEL_S + DOUBLING_S * float(np.log2(1.0 + widths))), least)
+        people_s = TRAVEL_S + DOUBLING_S * float(np.log2(1.0 + widths))
+        return max(self.slowness * people_s, HUMAN_MEDIAN_S, least)
 
 
 class FixedDuration(Duration):
