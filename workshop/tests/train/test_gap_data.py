@@ -15,6 +15,7 @@ from signsplice.rig.info import ROLES, canonical_motion  # noqa: E402
 from signsplice.splicing import features as gap_features  # noqa: E402
 from signsplice.splicing.contracts import Gap  # noqa: E402
 from signsplice.splicing.curves import find_transition  # noqa: E402
+from signsplice_workshop.corpora.rekeying import KEY_FRAMES, with_keys  # noqa: E402
 from signsplice_workshop.train import gap_data  # noqa: E402
 from signsplice_workshop.train.gap_data import GapDataset, read_signer  # noqa: E402
 from training_toys import signing  # noqa: E402
@@ -112,9 +113,9 @@ def test_hidden_stretches_have_a_target_short_of_the_truth(signer_file: Path) ->
 @pytest.mark.parametrize("seed", range(6))
 def test_motion_drawn_between_keys_keeps_the_keys_and_lies_on_few_pieces(signer_file: Path, seed: int) -> None:
     quats = read_signer(signer_file).sentences[0]
-    drawn = gap_data.with_keys(quats, np.random.default_rng(seed))
+    drawn = with_keys(quats, np.random.default_rng(seed))
     off = rotation.angle_between(drawn, quats).max(axis=1)
     keys = np.flatnonzero(off < 1e-5)
-    assert np.diff(keys).max() <= gap_data.KEY_FRAMES[1]
+    assert np.diff(keys).max() <= KEY_FRAMES[1]
     assert len(keys) < 0.7 * len(quats)
     assert np.median(off) < 0.3

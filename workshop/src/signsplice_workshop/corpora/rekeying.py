@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, interp1d
 from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, sosfiltfilt
@@ -257,3 +257,24 @@ def low_passed(clip: Clip, hertz: float, order: int = 4) -> Clip:
     sections = butter(order, hertz, fs=clip.fps, output="sos")
     local = sosfiltfilt(sections, rotation.continuous(clip.local_rotations), axis=0)
     return replace(clip, local_rotations=rotation.normalize(local), channels=None)
+
+
+KEY_FRAMES = (3, 12)
+"""Fewest and most frames between the keys of ``with_keys``."""
+
+
+def with_keys(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """The motion drawn anew between its frames at keys some ``KEY_FRAMES`` apart: by lines, by the cubics through
+    their neighbours (Catmull and Rom 1974), or by cubics that do not overshoot (Fritsch and Carlson 1980).
+    """
+    every, last = int(rng.integers(KEY_FRAMES[0], KEY_FRAMES[1] + 1)), len(quats) - 1
+    keys = np.unique([0, *range(int(rng.integers(every)), last, every), last])
+    values, at = rotation.continuous(quats[keys]), np.arange(len(quats))
+    kind = int(rng.integers(3))
+    if kind == 0 or len(keys) < 3:
+        drawn = interp1d(keys, values, axis=0)(at)
+    elif kind == 1:
+        drawn = CubicHermiteSpline(keys, values, np.gradient(values, keys, axis=0))(at)
+    else:
+        drawn = PchipInterpolator(keys, values)(at)
+    return rotation.normalize(drawn)

@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, interp1d
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
@@ -35,6 +34,7 @@ from signsplice.signer.signer import stream
 from signsplice.splicing import features as gap_features
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
+from signsplice_workshop.corpora.rekeying import with_keys
 from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, opened_signing
 
 STILL, WANDERING = 0.12, 0.18
@@ -63,7 +63,6 @@ KEYED_PROBABILITY = 0.25
 """Fraction of the hidden stretches that a program drew between keys: there the curve is hard to better, and a clip
 that is not seen to be keyed must not be made worse.
 """
-KEY_FRAMES = (3, 12)
 OTHER_ARM_PROBABILITY = 0.3
 _MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.N_CONTEXT
 """The shortest gap with all the frames that the network sees on either side."""
@@ -166,23 +165,6 @@ def with_noise(quats: FloatArray, deviation: float, rng: np.random.Generator) ->
     white = rng.normal(0.0, deviation, (len(quats), quats.shape[1], 3))
     white[1:] = 0.5 * white[:-1] + np.sqrt(0.75) * white[1:]
     return rotation.multiply(quats, rotation.exp(white))
-
-
-def with_keys(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The motion drawn anew between its frames at keys some ``KEY_FRAMES`` apart: by lines, by the cubics through
-    their neighbours (Catmull and Rom 1974), or by cubics that do not overshoot (Fritsch and Carlson 1980).
-    """
-    every, last = int(rng.integers(KEY_FRAMES[0], KEY_FRAMES[1] + 1)), len(quats) - 1
-    keys = np.unique([0, *range(int(rng.integers(every)), last, every), last])
-    values, at = rotation.continuous(quats[keys]), np.arange(len(quats))
-    kind = int(rng.integers(3))
-    if kind == 0 or len(keys) < 3:
-        drawn = interp1d(keys, values, axis=0)(at)
-    elif kind == 1:
-        drawn = CubicHermiteSpline(keys, values, np.gradient(values, keys, axis=0))(at)
-    else:
-        drawn = PchipInterpolator(keys, values)(at)
-    return rotation.normalize(drawn)
 
 
 SEAM_FRACTION = 0.5
