@@ -79,7 +79,7 @@ def test_all_joints_but_those_of_an_idle_arm_keep_the_frames_of_the_signs(line: 
 @pytest.mark.parametrize("line", LINES)
 def test_an_idle_hand_is_as_slow_as_those_of_people(line: str) -> None:
     natural, usual = spliced(line), spliced(line, "transition")
-    for result, most in ((natural, 1.85), (usual, FASTEST_M_S)):
+    for result, most in ((natural, 1.45), (usual, FASTEST_M_S)):
         words = clips(line)
         for k, seam in enumerate(result.seams):
             a, b = result.spans[2 * k + 1].output

@@ -177,9 +177,9 @@ def _view(q: FloatArray, rate: float) -> _MotionFit:
     second = q[:-2] - 2.0 * q[1:-1] + q[2:]
     fourth = second[:-2] - 2.0 * second[1:-1] + second[2:]  # (T - 4, J, 4)
     at_key = (fourth[1:-1] - 2.0 * (fourth[:-2] + fourth[2:])) / 3.0  # as large as a difference, of noise
-    bends, spikes = _turns(q[2:-2], second[1:-1]), _turns(q[2:-2], fourth)
+    bends, spikes = _perpendicular_sizes(q[2:-2], second[1:-1]), _perpendicular_sizes(q[2:-2], fourth)
     breaks = np.full_like(spikes, np.inf)
-    breaks[1:-1] = _turns(q[3:-3], at_key)
+    breaks[1:-1] = _perpendicular_sizes(q[3:-3], at_key)
     speed = np.linalg.norm(q[3:-1] - q[1:-3], axis=-1)  # half the angle is the arc of a unit quaternion
     moves = speed > 0.5 * MOVING_RAD * 30.0 / rate
     is_even, limit = bends < _tolerance(bends), _tolerance(spikes)
@@ -190,7 +190,7 @@ def _view(q: FloatArray, rate: float) -> _MotionFit:
     return _MotionFit(rate, np.where(moves, speed, 0.0), lines & moves, curves & moves)
 
 
-def _turns(q: FloatArray, changes: FloatArray) -> FloatArray:
+def _perpendicular_sizes(q: FloatArray, changes: FloatArray) -> FloatArray:
     """Sizes (T, J), rad, of combinations (T, J, 4) of quaternions with weights that sum to 0, seen from q: the vector
     part of q^-1 c, in which a slerp through q is odd in time, is as long as what of c is at right angles to q.
     """
