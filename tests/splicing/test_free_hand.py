@@ -136,10 +136,10 @@ def test_a_hand_goes_to_rest_after_the_seam_and_leaves_it_before() -> None:
     assert "mixamorig:LeftHand" in i.remade.joints
 
 
-def test_an_arm_that_must_be_led_around_is_no_faster_where_it_has_more_time() -> None:
-    """The left arm comes from under the right elbow; more time makes its way around longer."""
+def test_an_arm_that_cannot_be_led_around_more_slowly_is_left_as_it_is() -> None:
+    """The left arm comes from under the right elbow; more time would make its way around longer, and it no slower."""
     usual, natural = (spliced("DAY DREAM", choice) for choice in ("transition", NATURAL))
-    assert len(natural.clip) <= len(usual.clip)
+    assert [span.output for span in natural.spans] == [span.output for span in usual.spans]
     assert speeds(natural.clip)[:, LEFT].max() <= speeds(usual.clip)[:, LEFT].max() + 1e-9
 
 
