@@ -16,7 +16,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import Clip, concatenate, resample
 from signsplice.rig.align import place, placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.keyedness import judge_keyedness
+from signsplice.rig.keyedness import explain_keyedness, judge_keyedness
 from signsplice.rig.roles import ARM
 from signsplice_workshop.corpora.rekeying import DRAWINGS, low_passed, noisy, rekeyed
 
@@ -79,7 +79,7 @@ def test_the_arms_decide_and_the_reason_names_the_other_joints() -> None:
     arms = [joint for role, joint in rig_info(clip.skeleton).roles.joints.items() if role.endswith(ARM)]
     others = [joint for joint in range(len(clip.skeleton)) if joint not in arms]
     for joints, expected in ((arms, True), (others, False)):
-        found = judge_keyedness(rekeyed(clip, 4, "blender", joints=joints))
+        found = explain_keyedness(rekeyed(clip, 4, "blender", joints=joints))
         assert found.is_keyed == expected
         assert found.reason.startswith("keyed: " if expected else "captured: ")
         assert "of the other joints'" in found.reason

@@ -22,7 +22,7 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, kinematics, rotation, unchecked_copy
 from signsplice.rig.align import placement
 from signsplice.rig.info import LEFT, RIGHT, Arms, RigInfo, active_span, arms, canonical_motion, rig_info
-from signsplice.rig.keyedness import judge_keyedness
+from signsplice.rig.keyedness import explain_keyedness
 from signsplice.rig.rest_pose import rest_frame, rests_as_person, with_rest_pose
 from signsplice.rig.roles import FINGERS, SIDES
 
@@ -318,7 +318,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         "up": _axis(stands.up),
         "forward": _axis(stands.forward),
         "face": "none" if clip.face is None else f"{len(clip.face.channels)} coefficients",
-        "motion": judge_keyedness(with_ends_held(clip)).reason,
+        "motion": explain_keyedness(with_ends_held(clip)).reason,
         "memory kB": clip.nbytes // 1024,
         "rest": rest,
         "roles": {role: skeleton.names[joint] for role, joint in humanoid.joints.items()},

@@ -9,7 +9,7 @@ fits, and (n - 1) / n of those on lines; in captured motion differences of all f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
@@ -56,6 +56,11 @@ def judge_keyedness(*clips: Clip) -> Keyedness:
     return (clips[0].source_clip or clips[0]).derived[_judge_clip] if len(clips) == 1 else _judge(*clips)
 
 
+def explain_keyedness(clip: Clip) -> Keyedness:
+    """The same with all joints in the reason, which takes longer for captured clips."""
+    return _judge(clip, explain=True)
+
+
 def _judge_clip(clip: Clip) -> Keyedness:
     return _judge(clip)
 
@@ -97,14 +102,20 @@ class _MotionFit:
         return float(within / total), float(every)
 
 
-def _judge(*clips: Clip) -> Keyedness:
+def _judge(*clips: Clip, explain: bool = False) -> Keyedness:
     is_arm = np.zeros(len(clips[0].skeleton), bool)
     roles = rig_info(clips[0].skeleton).roles.joints
     is_arm[[joint for role, joint in roles.items() if role.endswith(ARM)]] = True
     everything = np.ones_like(is_arm)
-    fits = [_joined(views) for views in zip(*(list(_views(clip)) for clip in clips), strict=True)]
+    arms = _fits(clips, is_arm)
+    # The score is at most twice the arms' density, so most captured clips are told by these alone.
+    fit = max(arms, key=lambda fit: fit.density(everything[is_arm]))
+    if not explain and 0.0 <= 2.0 * fit.density(everything[is_arm]) <= KEYED_DENSITY:
+        fraction = fit.keyed_seconds(everything[is_arm])[0]
+        return Keyedness(False, fraction, None, f"captured: {100.0 * fraction:.0f} % of {_OF_ARMS}")
+    fits = _fits(clips, everything)
     moving = [fit for fit in fits if fit.density(is_arm) >= 0.0]
-    judged, name = (is_arm, "the arms'") if moving else (everything, "all joints'")
+    judged, name = (is_arm, _OF_ARMS) if moving else (everything, _OF_ALL)
 
     def density_of(fit: _MotionFit) -> float:
         """All joints count, but what the arms do not show, they do not."""
@@ -118,14 +129,20 @@ def _judge(*clips: Clip) -> Keyedness:
     is_keyed = density > KEYED_DENSITY
     fraction, step = fit.keyed_seconds(judged)
     every = min(step * clips[0].fps / fit.rate, float(sum(map(len, clips)))) if is_keyed else None
-    lines = [
-        f"{'keyed' if is_keyed else 'captured'}: {100.0 * fraction:.0f} % of {name} motion follows lines or cubics"
-    ]
+    lines = [f"{'keyed' if is_keyed else 'captured'}: {100.0 * fraction:.0f} % of {name}"]
     if fit.density(~judged) >= 0.0:
         lines.append(f"{100.0 * fit.keyed_seconds(~judged)[0]:.0f} % of the other joints'")
     if every is not None:
         lines.append(f"keys about every {every:.0f} frames")
     return Keyedness(is_keyed, fraction, every, ", ".join(lines))
+
+
+_OF_ARMS, _OF_ALL = (f"{joints} motion follows lines or cubics" for joints in ("the arms'", "all joints'"))
+
+
+def _fits(clips: Sequence[Clip], joints: NDArray[np.bool_]) -> list[_MotionFit]:
+    """The fits of some joints (J,) of clips at every rate."""
+    return [_joined(views) for views in zip(*(list(_views(clip, joints)) for clip in clips), strict=True)]
 
 
 def _joined(fits: tuple[_MotionFit, ...]) -> _MotionFit:
@@ -136,12 +153,12 @@ def _joined(fits: tuple[_MotionFit, ...]) -> _MotionFit:
     return _MotionFit(fits[0].rate, *arrays)
 
 
-def _views(clip: Clip) -> Iterator[_MotionFit]:
+def _views(clip: Clip, joints: NDArray[np.bool_]) -> Iterator[_MotionFit]:
     """The fit at the clip's rate, at most about 60 a second, and at those from which slerp may have brought it there:
     frames between those of a slower clip lie on lines, whatever it shows.
     """
     step = max(1, round(clip.fps / _MOST_FPS))
-    rotations, fps = clip.local_rotations[::step], clip.fps / step
+    rotations, fps = clip.local_rotations[::step, joints], clip.fps / step
     yield _view(rotations, fps)
     for rate in _RATES:
         if fps > 1.1 * rate:
