@@ -107,12 +107,13 @@ def _judge(*clips: Clip, explain: bool = False) -> Keyedness:
     roles = rig_info(clips[0].skeleton).roles.joints
     is_arm[[joint for role, joint in roles.items() if role.endswith(ARM)]] = True
     everything = np.ones_like(is_arm)
-    arms = _fits(clips, is_arm)
-    # The score is at most twice the arms' density, so most captured clips are told by these alone.
-    fit = max(arms, key=lambda fit: fit.density(everything[is_arm]))
-    if not explain and 0.0 <= 2.0 * fit.density(everything[is_arm]) <= KEYED_DENSITY:
-        fraction = fit.keyed_seconds(everything[is_arm])[0]
-        return Keyedness(False, fraction, None, f"captured: {100.0 * fraction:.0f} % of {_OF_ARMS}")
+    if not explain and is_arm.any():
+        # The score is at most twice the arms' density, so most captured clips are told by these alone.
+        of_arms = everything[is_arm]
+        fit = max(_fits(clips, is_arm), key=lambda fit: fit.density(of_arms))
+        if 0.0 <= 2.0 * fit.density(of_arms) <= KEYED_DENSITY:
+            fraction = fit.keyed_seconds(of_arms)[0]
+            return Keyedness(False, fraction, None, f"captured: {100.0 * fraction:.0f} % of {_OF_ARMS}")
     fits = _fits(clips, everything)
     moving = [fit for fit in fits if fit.density(is_arm) >= 0.0]
     judged, name = (is_arm, _OF_ARMS) if moving else (everything, _OF_ALL)
