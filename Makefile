@@ -87,7 +87,7 @@ smoke: $(VENV)/.dev            ## the paper's whole way in minutes, systems of a
 paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=paper for its sizes, on a GPU
 	research/runs/paper.sh
 
-weights: $(VENV)/.dev          ## make the networks that ship, from nothing, in parts: two hours; PARTS="forks ship" makes these
+weights: $(VENV)/.dev          ## make the networks that ship, from nothing, in parts: two hours; PARTS="networks ship" makes these
 	$(BIN)/python workshop/runs/weights.py $(PARTS)
 
 clean:                         ## forget the environment and everything made

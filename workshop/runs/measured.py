@@ -351,12 +351,13 @@ def tempo(found: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object
     rows = found["tempo"]["rows"]
     before, after = ([r for r in rows if r["tempo"] == tempo] for tempo in ("citation", "natural"))
     lost = [max(0.0, b["whole"] - a["whole"]) for b, a in zip(before, after, strict=True)]
+    kept = min((r["contacts"] for r in after if r["contacts"] is not None), default=None)
     lines = [
         *prose(f"""
             - As recorded, a sign takes {span(r["ratio"] for r in before)} times the 0.70 s of running signing; with
               `--tempo natural` {span(r["ratio"] for r in after)} times.
             - {percent(max(lost), 0) if max(lost) else "None"} of the strokes that `citation` keeps is lost;
-              {percent(1 - min(r["contacts"] for r in after), 0)} of the contacts at most.
+              {"no word has a contact" if kept is None else f"{percent(1 - kept, 0)} of the contacts at most"}.
         """),
         "",
         *markdown(

@@ -2,16 +2,15 @@
 """Makes the networks that ship from nothing, in parts of at most 80 minutes of two cores.
 
     signing   60 signers with 250 words and 300 seams each, from their seed; its hash is compared with the recorded one
-    start     both networks from random weights: the cutter on one core, the transition on the other
-    forks     the cutter trained further with two seeds, one a core
-    ship      the mean of the two, and the transition, in the bundle that ships
+    networks  the cutter on one core, the transition on the other
+    ship      both in the bundle that ships
 
 Every part writes what it made into the folder of results: bundles with 16-bit weights, the logs of their trainings, and
 a record of times and hashes. A part whose record is there is not made again, so that the work can go on in another
 checkout: commit the folder between parts. The signing is never stored; it is made again.
 
     python workshop/runs/weights.py                    all parts, into out/weights and workshop/weights
-    python workshop/runs/weights.py forks ship         these, from the results of the others
+    python workshop/runs/weights.py networks ship      these, with the signing of the record
     python workshop/runs/weights.py --smoke -o DIR     the same script at toy size, all in DIR
 """
 
@@ -31,8 +30,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from signsplice.splicing.bundle import read_config, read_file
 from signsplice.splicing.options import WEIGHTS
 from signsplice_workshop.corpora.motion_version import MOTION_VERSION
+from signsplice_workshop.train.bundles import write_bundle
 
 ROOT = Path(__file__).parents[2]
 NETWORKS = ("cutter", "transition")
@@ -58,10 +59,6 @@ class Run:
         """The folder of signing."""
         return self.work / "signing"
 
-    def scale(self, name: str) -> list[str]:
-        """The option of a training's size."""
-        return ["--scale", "smoke" if self.smoke else name]
-
 
 def make_signing(run: Run) -> dict[str, Any]:
     """Make the signing that is not there yet; returns the hash of all of it."""
@@ -74,47 +71,38 @@ def make_signing(run: Run) -> dict[str, Any]:
     return {"motion": MOTION_VERSION, "sha256": digest.hexdigest()}
 
 
-def make_start(run: Run) -> dict[str, Any]:
+def make_networks(run: Run) -> dict[str, Any]:
     """Train both networks from random weights."""
-    call_all(*(train(run, name, f"{name}-start", *run.scale("ship")) for name in NETWORKS))
-    return {f"{name}-start": publish(run, f"{name}-start") for name in NETWORKS}
-
-
-def make_forks(run: Run) -> dict[str, Any]:
-    """Train the cutter further with two seeds."""
-    start = ("--from", str(run.results / "cutter-start"))
-    call_all(*(train(run, "cutter", f"cutter-{k}", *run.scale("more"), "--seed", str(k), *start) for k in (1, 2)))
-    return {f"cutter-{k}": publish(run, f"cutter-{k}") for k in (1, 2)}
+    scale = "smoke" if run.smoke else "ship"
+    options = ("--signing", str(run.signing), "--scale", scale)
+    call_all(*(["train", name, *options, "--out", str(run.work / name)] for name in NETWORKS))
+    for name in NETWORKS:
+        call_all(["export", str(run.work / name), "-o", str(run.results / name)])
+        (recipe,) = (network["recipe"] for network in read_config(run.results / name).stored["networks"].values())
+        (log,) = run.work.glob(f"parts/{name}-*-{recipe}/log.jsonl")
+        shutil.copyfile(log, run.results / f"{name}.jsonl")
+    return {name: hash_graphs(run.results / name) for name in NETWORKS}
 
 
 def make_shipped(run: Run) -> dict[str, Any]:
-    """Write the bundle that ships: networks trained for no steps from results are their means."""
-    means = {"cutter": ("cutter-1", "cutter-2"), "transition": ("transition-start",)}
-    for name, sources in means.items():
-        starts = [word for source in sources for word in ("--from", str(run.results / source))]
-        call_all(train(run, name, "shipped", *run.scale("more"), "--steps", "0", *starts))
-    return {"bundle": publish(run, "shipped", run.shipped)}
+    """Write both networks into the bundle that ships."""
+    parts = {name: read_config(run.results / name) for name in NETWORKS}
+    facts = {key: value for key, value in parts["cutter"].stored.items() if key not in ("version", "files")}
+    facts["networks"] = {name: config.stored["networks"][name] for name, config in parts.items()}
+    facts["halved"] = {name: config.stored["halved"]["bundle"] for name, config in parts.items()}
+    files = {file: read_file(run.results / name, part, file) for name, part in parts.items() for file in part.files}
+    write_bundle(run.shipped, facts, files)
+    return {"bundle": hash_graphs(run.shipped)}
+
+
+def hash_graphs(bundle: Path) -> str:
+    """The hash of a bundle's graphs."""
+    return hashlib.sha256("".join(read_config(bundle).files.values()).encode()).hexdigest()
 
 
 PARTS: dict[str, Callable[[Run], dict[str, Any]]] = {
-    "signing": make_signing, "start": make_start, "forks": make_forks, "ship": make_shipped,
+    "signing": make_signing, "networks": make_networks, "ship": make_shipped
 }  # fmt: skip
-
-
-def train(run: Run, network: str, name: str, *options: str) -> list[str]:
-    """The words of the command that trains a network into the bundle ``name``."""
-    return ["train", network, "--signing", str(run.signing), "--out", str(run.work / name), *options]
-
-
-def publish(run: Run, name: str, target: Path | None = None) -> str:
-    """Write a bundle with 16-bit weights to where it lasts, and its trainings' logs; returns the hash of its graphs."""
-    target = run.results / name if target is None else target
-    call_all(["export", str(run.work / name), "-o", str(target)])
-    stored = json.loads((target / "bundle.json").read_text(encoding="utf-8"))
-    for network, facts in stored["networks"].items():
-        for log in run.work.glob(f"parts/{network}-*-{facts['recipe']}/log.jsonl"):
-            shutil.copyfile(log, run.results / f"{name}-{network}.jsonl")
-    return hashlib.sha256("".join(stored["files"].values()).encode()).hexdigest()
 
 
 def call_all(*commands: Sequence[str]) -> None:
@@ -178,7 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     run = Run(work, results, shipped, given.smoke)
     results.mkdir(parents=True, exist_ok=True)
     for name in given.parts or PARTS:
-        if name not in ("signing", "ship") and not run.signing.is_dir():
+        if name == "networks" and "signing" not in (given.parts or PARTS):
             make_part(run, "signing")
         make_part(run, name)
 

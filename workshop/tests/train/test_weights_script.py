@@ -32,16 +32,16 @@ def made(folder: Path, part: str) -> dict[str, str]:
 
 def test_networks_are_made_in_parts_and_made_again_alike(tmp_path: Path) -> None:
     call(tmp_path)
-    first = made(tmp_path, "forks"), made(tmp_path, "ship")
-    assert "is there already" in call(tmp_path, "start", "forks", "ship"), "what is there is not made again"
+    first = made(tmp_path, "networks"), made(tmp_path, "ship")
+    assert "is there already" in call(tmp_path, "networks", "ship"), "what is there is not made again"
     # Another checkout: the results of the parts before, and nothing else.
     again = tmp_path / "again"
     again.mkdir()
     shutil.copytree(tmp_path / "results", again / "results")
-    for part in ("forks", "ship"):
+    for part in ("networks", "ship"):
         (again / "results" / f"{part}.json").unlink()
-    call(again, "forks", "ship")
-    assert (made(again, "forks"), made(again, "ship")) == first
+    call(again, "networks", "ship")
+    assert (made(again, "networks"), made(again, "ship")) == first
     assert made(again, "signing") == made(tmp_path, "signing")
     clips = [shipped().clip(gloss) for gloss in ("HELLO", "NAME")]
     result = ss.splice(clips, ss.SpliceOptions(bundle=again / "bundle"))

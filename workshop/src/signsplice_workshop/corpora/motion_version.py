@@ -17,7 +17,7 @@ from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD, draw_signer
 from signsplice_workshop.corpora import pseudo, truth
 
-MOTION_VERSION = "445cffcbd827"
+MOTION_VERSION = "d5aef5f22e74"
 _N_SIGNS, _FIRST_SIGN = 3, 7_000
 _STEP = 1e-3
 """Positions are hashed in thousandths of an arm, half a millimetre: processors differ by far less."""

@@ -58,6 +58,8 @@ _NEAR_BODY = 0.4
 """Fraction of the postures at the body that are some centimetres from their location."""
 _FAR = 0.35
 """Fraction of the movements away from a touch that go to another location."""
+_HELD_BETWEEN = 0.35
+"""Fraction of the movements before the last one that end in a hold."""
 _SIX_DIRECTIONS = tuple(phonology.DIRECTIONS.values())
 _TRIES = 400
 _TOUCH_TRIES = 16
@@ -132,7 +134,8 @@ def _segments(hands: str, course: str, starts: dict[str, float], rng: np.random.
         return None
     if course == "still":
         return segments
-    for n in range(_pick(rng, {1: 0.77, 2: 0.14, 3: 0.07, 4: 0.02})):
+    n_movements = _pick(rng, {1: 0.66, 2: 0.20, 3: 0.10, 4: 0.04})
+    for n in range(n_movements):
         start, again = segments[-1].strong, n > 0
         if n == 0 and course == "touch":
             draw = partial(_touch, rng, start, base)
@@ -142,9 +145,9 @@ def _segments(hands: str, course: str, starts: dict[str, float], rng: np.random.
             draw = partial(_movement, rng, start, segments[-1].weak, table, again=again)
         if not add(draw, _TOUCH_TRIES if n == 0 and course == "touch" else _TRIES):
             return None
-        if n == 0 and rng.random() < 0.1:
+        if n + 1 < n_movements and rng.random() < _HELD_BETWEEN:
             segments.append(Segment("H", segments[-1].strong, segments[-1].weak))
-    if rng.random() < (0.60 if course == "touch" else 0.36) and segments[-1].kind == "M":
+    if rng.random() < (0.64 if course == "touch" else 0.42) and segments[-1].kind == "M":
         segments.append(Segment("H", segments[-1].strong, segments[-1].weak))
     return segments
 
@@ -215,7 +218,7 @@ def _movement(
     if kind == "zigzag":
         end = start if rng.random() < 0.5 else _shifted(rng, start, float(rng.uniform(5.0, 12.0)))
         swings = float(_pick(rng, {2.0: 0.5, 3.0: 0.4, 4.0: 0.1}))
-        path = Path("zigzag", _direction(rng), size=float(rng.uniform(1.0, 4.0)), revolutions=swings)
+        path = Path("zigzag", _direction(rng), size=float(rng.uniform(1.0, 7.0)), revolutions=swings)
         return Segment("M", end, base, path)
     if kind == "slash":
         far = rng.uniform(0.4, 1.0, 3) * (-1.0, -1.0, 0.3) * rng.uniform(10.0, 24.0)

@@ -72,7 +72,7 @@ class TrainingSchedule:
 
 SCHEDULES: dict[tuple[str, str], TrainingSchedule] = {
     ("cutter", "smoke"): TrainingSchedule(CuttingConfig(32, 2, 2, 64, 2, 8, 16), 40, 1, 3e-3, 2),
-    ("cutter", "ship"): TrainingSchedule(CuttingConfig(), 6_000, 2, 1e-3, 24),
+    ("cutter", "ship"): TrainingSchedule(CuttingConfig(), 14_000, 2, 1e-3, 24),
     ("cutter", "more"): TrainingSchedule(CuttingConfig(), 2_000, 2, 5e-4, 24),
     ("cutter", "corpus"): TrainingSchedule(CuttingConfig(), 8_000, 2, 5e-4, 24, clean=True),
     ("transition", "smoke"): TrainingSchedule(BridgeConfig(32, 2, 2, 64), 20, 4, 3e-3, 8),
