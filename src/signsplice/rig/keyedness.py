@@ -176,14 +176,13 @@ def _source_frames(rotations: FloatArray, step: Fraction) -> FloatArray:
     n_blocks = (len(rotations) - 1) // n_shown
     if not n_blocks:
         return rotations[:1]
-    shown = [rotations[k : k + (n_blocks - 1) * n_shown + 1 : n_shown] for k in range(n_shown + 1)]
-    first, last = [shown[0]], [shown[-1]]
+    shown = np.stack([rotations[k : k + (n_blocks - 1) * n_shown + 1 : n_shown] for k in range(n_shown + 1)])
+    seen = np.stack([shown, shown[::-1]], axis=1)  # each block to and fro
+    chain = [seen[0]]
     for k in range(n_source // 2):
         frame = (k + 1) * n_shown // n_source
-        first.append(rotation.slerp(first[k], shown[frame], 1.0 / float(frame * step - k)))
-    for k in range(n_source, n_source // 2 + 1, -1):
-        frame = -((1 - k) * n_shown // n_source)
-        last.append(rotation.slerp(last[-1], shown[frame], 1.0 / float(k - frame * step)))
+        chain.append(rotation.slerp(chain[k], seen[frame], 1.0 / float(frame * step - k)))
+    first, last = [to for to, _ in chain], [fro for _, fro in chain[: n_source - n_source // 2]]
     blocks = np.stack([*first, *last[:0:-1]], axis=1)
     return np.concatenate([blocks.reshape(-1, *rotations.shape[1:]), shown[-1][-1:]])
 
