@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.rig.info import rig_info
@@ -91,9 +91,7 @@ class _MotionFit:
     def keyed_seconds(self, joints: NDArray[np.bool_]) -> tuple[float, float]:
         """How much of the joints' motion lies in seconds in which curves fit, and frames from key to key there."""
         speed, curves, width = self.speed[:, joints], self.curves[:, joints], round(self.rate) | 1
-        n_fit, n_moving = (
-            uniform_filter1d(mask.astype(np.float64), width, axis=0, mode="constant") for mask in (curves, speed > 0.0)
-        )
+        n_fit, n_moving = (_running_mean(mask.astype(np.float64), width, "constant") for mask in (curves, speed > 0.0))
         is_keyed = n_fit > _KEYED_SECOND * n_moving
         total, within = speed.sum(), speed[is_keyed].sum()
         if not within:
@@ -219,5 +217,12 @@ def _perpendicular_sizes(q: FloatArray, changes: FloatArray) -> FloatArray:
 
 def _tolerance(sizes: FloatArray) -> FloatArray:
     """What counts as none of differences of ``sizes`` (T, J)."""
-    mean = np.maximum(uniform_filter1d(sizes**2, _LEVEL_FRAMES, axis=0, mode="nearest"), 0.0)
+    mean = np.maximum(_running_mean(sizes**2, _LEVEL_FRAMES, "nearest"), 0.0)
     return np.asarray(np.maximum(_EXACT * np.sqrt(mean), _ROUNDING_RAD))
+
+
+def _running_mean(values: FloatArray, width: int, mode: Literal["constant", "nearest"]) -> FloatArray:
+    """Means of values (T, J) over an odd number of frames; beyond the ends they are the ``mode``'s."""
+    from scipy.ndimage import uniform_filter1d  # its import takes longer than to convert a clip
+
+    return np.asarray(uniform_filter1d(values, width, axis=0, mode=mode))
