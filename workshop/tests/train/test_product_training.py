@@ -143,7 +143,7 @@ def test_changed_data_held_back_are_another_training(signing_folder: Path, first
 @pytest.mark.usefixtures("no_export")
 def test_training_continues_from_a_checkpoint(signing_folder: Path, first_part: Path, tmp_path: Path) -> None:
     second = tmp_path / "second"
-    training.make(ONE_STEP, [signing_folder], second, ALONE, start_from=[first_part])
+    training.make(ONE_STEP, [signing_folder], second, ALONE, start_from=first_part)
     (later,) = (tmp_path / "parts").iterdir()
     before, after = checkpoint.read(first_part), checkpoint.read(later)
     assert (before["step"], after["step"]) == (2, 1)
@@ -169,7 +169,7 @@ def test_training_continues_from_a_bundle(signing_folder: Path, first: Path, fir
     for name, values in network.state_dict().items():
         assert values.equal(weights["network"][f"network.{name}"]), name
     second = tmp_path / "second"
-    training.make(ONE_STEP, [signing_folder], second, ALONE, start_from=[first])
+    training.make(ONE_STEP, [signing_folder], second, ALONE, start_from=first)
     facts = read_config(second).networks["cutter"].stored
     assert facts["begins_with"] == found.recipe
     (start,) = facts["started_from"]
@@ -192,48 +192,10 @@ def test_what_training_cannot_continue_from_is_refused(
         (ONE_STEP, tmp_path / "nowhere", r"nowhere/checkpoint.pt: cannot be read"),
     ):
         with pytest.raises(InputError, match=message):
-            training.make(config, [signing_folder], tmp_path / "b", ALONE, start_from=[earlier])
+            training.make(config, [signing_folder], tmp_path / "b", ALONE, start_from=earlier)
     wide = training.build(ProductTraining("cutter", "ship"), dataset(signing_folder)).network
     with pytest.raises(InputError, match=r"bundle: holds no weights .* of shape"):
         warm_start.load_graphs(wide, [(first / name).read_bytes() for name in CUTTER_FILES], first)
-
-
-def test_training_starts_from_the_mean_of_several(
-    signing_folder: Path, first_part: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patched:
-        patched.setattr(training, "product_graphs", empty_graphs)
-        training.make(ProductTraining("cutter", "smoke", 1, steps=2), [signing_folder], tmp_path / "b", ALONE)
-    (other_part,) = (tmp_path / "parts").iterdir()
-    parts = [first_part, other_part]
-    one, other = (checkpoint.read(part)["network"] for part in parts)
-    task = training.build(TWO_STEPS, dataset(signing_folder))
-    warm_start.load_mean(task, [warm_start.find_warm_start(part, "cutter", CUTTER_FILES) for part in parts])
-    for name, values in task.state_dict().items():
-        assert values.allclose(0.5 * (one[name] + other[name]), atol=1e-6), name
-    arguments = [
-        "train",
-        "cutter",
-        "--signing",
-        str(signing_folder),
-        "--out",
-        str(tmp_path / "mean"),
-        "--scale",
-        "smoke",
-    ]
-    starts = [argument for part in parts for argument in ("--from", str(part))]
-    called = CliRunner().invoke(app, [*arguments, *starts, "--steps", "0"])
-    assert called.exit_code == 0, called.output
-    facts = read_config(tmp_path / "mean").networks["cutter"].stored
-    assert facts["begins_with"] == "+".join(checkpoint.read(part)["recipe"] for part in parts)
-    assert [start["seed"] for start in facts["started_from"]] == [0, 1]
-    assert (facts["steps"], set(facts["scores"]) >= {"both", "within_2"}) == (0, True)
-    graphs = [(tmp_path / "mean" / name).read_bytes() for name in CUTTER_FILES]
-    warm_start.load_graphs(task.network, graphs, tmp_path)
-    for name, values in task.state_dict().items():
-        assert values.allclose(0.5 * (one[name] + other[name]), atol=1e-6), "after no step it is the mean itself"
-    refused = CliRunner().invoke(app, [*arguments, "--steps", "0"])
-    assert "--steps 0, expected at least 1" in str(refused.exception)
 
 
 @pytest.mark.usefixtures("no_export")
@@ -243,13 +205,15 @@ def test_an_earlier_checkpoint_is_another_start(signing_folder: Path, first_part
     state = torch.load(early / checkpoint.NAME, weights_only=True)
     torch.save(state | {"step": 1}, early / checkpoint.NAME)
     for start in (first_part, early):
-        training.make(ONE_STEP, [signing_folder], tmp_path / "bundle", ALONE, start_from=[start])
+        training.make(ONE_STEP, [signing_folder], tmp_path / "bundle", ALONE, start_from=start)
     assert len(list((tmp_path / "parts").iterdir())) == 2
 
 
 def test_what_cannot_be_trained_is_refused(signing_folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="0 signers, expected at least 2; `signsplice synth endless` makes them"):
         training.make(ProductTraining("cutter", "smoke"), [tmp_path], tmp_path / "b", ALONE)
+    arguments = ["train", "cutter", "--signing", str(signing_folder), "--out", str(tmp_path / "b"), "--steps", "0"]
+    assert "--steps 0, expected at least 1" in str(CliRunner().invoke(app, arguments).exception)
     with pytest.raises(InputError, match="no network 'cutter' at scale 'huge', expected one of cutter, transition"):
         training.make(ProductTraining("cutter", "huge"), [signing_folder], tmp_path / "b", ALONE)
 

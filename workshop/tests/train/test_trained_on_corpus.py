@@ -169,7 +169,7 @@ def test_a_bundle_says_which_split_its_networks_saw(pairs: Pairs, bundles: Path)
 def test_training_further_keeps_the_earlier_corpus(bundles: Path, signing_folder: Path, tmp_path: Path) -> None:
     (earlier,) = (bundles / "parts").glob("cutter-*")
     config = training.ProductTraining("cutter", "smoke", steps=1)
-    training.make(config, [signing_folder], tmp_path / "second", ALONE, start_from=[earlier])
+    training.make(config, [signing_folder], tmp_path / "second", ALONE, start_from=earlier)
     assert (read_config(tmp_path / "second").networks["cutter"].trained_on or {})["split"] == "random"
 
 

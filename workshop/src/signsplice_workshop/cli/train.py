@@ -39,24 +39,24 @@ _product_options = added(
 
 
 def _train_product(
-    network: str, signing: Sequence[str], earlier: Sequence[str], out: str, device: str, **given: Any
+    network: str, signing: Sequence[str], earlier: str | None, out: str, device: str, **given: Any
 ) -> None:
-    _check_steps(given["steps"], least=0 if earlier else 1)
+    _check_steps(given["steps"])
     check_extra()
     from signsplice_workshop.train import processes, training
 
     with processes.joined(device) as process:
         config = training.ProductTraining(network, **given)
-        data, starts = ([Path(folder) for folder in folders] for folders in (signing, earlier))
+        data, start = [Path(folder) for folder in signing], None if earlier is None else Path(earlier)
         progress = progress_printer(network) if process.first else None
-        training.make(config, data, Path(out), process, progress, starts)
+        training.make(config, data, Path(out), process, progress, start)
         if process.first:
             print(f"{out}: {network}, scale {config.scale}, {config.n_steps} steps")
 
 
-def _check_steps(steps: int | None, least: int = 1) -> None:
-    if steps is not None and steps < least:
-        raise InputError(f"--steps {steps}, expected at least {least}")
+def _check_steps(steps: int | None) -> None:
+    if steps is not None and steps < 1:
+        raise InputError(f"--steps {steps}, expected at least 1")
 
 
 _SIGNING = "Signing to train on, of `signsplice synth endless`; several folders are used equally often."
@@ -64,10 +64,9 @@ _SIGNING = "Signing to train on, of `signsplice synth endless`; several folders 
 
 @train.command()
 @click.option("--signing", required=True, multiple=True, metavar="DIR", help=_SIGNING)
-@click.option("--from", "earlier", multiple=True, metavar="DIR",
-              help="Folder of an earlier training, or a bundle, to start from; of several the mean.")  # fmt: skip
+@click.option("--from", "earlier", metavar="DIR", help="Folder of an earlier training, or a bundle, to start from.")
 @_product_options
-def cutter(signing: tuple[str, ...], earlier: tuple[str, ...], **options: Any) -> None:
+def cutter(signing: tuple[str, ...], earlier: str | None, **options: Any) -> None:
     """Train the network that finds where to leave and enter words. The same command
     continues after an interruption.
 
@@ -79,10 +78,10 @@ def cutter(signing: tuple[str, ...], earlier: tuple[str, ...], **options: Any) -
 @train.command()
 @click.option("--signing", multiple=True, metavar="DIR", help=_SIGNING)
 @click.option("--lexicon", metavar="DIR", help="Lexicon to tune a trained network to, of `signsplice lexicon build`.")
-@click.option("--from", "earlier", multiple=True, metavar="DIR", help="With --lexicon the bundle to tune [default: "
-              "what ships]; with --signing a bundle or an earlier training's folder; of several the mean.")  # fmt: skip
+@click.option("--from", "earlier", metavar="DIR", help="With --lexicon the bundle to tune [default: what ships]; with "
+              "--signing a bundle or an earlier training's folder.")  # fmt: skip
 @_product_options
-def transition(signing: tuple[str, ...], lexicon: str | None, earlier: tuple[str, ...], **options: Any) -> None:
+def transition(signing: tuple[str, ...], lexicon: str | None, earlier: str | None, **options: Any) -> None:
     """Train the network that makes the transition's frames, or tune it to your own lexicon, and keep it if it is better
     there. The same command continues after an interruption.
 
@@ -94,15 +93,13 @@ def transition(signing: tuple[str, ...], lexicon: str | None, earlier: tuple[str
     if lexicon is None:
         _train_product("transition", signing, earlier, **options)
         return
-    if len(earlier) > 1:
-        raise InputError(f"--lexicon tunes one network: expected one --from, not {len(earlier)}")
     if options["batch"] is not None:
         raise InputError("--batch is for --signing; tuning has a batch of its own")
-    _tune(lexicon, *earlier, **options)
+    _tune(lexicon, earlier, **options)
 
 
 def _tune(
-    lexicon: str, source: str | None = None, *, out: str, steps: int | None, seed: int, device: str, **_: object
+    lexicon: str, source: str | None, *, out: str, steps: int | None, seed: int, device: str, **_: object
 ) -> None:
     _check_steps(steps)
     check_extra()

@@ -136,8 +136,6 @@ def train(
                 call.validate(step)
                 if loop.has_ended(folder, step, processes):
                     end = step
-        if end == 0 and processes.first:
-            checkpoint.save(folder, step, task, optimiser, recipe)
     return step
 
 

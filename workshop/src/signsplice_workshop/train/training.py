@@ -29,7 +29,7 @@ from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.cut_data import CutDataset
 from signsplice_workshop.train.export import check_bundle_folder, product_graphs
 from signsplice_workshop.train.gap_data import GapDataset
-from signsplice_workshop.train.loop import LoopConfig, ProgressCallback, judge, train
+from signsplice_workshop.train.loop import LoopConfig, ProgressCallback, train
 from signsplice_workshop.train.networks import Bridge, BridgeConfig, Cutting, CuttingConfig
 from signsplice_workshop.train.prefetch import Dataset, group_by_folder, opened_signing, prefetched
 from signsplice_workshop.train.processes import Processes, only_one
@@ -93,7 +93,7 @@ class ProductTraining:
     - scale: one of the scales of ``SCHEDULES``
     - seed: of weights, batches and dropout
     - steps, batch: number of steps and draws in a batch, None: the scale's
-    - begins_with: recipe of the earlier training that it starts from, those of several joined by +
+    - begins_with: recipe of the earlier training that it starts from
     """
 
     network: str
@@ -145,28 +145,29 @@ def make(
     out: Path,
     processes: Processes,
     report_progress: ProgressCallback | None = None,
-    start_from: Sequence[Path] = (),
+    start_from: Path | None = None,
 ) -> None:
     """Train a network on folders of synthetic signing and write it into the bundle ``out``.
 
-    The same call after an interruption continues from the last checkpoint. ``start_from``: folders of trainings with
-    checkpoints, or bundles, to start from; from several, the mean of their weights. Raises ``InputError`` where one of
-    them does not hold this network, or where the scale needs one and there is none.
+    The same call after an interruption continues from the last checkpoint. ``start_from``: folder of a training
+    with a checkpoint, or a bundle, to start from. Raises ``InputError`` where it does not hold this network, or where
+    the scale needs one and there is none.
     """
-    if not start_from and training.scale in _CONTINUED_SCALES:
+    if start_from is None and training.scale in _CONTINUED_SCALES:
         raise InputError(f"scale {training.scale} continues an earlier training: name its folder")
     train_paths, held_back = split(*signing)
-    warm_starts = [warm_start.find_warm_start(one, training.network, FILES[training.network]) for one in start_from]
-    if warm_starts:
-        training = replace(training, begins_with="+".join(one.recipe for one in warm_starts))
+    files = FILES[training.network]
+    earlier = None if start_from is None else warm_start.find_warm_start(start_from, training.network, files)
+    if earlier is not None:
+        training = replace(training, begins_with=earlier.recipe)
     hashes = {path: records.sha256(path) for path in (*train_paths, *held_back)}
     data_hashes = [
         [[hashes[path] for path in folder] for folder in group_by_folder(paths)] for paths in (train_paths, held_back)
     ]
-    recipe = _recipe(training, data_hashes, warm_starts)
+    recipe = _recipe(training, data_hashes, earlier)
     folder = out.parent / "parts" / f"{training.network}-{training.scale}-seed{training.seed}-{recipe}"
-    trained_on = _trained_on(train_paths, warm_starts)
-    made_of = _provenance(training, signing, hashes, processes, start_from, warm_starts)
+    trained_on = _trained_on(train_paths, earlier)
+    made_of = _provenance(training, signing, hashes, processes, earlier)
     folder.mkdir(parents=True, exist_ok=True)
     if processes.first:
         records.write_json(folder / warm_start.PROVENANCE_FILE, made_of)
@@ -174,7 +175,7 @@ def make(
             records.write_json(folder / warm_start.CORPUS_FILE, trained_on)
     check_bundle_folder(out)
     warm_start.stored_networks(out)  # raises now what it would after the training
-    task, valid = _trained(training, train_paths, held_back, warm_starts, folder, recipe, processes, report_progress)
+    task, valid = _trained(training, train_paths, held_back, earlier, folder, recipe, processes, report_progress)
     if processes.first:
         for name, content in product_graphs(task, valid).items():
             atomic.write(folder / name, content)
@@ -199,7 +200,7 @@ def _trained(
     training: ProductTraining,
     train_paths: Sequence[Path],
     held_back: Sequence[Path],
-    warm_starts: Sequence[WarmStart],
+    earlier: WarmStart | None,
     folder: Path,
     recipe: str,
     processes: Processes,
@@ -210,8 +211,8 @@ def _trained(
     data, valid = dataset(training, train_paths), dataset(training, held_back, schedule.n_judged)
     torch.manual_seed(training.seed)
     task = build(training, data)
-    if warm_starts:
-        warm_start.load_mean(task, warm_starts)
+    if earlier is not None:
+        earlier.load_into(task)
     loop = LoopConfig(
         training.n_steps, schedule.batch, schedule.rate, training.seed,
         max(1, training.n_steps // schedule.n_checks), schedule.n_judged, bf16=processes.device.type == "cuda",
@@ -221,9 +222,6 @@ def _trained(
         prefetched(data, processes.rank, processes.count) as batches,
     ):
         train(task, loop, batches, valid, folder, recipe, processes, report_progress)
-        if training.n_steps == 0 and processes.first:  # The weights it started from are the result.
-            with records.Log(folder, 0, processes.first) as log:
-                log.write(0, **judge(task, valid, loop, processes))
     return task, valid
 
 
@@ -263,7 +261,7 @@ def dataset(training: ProductTraining, paths: Sequence[Path], n_fixed: int | Non
     return kind(paths, training.seed, n_fixed, training.schedule.clean)
 
 
-def _recipe(training: ProductTraining, data_hashes: list[list[list[str]]], warm_starts: Sequence[WarmStart]) -> str:
+def _recipe(training: ProductTraining, data_hashes: list[list[list[str]]], earlier: WarmStart | None) -> str:
     """Twelve hex digits that change with everything that a training depends on, except for the code.
 
     ``data_hashes``: sha256 of the signers' files by folder, to train on and held back. Names of files do not count.
@@ -278,7 +276,7 @@ def _recipe(training: ProductTraining, data_hashes: list[list[list[str]]], warm_
         "clean": schedule.clean,
         "features": features.VERSION,
         "data": data_hashes,
-        "start_steps": [one.provenance.get("step") for one in warm_starts],
+        "start_steps": [] if earlier is None else [earlier.provenance.get("step")],
     }
     return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()[:12]
 
@@ -288,16 +286,15 @@ def _provenance(
     signing: Sequence[Path],
     hashes: dict[Path, str],
     processes: Processes,
-    start_from: Sequence[Path],
-    warm_starts: Sequence[WarmStart],
+    earlier: WarmStart | None,
 ) -> dict[str, Any]:
     """The command, the seed, the sha256 of the data, and what the training starts from.
 
     Data are named by file; with several folders of signing, by the folder's number in the command, from 1, and file.
     """
     options: dict[str, records.Option] = {
-        "signing": signing, "from": start_from, "scale": training.scale, "steps": training.steps,
-        "batch": training.batch, "seed": training.seed, "device": processes.device.type,
+        "signing": signing, "from": None if earlier is None else earlier.folder, "scale": training.scale,
+        "steps": training.steps, "batch": training.batch, "seed": training.seed, "device": processes.device.type,
     }  # fmt: skip
     several = len(signing) > 1
     data = {
@@ -312,7 +309,7 @@ def _provenance(
         "data": data,
         "signsplice": records.software(),
         **({} if (commit := records.commit()) is None else {"commit": commit}),
-        **({"started_from": [one.provenance for one in warm_starts]} if warm_starts else {}),
+        **({} if earlier is None else {"started_from": [earlier.provenance]}),
     }
 
 
@@ -322,11 +319,11 @@ def _last_scores(folder: Path) -> dict[str, float]:
     return {k: v for k, v in judged[-1].items() if k != "step"} if judged else {}
 
 
-def _trained_on(paths: Sequence[Path], warm_starts: Sequence[WarmStart]) -> dict[str, str] | None:
-    """The corpus of pairs and its split that signers' files, or the trainings to start from, come from; None where
+def _trained_on(paths: Sequence[Path], earlier: WarmStart | None) -> dict[str, str] | None:
+    """The corpus of pairs and its split that signers' files, or the training to start from, come from; None where
     none does. Raises ``InputError`` for two, because only what was not trained on can be used for testing.
     """
-    found = {tuple(one.trained_on.values()) for one in warm_starts if one.trained_on is not None}
+    found = set() if earlier is None or earlier.trained_on is None else {tuple(earlier.trained_on.values())}
     for path in paths:
         with opened_signing(path) as stored:
             if "corpus" in stored:

@@ -7,7 +7,7 @@ widened.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,19 +56,6 @@ class WarmStart:
             return
         config = read_config(self.folder)
         load_graphs(task.network, [read_file(self.folder, config, name) for name in self.files], self.folder)
-
-
-def load_mean(task: Task, warm_starts: Sequence[WarmStart]) -> None:
-    """Set a task's network to the weights of an earlier training, or to the mean of several.
-
-    The mean of networks that were trained further from the same weights is often better than each of them (Wortsman et
-    al. 2022).
-    """
-    states = []
-    for warm_start in warm_starts:
-        warm_start.load_into(task)
-        states.append({name: values.clone() for name, values in task.state_dict().items()})
-    task.load_state_dict({name: torch.stack([state[name] for state in states]).mean(0) for name in states[0]})
 
 
 def find_warm_start(folder: Path, network: str, files: tuple[str, ...]) -> WarmStart:
