@@ -58,10 +58,7 @@ def jumped(clip: Clip) -> Clip:
     return replace(clip, root_positions=clip.root_positions + 50.0)
 
 
-LOSES_TWO = pytest.mark.xfail(strict=True, reason="the networks that ship lose a part in 2 of these, 15 of 300")
-
-
-@pytest.mark.parametrize("n_words", [pytest.param(10, marks=LOSES_TWO), pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n_words", [10, pytest.param(300, marks=pytest.mark.slow)])
 def test_words_of_several_parts_are_kept_whole(n_words: int) -> None:
     """By strokes at their own height alone, a word in four had lost one."""
     lost = dict.fromkeys(KINDS, 0)

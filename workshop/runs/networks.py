@@ -1,10 +1,11 @@
 #!/usr/bin/env python
-"""What the transition network is worth beside the curves: workshop/docs/measured/networks.md.
+"""What the networks are worth beside rules: workshop/docs/measured/networks.md.
 
     python workshop/runs/networks.py [TAKE.bvh]
 
-Frames are hidden from the last third of a captured take, from that third drawn anew between keys, and from words of
-three synthetic signers in four rest poses. Intervals are of 1,000 bootstraps over blocks of gaps in a row.
+Pairs of words that ship are spliced by either cutter with either transition. Frames are hidden from a captured take,
+from its last third drawn anew between keys, and from words of three synthetic signers in four rest poses. Intervals are
+of 1,000 bootstraps over blocks of gaps in a row.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +25,18 @@ from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD, draw_signer
 from signsplice.splicing.contracts import Gap, Transition
 from signsplice.splicing.curves import find_transition
-from signsplice.splicing.options import choose
+from signsplice.splicing.options import SpliceOptions, choose
 from signsplice_workshop.corpora import pseudo
 from signsplice_workshop.corpora.rekeying import DRAWINGS, rekeyed
-from signsplice_workshop.measure import motion_scores
+from signsplice_workshop.measure import motion_scores, seams
 from signsplice_workshop.measure.hands import wrist_positions
 from signsplice_workshop.measure.hidden_frames import LENGTHS, SHOWN
-from signsplice_workshop.measure.measures import markdown
+from signsplice_workshop.measure.measures import markdown, row_of
 
 PAGE = Path(__file__).parents[1] / "docs" / "measured" / "networks.md"
 _BLOCK, _DRAWS = 8, 1000
 _STRIDE = 4
+N_PAIRS = 500
 
 
 def hide(clips: Sequence[Clip], transitions: Sequence[Transition], n_frames: int) -> FloatArray:
@@ -95,6 +97,23 @@ def words_of(seed: int, rest: str) -> list[Clip]:
     return [planner.isolated(pseudo.sign(8_000 + 100 * seed + k), signer).clip for k in range(8)]
 
 
+def seam_lines() -> list[str]:
+    """A table of the seams of ``N_PAIRS`` pairs of words that ship, by cutter and transition."""
+    pairs = seams.word_pairs(N_PAIRS)
+    rows = [
+        row_of(
+            seams.MEASURES,
+            [
+                seams.measure_spliced(before, after, SpliceOptions(*names, avoid_collisions=False))
+                for before, after in pairs
+            ],
+            method=" + ".join(names),
+        )
+        for names in product(("learned", "pose-velocity"), ("learned", "hermite", "quintic"))
+    ]
+    return seams.table(rows)
+
+
 def main(take: str | None = None) -> None:
     """Write the page, or print it where the take is missing."""
     learned = choose().transition
@@ -116,16 +135,25 @@ def main(take: str | None = None) -> None:
     lines = markdown(("motion", "method", "over Hermite", *LENGTHS), rows)
     print("\n".join(lines))
     if take is not None:
-        PAGE.write_text("\n".join([*HEAD, *lines, ""]), encoding="utf-8")
+        PAGE.write_text("\n".join([*HEAD, *seam_lines(), "", *HIDDEN, *lines, ""]), encoding="utf-8")
 
 
 HEAD = [
-    "# Hidden frames, by group",
+    "# Networks beside rules",
+    "",
+    "Made by `python workshop/runs/networks.py TAKE`, with the take of [hidden frames](hidden-frames.md).",
+    "",
+    "## Seams",
+    "",
+    f"{N_PAIRS} pairs of words that ship, without collision avoidance, each cutter with each transition.",
+    "",
+]
+HIDDEN = [
+    "## Hidden frames, by group",
     "",
     "The learned transition and quintic over the limited Hermite curve, by number of hidden frames; below 1 is better.",
     "Intervals of 95 % over blocks of gaps. No choice was made on the take's last third. Fingers, trunk and head of",
     "the learned transition are those of Hermite, bit for bit. Words are eight pseudo-signs that no training has seen.",
-    "Made by `python workshop/runs/networks.py TAKE`, with the take of [hidden frames](hidden-frames.md).",
     "",
 ]
 

@@ -243,7 +243,9 @@ class WordReader:
                 phases=(1, n, n_phases),
             )  # fmt: skip
             start, stop = (min(max(frame - first, 0), len(tokens)) for frame in word.active)
-            wrists, is_active = features.wrist_positions(tokens), np.zeros(n, bool)
+            wrists = features.wrist_positions(tokens)
+            # A low part of a sign lies below the height that shows arms away from rest.
+            is_active = np.asarray(are_away(wrists).any(axis=1))
             is_active[start:stop] = True
             word.readings[key] = WordReading(
                 features=tokens[:, : features.N_FRAME],
