@@ -194,7 +194,7 @@ def word_tokens(word: CanonicalTrajectory) -> NDArray[np.float32]:
 Mask = NDArray[np.bool_]
 
 _PREPARATION, _HOLD, _STROKE, _RETRACTION = range(1, len(PHASES))
-_POSSIBLE, _SURE = 0.05, 0.5
+_POSSIBLE, _SURE = 0.02, 0.5
 """Probability from which on a frame may be part of a stroke, and that of one frame of it at least."""
 _JOINED = np.ones(4, bool)
 """Strokes that are fewer frames apart than these are one, unless those are a way from or to rest."""
