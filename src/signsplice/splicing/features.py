@@ -195,7 +195,9 @@ Mask = NDArray[np.bool_]
 
 _PREPARATION, _HOLD, _STROKE, _RETRACTION = range(1, len(PHASES))
 _POSSIBLE, _SURE = 0.02, 0.5
-"""Probability from which on a frame may be part of a stroke, and that of one frame of it at least."""
+"""Probability from which on a frame may be part of a stroke, and that of one frame of it at least. Of 300 made words 7
+lose a part at 0.05, 4 at 0.02, which keeps 0.3 frames more; seams of the words that ship hardly change.
+"""
 _JOINED = np.ones(4, bool)
 """Strokes that are fewer frames apart than these are one, unless those are a way from or to rest."""
 _PARTING, _PARTING_HEIGHT = 9, 0.05
