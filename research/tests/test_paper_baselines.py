@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from signsplice_paper import baselines, bias, protocol, viewed
-from signsplice_paper.baselines import Linear, Ridge, RidgeAnswers, WordCuts, fitted
+from signsplice_paper.baselines import Linear, Ridge, RidgeAnswers, fitted
 from signsplice_paper.extra_metrics import number_layout
+from signsplice_paper.position_baselines import WordCuts
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.splicers import NONE, POST, PRE
 from signsplice_workshop.corpora.pairs import Pairs

@@ -7,7 +7,6 @@ import pytest
 from signing import made, word
 from signsplice.rig.roles import SIDES
 from signsplice.signer.collisions import TOUCH_CM
-from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import STANDARD, draw_signer
 from signsplice_workshop.corpora.touches import seen_events, skin_clearances, touching_sides
@@ -17,7 +16,7 @@ LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
 
 
 def measured(one: IsolatedWord, frame: int) -> float:
-    return skin_distance(one.clip, frame, touching_sides(one.sign, one.signer))
+    return skin_distance(one.clip, frame, touching_sides(one.sign.hands, one.signer))
 
 
 @pytest.mark.parametrize("seed", [None, LEFT_HANDED])
@@ -55,7 +54,7 @@ def test_arms_of_the_other_side_count() -> None:
 def test_whose_touches_count() -> None:
     def sides(hands: str, seed: int | None = None) -> tuple[str, ...]:
         signer = STANDARD if seed is None else draw_signer(seed)
-        return touching_sides(Sign("WORD", hands, ()), signer)
+        return touching_sides(hands, signer)
 
     assert sides("one") == sides("base") == ("right",)
     assert sides("one", LEFT_HANDED) == ("left",)

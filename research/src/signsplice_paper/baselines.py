@@ -1,7 +1,6 @@
-"""Baselines that need no gradient: the commonest and the mean cut of each word, and ridge regression.
+"""Baselines of transition frames that need no gradient: ridge regression, and answers to compare with.
 
-They say what a network has to beat. Cuts are counted over the training part, for a word before and for one after, by
-gloss; a word that it lacks has the mean cut of all. Ridge regression sees what TFGN sees, fr frames on each side of the
+Ridge regression sees what TFGN sees, fr frames on each side of the
 cut, and gives the transition resampled to ``RESAMPLED`` frames, less the straight line between its ends; a second one
 gives the number of frames from how far every joint has to go. Both have their weights from the normal equations, and
 the regulariser with the least error on the validation part.
@@ -9,8 +8,6 @@ the regulariser with the least error on the validation part.
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +18,7 @@ from signsplice.splicing.contracts import Cut
 from signsplice_paper.clip_methods import prediction_of
 from signsplice_paper.culling import cull
 from signsplice_paper.extra_metrics import stretched
+from signsplice_paper.position_baselines import Positions
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.published import BEST_FR
 from signsplice_workshop.corpora.pairs import Pairs
@@ -31,37 +29,6 @@ REGULARISERS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 NEAR = 0.02
 """Distance in the numbers' unit from which on the logarithm of a distance grows."""
 MOST_FRAMES = 32
-
-Positions = Callable[[int], tuple[int | None, int | None]]
-"""A pair's number -> pre and post."""
-
-
-class WordCuts:
-    """The commonest or the mean cut of each word in the training part of a split; a callable ``Positions``."""
-
-    def __init__(self, pairs: Pairs, split: str, commonest: bool) -> None:
-        self.pairs = pairs
-        by_word: tuple[dict[str, list[int]], dict[str, list[int]]] = (defaultdict(list), defaultdict(list))
-        for number in pairs.split(split, "train"):
-            p, q, pre, post = pairs.index[number, :4].tolist()
-            by_word[0][pairs.gloss(p)].append(len(pairs.word(p)) - pre)  # from the end: words differ in length
-            by_word[1][pairs.gloss(q)].append(post)
-        self._cuts = tuple(_chosen(found, commonest) for found in by_word)
-        self._any = tuple(round(float(np.mean([n for row in found.values() for n in row]))) for found in by_word)
-
-    def __call__(self, number: int) -> tuple[int, int]:
-        """Pre and post of a pair."""
-        p, q = self.pairs.index[number, :2].tolist()
-        n, m = len(self.pairs.word(p)), len(self.pairs.word(q))
-        left = self._cuts[0].get(self.pairs.gloss(p), self._any[0])
-        entered = self._cuts[1].get(self.pairs.gloss(q), self._any[1])
-        return min(max(n - left, 0), n - 1), min(entered, m - 1)
-
-
-def _chosen(by_word: Mapping[str, list[int]], commonest: bool) -> dict[str, int]:
-    if commonest:
-        return {gloss: Counter(sorted(found)).most_common(1)[0][0] for gloss, found in by_word.items()}
-    return {gloss: round(float(np.mean(found))) for gloss, found in by_word.items()}
 
 
 @dataclass(frozen=True, eq=False)

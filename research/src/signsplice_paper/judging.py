@@ -18,6 +18,7 @@ from signsplice_paper import (
     curve,
     kept_frames,
     pair_samples,
+    position_baselines,
     protocol,
     published,
     results,
@@ -149,9 +150,9 @@ class Judge:
             if not self.pairs.split(p.split, "train"):
                 continue
             ridge = baselines.Ridge(self.pairs, p.split)
-            cuts: dict[str, baselines.Positions] = {
-                "commonest-cut": baselines.WordCuts(self.pairs, p.split, commonest=True),
-                "mean-cut": baselines.WordCuts(self.pairs, p.split, commonest=False),
+            cuts: dict[str, position_baselines.Positions] = {
+                "commonest-cut": position_baselines.WordCuts(self.pairs, p.split, commonest=True),
+                "mean-cut": position_baselines.WordCuts(self.pairs, p.split, commonest=False),
                 "true-positions": lambda number: tuple(self.pairs.index[number, 2:4].tolist()),
             }
             for config in improved:

@@ -321,7 +321,7 @@ def test_reading_refuses_what_is_no_corpus(pairs: Pairs, tmp_path: Path) -> None
     assert len(Pairs(copy)) == 32
     head = json.loads((copy / "corpus.json").read_text())
     (copy / "corpus.json").write_text(json.dumps(head | {"version": 99}))
-    with pytest.raises(InputError, match="version 99, expected 1 to 3; make it again"):
+    with pytest.raises(InputError, match="version 99, expected 1 to 4; make it again"):
         Pairs(copy)
     for damaged in ("{", "[]"):
         (copy / "corpus.json").write_text(damaged)

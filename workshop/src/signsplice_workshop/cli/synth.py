@@ -45,17 +45,34 @@ def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **dra
     "--truth",
     "partner",
     None,
-    "Where a word is left and entered: by both words, or at one frame of its own whoever its partner is.",
-    type=click.Choice(["partner", "word"]),
+    "Where a word is left and entered: by both words, at one frame of its own whoever its partner is, or at one of "
+    "its events, which the partner chooses (version 4; always 30 fps).",
+    type=click.Choice(["partner", "word", "events"]),
+)
+@preset(
+    "--teach",
+    0,
+    "N",
+    "With --truth events: pseudo-signs of N signers to teach on, --words of each, instead of words to judge on.",
 )
 @PROCESSES
-def pairs(output: str, other_signer: int, truth: str, processes: int, seed: int, fps: float, **drawn: Any) -> None:
+def pairs(
+    output: str, other_signer: int, truth: str, teach: int, processes: int, seed: int, fps: float, **drawn: Any
+) -> None:
     """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
+    from signsplice.signer import planner
     from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
     check_apart(output, [drawn["signs"]])
     if other_signer < 0 or processes < 1:
         raise InputError(f"--other-signer {other_signer} --processes {processes}, expected at least 0 and 1")
+    if teach < 0 or (teach and truth != "events"):
+        raise InputError(f"--teach {teach} --truth {truth}, expected at least 0, and --truth events")
+    if truth == "events":
+        if fps != planner.FPS:
+            raise InputError(f"--fps {fps:g}, expected {planner.FPS:g} with --truth events")
+        _write_readable(output, teach, processes, seed, drawn)
+        return
     if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:
         drawn["words"] = 100
     chosen = tuple(chosen_signs(**drawn, seed=seed, least=2))
@@ -65,6 +82,27 @@ def pairs(output: str, other_signer: int, truth: str, processes: int, seed: int,
     made = Pairs(output)
     takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
     print(f"{output}: {len(made)} pairs of {len(chosen)} words, {takes}, recipe {recipe.hash}")
+
+
+def _write_readable(output: str, teach: int, processes: int, seed: int, drawn: dict[str, Any]) -> None:
+    """Write a corpus whose truth can be read: to teach on by ``teach`` signers, or to judge on where that is 0."""
+    from signsplice_workshop.corpora.pairs import Pairs
+    from signsplice_workshop.corpora.readable_pairs import JudgedCorpus, TaughtCorpus, write_readable
+
+    recipe: JudgedCorpus | TaughtCorpus
+    if teach:
+        recipe = TaughtCorpus(teach, drawn["words"] or TaughtCorpus.n_words, seed=seed)
+    else:
+        n_known = drawn["words"] or JudgedCorpus.n_known
+        signs = tuple(chosen_signs(**{**drawn, "words": None}, seed=seed, least=2))
+        n_unseen = max(2, n_known * JudgedCorpus.n_unseen // JudgedCorpus.n_known)
+        recipe = JudgedCorpus(signs, seed, n_known, n_unseen)
+    with progress("making signers") as advance:
+        write_readable(recipe, Path(output), advance, processes)
+    made = Pairs(output)
+    takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
+    n_words, n_signers = len(made.head["words"]), len(made.signers)
+    print(f"{output}: {len(made)} pairs, {n_words} words by {n_signers} signers, {takes}, recipe {made.head['hash']}")
 
 
 @click.command()

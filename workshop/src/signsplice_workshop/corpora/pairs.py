@@ -11,9 +11,10 @@ A corpus of pairs is a folder:
 
 The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
 
-Every signer has as many words as any other, one signer's after another's. Corpora of clips (`signsplice-paper pairs
-build`) tell the "skeletons" and "spaces" of their signers, and whether words were "moved" to the origin; those of
-synthetic signers tell the "signers", from which skeletons and spaces follow, with all 53 joints in the numbers.
+One signer's words stand after another's; every signer has as many, or "first_words" tells the first of each. Corpora of
+clips (`signsplice-paper pairs build`) tell the "skeletons" and "spaces" of their signers, and whether words were
+"moved" to the origin; those of synthetic signers tell the "signers", from which skeletons and spaces follow, with all
+53 joints in the numbers.
 
 ``write_pairs`` makes corpora of version 3, of two synthetic signers. Earlier commits of this project (``MADE_BY``) make
 version 1, whose truth is of kind partner, whose events tell touches of the notation, and whose signers have no manner;
@@ -22,6 +23,7 @@ and version 2, whose signers turn their heads at random and hold still longer.
 
 from __future__ import annotations
 
+import bisect
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,7 +54,7 @@ from signsplice_workshop.corpora.touches import SeenEvents, seen_events, with_to
 
 Array = NDArray[Any]
 
-READABLE = (1, 2, 3)
+READABLE = (1, 2, 3, 4)
 """Versions that ``Pairs`` reads."""
 
 HEAD = "corpus.json"
@@ -129,7 +131,10 @@ class Pairs:
 
     def signer(self, word: int) -> int:
         """The number of the signer of a word."""
-        return word * len(self.spaces) // len(self.head["words"])
+        firsts = self.head.get("first_words")
+        if firsts is None:  # as many words of each signer
+            return word * len(self.spaces) // len(self.head["words"])
+        return bisect.bisect_right(firsts, word) - 1
 
     def space(self, word: int) -> NumberSpace:
         """What the numbers of a word's frames are."""

@@ -13,7 +13,7 @@ from signsplice.body.collision import SkinPairs, pair_clearances, skin_pairs
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.roles import SIDES
 from signsplice.signer.collisions import TOUCH_CM
-from signsplice.signer.phonology import MIRRORED_HANDS, Sign
+from signsplice.signer.phonology import MIRRORED_HANDS
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import Signer
 from signsplice.signer.timing import Events
@@ -43,7 +43,7 @@ def seen_events(word: IsolatedWord) -> SeenEvents:
     events = word.events
     if isinstance(events, SeenEvents):
         return events
-    first, last = skin_clearances(word.clip, (events.start, events.end), touching_sides(word.sign, word.signer))
+    first, last = skin_clearances(word.clip, (events.start, events.end), touching_sides(word.sign.hands, word.signer))
     return SeenEvents(
         **vars(events),
         touches_first=bool(first <= TOUCH_CM),
@@ -58,9 +58,11 @@ def with_touches(word: IsolatedWord) -> IsolatedWord:
     return replace(word, events=seen_events(word))
 
 
-def touching_sides(sign: Sign, signer: Signer) -> tuple[str, ...]:
-    """The hands of a sign whose touches count, of ``SIDES``: the strong one, and both where they mirror one another."""
-    if sign.hands in MIRRORED_HANDS:
+def touching_sides(hands: str, signer: Signer) -> tuple[str, ...]:
+    """The hands whose touches count, of ``SIDES``: the strong one, and both where they mirror one another; ``hands``
+    says how a sign's hands work together.
+    """
+    if hands in MIRRORED_HANDS:
         return SIDES
     return ("left",) if signer.left_handed else ("right",)
 

@@ -30,6 +30,7 @@ from signsplice_workshop.corpora.touches import seen_events
 KINDS = {
     "partner": "where a word is left and entered depends on the other word too",
     "word": "each word has one frame where it is left and one where it is entered, whoever its partner is",
+    "events": "each word has frames of its own for its events, and the partner chooses the event (``readable``)",
 }
 """Kinds of ground truth."""
 
@@ -147,7 +148,7 @@ def by_partner(kind: str) -> bool:
     """Whether the cuts of a kind of truth depend on both words. Raises ``InputError`` for an unknown kind."""
     if kind not in KINDS:
         raise InputError(f"no truth {kind!r}, expected one of {', '.join(KINDS)}")
-    return kind == "partner"
+    return kind != "word"
 
 
 def splice(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> Splice:
@@ -301,16 +302,28 @@ def transition(before: FloatArray, after: FloatArray, p: IsolatedWord, pause_s: 
     n_frames = transition_frames(before[-1], after[0], p)
     for more in range(0, 11, 2):
         at = hesitating_times(n_frames + more, round(p.clip.fps * pause_s)) if pause_s else None
-        states = trajectory.reach(before, after, n_frames + more, p.signer, at)
-        if p.signer.manner != PLAIN:
-            states = thumbs.opened(states, ends=True)
-        for _ in range(2):  # elbows follow the hands
-            states = clear_collisions(join_elbows(states, before, after, p.signer), p.signer, ends=True)
-        states = join_elbows(states, before, after, p.signer)
-        fast = largest_elbow_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
-        if penetration(states, p.signer)[0].max() < TOO_DEEP_CM and not fast:
+        states, valid = transition_of(n_frames + more, before, after, p, at)
+        if valid:
             break
     return states
+
+
+def transition_of(
+    n_frames: int, before: FloatArray, after: FloatArray, p: IsolatedWord, at: FloatArray | None = None
+) -> tuple[FloatArray, bool]:
+    """The states (n, 65) of a transition of ``n_frames`` between two stretches of at least three frames, in ``p``'s
+    signer and rate, and whether they are valid: no hand passes through the body, and no elbow is too fast.
+
+    at: where the frames lie on the reach, 0 to 1; evenly if None
+    """
+    states = trajectory.reach(before, after, n_frames, p.signer, at)
+    if p.signer.manner != PLAIN:
+        states = thumbs.opened(states, ends=True)
+    for _ in range(2):  # elbows follow the hands
+        states = clear_collisions(join_elbows(states, before, after, p.signer), p.signer, ends=True)
+    states = join_elbows(states, before, after, p.signer)
+    fast = largest_elbow_step(states, before, after, p.signer) * p.clip.fps > MOST_ELBOW_CM_S
+    return states, bool(penetration(states, p.signer)[0].max() < TOO_DEEP_CM and not fast)
 
 
 def transition_frames(start: FloatArray, end: FloatArray, p: IsolatedWord) -> int:

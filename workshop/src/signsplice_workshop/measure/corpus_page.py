@@ -174,7 +174,7 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
 
     Arguments, result and errors as of ``measured``; raises ``InputError`` for a page without the marks too.
     """
-    pairs.check_synthetic()
+    _check_measurable(pairs)
     text = read_bytes(page).decode("utf-8")
     if BEGIN not in text or END not in text:
         raise InputError(f"{page}: has no lines {BEGIN} and {END}, expected both; the tables go between them")
@@ -253,6 +253,15 @@ def _cells(lines: Sequence[str]) -> list[tuple[str, int, str, str, str]]:
     ]
 
 
+def _check_measurable(pairs: Pairs) -> None:
+    """Raise ``InputError`` for a corpus of clips that no synthetic signer made, and for a truth made to be read."""
+    pairs.check_synthetic()
+    if pairs.truth_kind == "events":
+        raise InputError(
+            f"{pairs.folder}: its truth is of kind events, expected partner or word: it was made to be read"
+        )
+
+
 def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Bars) -> list[str]:
     """What is measured of a corpus, as lines of Markdown; the first names the corpus.
 
@@ -260,7 +269,7 @@ def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progre
     corpus's. progress: makes a progress bar by name. Raises ``InputError`` for a corpus of other clips than the
     synthetic signers', ``MissingExtraError`` where pictures are wanted without matplotlib or Pillow.
     """
-    pairs.check_synthetic()
+    _check_measurable(pairs)
     if images is not None:
         corpus_pictures.check_matplotlib()
     signs = known_signs(pairs)

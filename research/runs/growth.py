@@ -1,0 +1,174 @@
+"""How positions of unseen words and signers grow with the words and bodies that are taught.
+
+    python research/runs/growth.py JUDGED TAUGHT OUT.csv [--cell 60x10020] [--steps 10000]
+
+Trains LpTransformer's SPSN (equal treatment) and LPT+'s, word by word, for each cell of words and bodies that OUT
+lacks, and scores them on the four tests of the judged corpus. A cell that was interrupted is trained again.
+"""
+
+import argparse
+import csv
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.utils.rnn import pad_sequence
+
+from signsplice.signer.signer import stream
+from signsplice_paper.train.losses import token_loss
+from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
+from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig, position_loss
+from signsplice_paper.train.tasks import positions
+from signsplice_paper.train.words_data import WordsData
+from signsplice_workshop.corpora.pairs import Pairs
+
+CELLS = ((1, 100), (1, 167), (20, 1000), (60, 1020), (20, 3340), (60, 10020))
+"""Bodies and words. The first are the known words of the judged corpus; the rest pseudo-signs, other ones by each
+body."""
+RATE, WARM_UP, WEIGHT_DECAY = 3e-3, 0.05, 1e-2
+PAIRS_A_STEP, WORDS_A_STEP = 16, 24
+WORD_STEPS = 0.6
+"""Steps of the word-wise network for one of SPSN: equal processor time on the machine that this was run on."""
+COLUMNS = ("corpus", "taught", "system", "bodies", "words", "steps", "minutes", "test", "pairs")
+SCORES = ("pre", "post", "exact", "within one")
+
+
+def words_of(judged: Pairs, taught: Pairs, bodies: int, words: int) -> WordsData:
+    """The words of a cell."""
+    if words == 100:
+        held_back = [k for part in ("valid", "test") for k in judged.split("random", part)]
+        known = [k for k, row in enumerate(judged.head["words"]) if judged.signer(k) == 0 and row["known"]]
+        return WordsData(judged, [known], frozenset((p, q) for p, q in judged.index[held_back, :2].tolist()))
+    by_signer: list[list[int]] = [[] for _ in taught.signers]
+    for word in range(len(taught.head["words"])):
+        by_signer[taught.signer(word)].append(word)
+    return WordsData(taught, [row[: words // bodies] for row in by_signer[:bodies]])
+
+
+def pair_batch(data: WordsData, step: int, seed: int) -> tuple[Tensor, ...]:
+    """x, n_before, mask, pre and post of ``PAIRS_A_STEP`` pairs, as SPSN reads them."""
+    xs, before, cuts = [], [], []
+    rng = stream("pairs", seed, step)
+    while len(xs) < PAIRS_A_STEP:
+        p, q = (data.pick(int(rng.integers(2**40)), 2, seed) * 2)[:2]
+        if rng.random() < 0.01:
+            q = p
+        if (p, q) in data.held_back:
+            continue
+        one = data.batch([p, q])
+        xs.append(torch.cat([data.words[p], data.words[q]]))
+        before.append(len(data.words[p]))
+        cuts.append(one.cuts[0, 1])
+    pre, post = torch.stack(cuts).unbind(-1)
+    n_before = torch.tensor(before)
+    mask = pad_sequence([torch.ones(len(x), dtype=torch.bool) for x in xs], batch_first=True)
+    return pad_sequence(xs, batch_first=True), n_before, mask, pre, post + n_before
+
+
+def train(network: nn.Module, loss_of: object, steps: int) -> float:
+    """Train by AdamW with a rate that rises and falls along half a cosine; processor minutes."""
+    optimiser = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
+    start = time.process_time()
+    network.train()
+    for step in range(steps):
+        done = step / steps
+        rate = RATE * min(1.0, (done + 1e-3) / WARM_UP) * 0.5 * (1.0 + math.cos(math.pi * done))
+        for group in optimiser.param_groups:
+            group["lr"] = rate
+        loss = loss_of(step)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimiser.step()
+        if step % 500 == 499:
+            print(
+                f"  step {step + 1}: loss {loss.item():.3f}, {(time.process_time() - start) / 60:.1f} min", flush=True
+            )
+    return (time.process_time() - start) / 60.0
+
+
+@torch.no_grad()
+def guess(network: nn.Module, pairs: Pairs, numbers: list[int]) -> np.ndarray:
+    """Pre and post (P, 2) of pairs, each a frame of its word."""
+    network.eval()
+    rows = []
+    for chunk in (numbers[k : k + 64] for k in range(0, len(numbers), 64)):
+        index = pairs.index[chunk, :2].tolist()
+        words = {w: torch.from_numpy(np.array(pairs.word(w), np.float32)) for w in {w for row in index for w in row}}
+        if isinstance(network, WordSpsn):
+            order = list(words)
+            mask = pad_sequence([torch.ones(len(words[w]), dtype=torch.bool) for w in order], batch_first=True)
+            leave, enter = network(pad_sequence([words[w] for w in order], batch_first=True), mask)
+            p, q = ([order.index(row[k]) for row in index] for k in (0, 1))
+            rows.append(torch.stack([leave[p, q].argmax(-1), enter[p, q].argmax(-1)], dim=1))
+            continue
+        xs = [torch.cat([words[p], words[q]]) for p, q in index]
+        mask = pad_sequence([torch.ones(len(x), dtype=torch.bool) for x in xs], batch_first=True)
+        before = torch.tensor([len(words[p]) for p, _ in index])
+        frames, _ = positions(network(pad_sequence(xs, batch_first=True), before, mask), mask)
+        rows.append(frames - torch.stack([torch.zeros_like(before), before], dim=1))
+    return torch.cat(rows).numpy()
+
+
+def systems(data: WordsData, seed: int, steps: int) -> Iterator[tuple[str, nn.Module, object, int]]:
+    """Each system with its loss and its steps."""
+    torch.manual_seed(seed)
+    words = WordSpsn(WordSpsnConfig(), data.normaliser())
+
+    def word_loss(step: int) -> Tensor:
+        batch = data.batch(data.pick(step, WORDS_A_STEP, seed))
+        return position_loss(words(batch.x, batch.mask), batch.cuts, batch.taught)
+
+    yield "LPT+", words, word_loss, round(WORD_STEPS * steps)
+    torch.manual_seed(seed)
+    spsn = Spsn(SpsnConfig(64, "printed", steps=False, summary=False), data.normaliser())
+
+    def pair_loss(step: int) -> Tensor:
+        x, n_before, mask, pre, post = pair_batch(data, step, seed)
+        return token_loss(spsn(x, n_before, mask), pre, post, mask)
+
+    yield "LpTransformer", spsn, pair_loss, steps
+
+
+def main() -> None:
+    """Train and score the cells that are missing."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("judged"), parser.add_argument("taught"), parser.add_argument("out", type=Path)
+    parser.add_argument("--cell", help="bodies x words, such as 60x10020; all if left out")
+    parser.add_argument("--system", help="LPT+ or LpTransformer; both if left out")
+    parser.add_argument("--steps", type=int, default=10_000)
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    judged, taught = Pairs(given.judged), Pairs(given.taught)
+    for bodies, words in CELLS:
+        if given.cell not in (None, f"{bodies}x{words}"):
+            continue
+        rows = list(csv.DictReader(given.out.open(encoding="utf-8"))) if given.out.exists() else []
+        done = {(row["system"], row["bodies"], row["words"]) for row in rows}
+        data = words_of(judged, taught, bodies, words)
+        for name, network, loss_of, steps in systems(data, 0, given.steps):
+            if (name, str(bodies), str(words)) in done or given.system not in (None, name):
+                continue
+            print(f"{name}, {bodies} bodies, {words} words", flush=True)
+            minutes = train(network, loss_of, steps)
+            tests = {split: (judged, judged.split(split, "test")) for split in judged.head["splits"]}
+            tests["validation signers"] = (taught, taught.split("many", "valid"))
+            lines = []
+            for test, (pairs, numbers) in tests.items():
+                errors = np.abs(guess(network, pairs, numbers) - pairs.index[numbers, 2:4])
+                scores = ((errors[:, 0] == 0), (errors[:, 1] == 0), (errors == 0).all(1), (errors <= 1).all(1))
+                rates = [f"{score.mean():.3f}" for score in scores]
+                cell = (judged.head["hash"], taught.head["hash"], name, bodies, words, steps, f"{minutes:.1f}")
+                lines.append((*cell, test, len(numbers), *rates))
+                print("  ", *lines[-1][7:], flush=True)
+            new = not given.out.exists()
+            with given.out.open("a", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows(([(*COLUMNS, *SCORES)] if new else []) + lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,324 @@
+"""Makes corpora of pairs of version 4, whose truth can be read (``readable``).
+
+The corpus to judge on: all ordered pairs of the known words by one signer, and pairs of unseen words, of unseen
+signers, and of both. The corpus to teach on: pseudo-signs, different ones by each of many signers. A signer's words and
+pairs are one job and one file until the corpus is complete, so that an interrupted call continues.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from signsplice.errors import InputError
+from signsplice.formats.atomic import check_folder, put_file, replacing_folder, resumable_folder
+from signsplice.progress import Progress
+from signsplice.signer import pose
+from signsplice.signer.folders import lexicon_signer
+from signsplice.signer.phonology import Sign
+from signsplice.signer.planner import IsolatedWord
+from signsplice.signer.signer import Signer, draw_signer, stream
+from signsplice_workshop.corpora import pseudo, readable, truth
+from signsplice_workshop.corpora.motion_version import MOTION_VERSION
+from signsplice_workshop.corpora.pairs import EXTENT, FILES, HEAD, KINDS, scaled_positions
+from signsplice_workshop.corpora.pool import Pool, is_whole
+from signsplice_workshop.corpora.readable import Card
+from signsplice_workshop.corpora.touches import seen_events
+
+VERSION = 4
+TAKES = 4
+"""Takes of a word that are made until one can be read."""
+FIRST_SIGNER = 500
+"""Seed of the first unseen signer; signers to teach on follow from ``FIRST_TAUGHT``."""
+FIRST_TAUGHT = 600
+TAUGHT_MARGIN = 1.05
+"""``readable.STILL_MARGIN`` of words that are taught and never judged: more of them can be read."""
+VALID_SIGNERS = 4
+"""Signers of a corpus to teach on whose pairs are for validation, the last ones."""
+
+
+@dataclass(frozen=True)
+class JudgedCorpus:
+    """The corpus to judge on.
+
+    signs: candidates, of which those that can be read are taken, in an order drawn by seed
+    seed: of order, splits and the first signer (for seed 0 the standard signer)
+    n_known: words of which all pairs are made
+    n_unseen: words beside them
+    n_signers: unseen signers
+    n_pairs: pairs of unseen words; as many of unseen signers, and of both
+    """
+
+    signs: tuple[Sign, ...]
+    seed: int = 0
+    n_known: int = 100
+    n_unseen: int = 45
+    n_signers: int = 5
+    n_pairs: int = 1000
+
+
+@dataclass(frozen=True)
+class TaughtCorpus:
+    """The corpus to teach on: pseudo-signs of many signers.
+
+    n_signers: signers, the last ``VALID_SIGNERS`` for validation
+    n_words: words of each signer, different ones
+    n_pairs: pairs of each signer of which transitions are made
+    seed: of signs and signers
+    """
+
+    n_signers: int = 64
+    n_words: int = 167
+    n_pairs: int = 400
+    seed: int = 0
+
+
+Recipe = JudgedCorpus | TaughtCorpus
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One signer's words and pairs: candidates for words (signs, or seeds of pseudo-signs), how many are wanted, and
+    how pairs are chosen: for each range of words how many, None for all.
+    """
+
+    number: int
+    signer: Signer
+    candidates: tuple[Sign, ...] | tuple[int, ...]
+    n_words: int
+    takes: int
+    margin: float
+    known: tuple[str, ...]
+    n_pairs: tuple[int | None, int | None]
+    path: Path
+
+
+def hash_recipe(recipe: Recipe) -> str:
+    """Twelve hex digits that change with everything a corpus depends on."""
+    rules = {k: v for k, v in vars(readable).items() if k.isupper() and isinstance(v, int | float | tuple)}
+    stored = {"version": VERSION, "motion": MOTION_VERSION, "rules": rules, type(recipe).__name__: asdict(recipe)}
+    return hashlib.sha256(json.dumps(stored, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def write_readable(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:
+    """Make a corpus in ``folder`` and return the folder. Called again after an interruption, it continues.
+
+    Raises ``InputError`` where the folder holds something else or cannot be written, another call makes the same, or
+    too few of the signs can be read.
+    """
+    folder = Path(folder)
+    check_folder(folder, HEAD, lambda _: FILES)
+    target = folder.resolve()
+    part = target.with_name(f".{target.name}-{hash_recipe(recipe)}.part")
+    hint = f"finished signers stay in {part.name}, and the same call continues from there"
+    try:
+        with resumable_folder(part):
+            jobs = _jobs(recipe, part)
+            todo = [job for job in jobs if not is_whole(job.path)]
+            with Pool(processes) as run:
+                for done, _ in enumerate(run(_write_signer, todo), len(jobs) - len(todo) + 1):
+                    if progress is not None:
+                        progress(done, len(jobs))
+            with replacing_folder(folder, hint) as made:
+                _merge(recipe, jobs, made)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
+    return folder
+
+
+def _jobs(recipe: Recipe, part: Path) -> list[_Job]:
+    """The jobs of a recipe. The known and unseen words of a judged corpus are those that its first signer can be read
+    in, so that job is done first.
+    """
+    if isinstance(recipe, TaughtCorpus):
+        return [
+            _Job(
+                number=k,
+                signer=readable.careful(draw_signer(FIRST_TAUGHT + 1000 * recipe.seed + k)),
+                candidates=tuple(range((1000 * recipe.seed + k) * 100_000, (1000 * recipe.seed + k + 1) * 100_000)),
+                n_words=recipe.n_words,
+                takes=1,
+                margin=TAUGHT_MARGIN,
+                known=(),
+                n_pairs=(0, recipe.n_pairs),
+                path=part / f"signer-{k:04d}.npz",
+            )
+            for k in range(recipe.n_signers)
+        ]
+    order = stream("readable-words", recipe.seed).permutation(len(recipe.signs))
+    signs = tuple(recipe.signs[k] for k in order)
+    n_words = recipe.n_known + recipe.n_unseen
+    first = readable.careful(lexicon_signer(recipe.seed))
+    glosses = _readable_glosses(signs, first, n_words)
+    chosen = tuple(sign for sign in signs if sign.gloss in glosses)
+    known = tuple(glosses[: recipe.n_known])
+    share = recipe.n_pairs // max(recipe.n_signers, 1)
+    seeds = range(FIRST_SIGNER + 100 * recipe.seed, FIRST_SIGNER + 100 * recipe.seed + recipe.n_signers)
+    signers = [first, *(readable.careful(draw_signer(seed)) for seed in seeds)]
+    return [
+        _Job(
+            number=k,
+            signer=signer,
+            candidates=chosen,
+            n_words=n_words,
+            takes=TAKES,
+            margin=readable.STILL_MARGIN,
+            known=known,
+            n_pairs=(share, share) if k else (None, recipe.n_pairs),
+            path=part / f"signer-{k:04d}.npz",
+        )
+        for k, signer in enumerate(signers)
+    ]
+
+
+def _readable_glosses(signs: Sequence[Sign], signer: Signer, wanted: int) -> list[str]:
+    """The glosses of the first signs that can be read in the signer's motion. Raises ``InputError`` for too few."""
+    glosses = []
+    for sign in signs:
+        if _readable_word(sign, signer, TAKES, readable.STILL_MARGIN) is not None:
+            glosses.append(sign.gloss)
+        if len(glosses) == wanted:
+            return glosses
+    raise InputError(f"{len(glosses)} of {len(signs)} signs can be read, expected {wanted}; ask for fewer words")
+
+
+def _readable_word(sign: Sign, signer: Signer, takes: int, margin: float) -> tuple[IsolatedWord, Card] | None:
+    """The first take of a word that can be read, with its card."""
+    for take in range(takes):
+        word = readable.make_word(sign, signer, take, margin)
+        if word is not None:
+            return word
+    return None
+
+
+def _write_signer(job: _Job) -> None:
+    """Write a signer's words, cards and pairs."""
+    words: list[tuple[IsolatedWord, Card]] = []
+    for candidate in job.candidates:
+        sign = pseudo.sign(candidate) if isinstance(candidate, int) else candidate
+        word = _readable_word(sign, job.signer, job.takes, job.margin)
+        if word is not None:
+            words.append(word)
+        if len(words) == job.n_words:
+            break
+    known = np.array([word.sign.gloss in job.known for word, _ in words])
+    index, states = [], []
+    rng = stream("readable-pairs", job.signer.name)
+    for group, wanted in zip((np.flatnonzero(known), np.flatnonzero(~known)), job.n_pairs, strict=True):
+        pairs = [(int(p), int(q)) for p in group for q in group]
+        found = 0
+        for k in rng.permutation(len(pairs)) if wanted is not None else range(len(pairs)):
+            if wanted is not None and found >= wanted:
+                break
+            splice = _splice(words[pairs[k][0]], words[pairs[k][1]])
+            if splice is not None:
+                index.append((*pairs[k], splice.pre, splice.post, len(splice.states)))
+                states.append(splice.states)
+                found += 1
+    arrays = {f"word_{kind}": rows for kind, rows in _arrays([word.states for word, _ in words], job.signer).items()}
+    arrays |= {f"new_{kind}": rows for kind, rows in _arrays(states, job.signer).items()}
+    rows = [
+        {
+            "gloss": word.sign.gloss,
+            "signer": word.signer.name,
+            "frames": len(word),
+            "hands": word.sign.hands,
+            "known": bool(is_known),
+            "events": asdict(seen_events(word)),
+            "card": asdict(card),
+        }
+        for (word, card), is_known in zip(words, known, strict=True)
+    ]
+    temporary = job.path.with_name(f"_{job.path.name}")
+    np.savez(temporary, index=np.array(index, np.int32).reshape(-1, 5), rows=np.array(json.dumps(rows)), **arrays)  # type: ignore[arg-type]
+    put_file(temporary, job.path)
+
+
+def _splice(p: tuple[IsolatedWord, Card], q: tuple[IsolatedWord, Card]) -> truth.Splice | None:
+    """The truth of a pair; None where its length lies within the margin or its transition is not valid."""
+    pre, post = readable.leave(p[1], q[1]), readable.enter(p[1], q[1])
+    before, after = p[0].states[pre - 2 : pre + 1], q[0].states[post : post + 3]
+    n_frames = readable.transition_frames(before[-1], after[0], p[0].signer)
+    if n_frames is None:
+        return None
+    states, valid = truth.transition_of(n_frames, before, after, p[0])
+    return truth.Splice(pre, post, states) if valid else None
+
+
+def _arrays(states: Sequence[np.ndarray], signer: Signer) -> dict[str, np.ndarray]:
+    """Rotations, roots and numbers of many stretches of states, one after another."""
+    clip = pose.clip(np.concatenate(states), signer, readable.FPS)
+    arrays = (clip.local_rotations, clip.root_positions, scaled_positions(clip, signer.stature_cm))
+    return {kind: array.astype(np.float32) for kind, array in zip(KINDS, arrays, strict=True)}
+
+
+def _merge(recipe: Recipe, jobs: Sequence[_Job], made: Path) -> None:
+    """Write the corpus of all signers' files."""
+    rows: list[dict[str, Any]] = []
+    first_words, table = [], []
+    n_frames = n_new = 0
+    for job in jobs:
+        with np.load(job.path) as arrays:
+            index, words = arrays["index"], json.loads(str(arrays["rows"]))
+        first_words.append(len(rows))
+        for p, q, pre, post, count in index.tolist():
+            table.append((p + len(rows), q + len(rows), pre, post, n_new, count))
+            n_new += count
+        for word in words:
+            rows.append({**word, "first": n_frames})
+            n_frames += word["frames"]
+    np.save(made / "pairs.npy", np.array(table, np.int32))
+    for name in (f"{part}_{kind}" for part in ("word", "new") for kind in KINDS):
+        total = n_frames if name.startswith("word") else n_new
+        with (made / f"{name}.npy").open("wb") as out:
+            for number, job in enumerate(jobs):
+                with np.load(job.path) as arrays:
+                    array = arrays[name]
+                if number == 0:
+                    header = {"descr": np.lib.format.dtype_to_descr(array.dtype), "fortran_order": False}
+                    np.lib.format.write_array_header_1_0(out, {**header, "shape": (total, *array.shape[1:])})
+                out.write(array.tobytes())
+    head = {
+        "version": VERSION,
+        "motion": MOTION_VERSION,
+        "hash": hash_recipe(recipe),
+        "seed": recipe.seed,
+        "fps": readable.FPS,
+        "truth": "events",
+        "extent": EXTENT,
+        "signers": [asdict(job.signer) for job in jobs],
+        "first_words": first_words,
+        "words": rows,
+        "splits": _splits(recipe, rows, np.array(table), first_words),
+    }
+    (made / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
+
+
+def _splits(
+    recipe: Recipe, rows: Sequence[dict[str, Any]], table: np.ndarray, first_words: Sequence[int]
+) -> dict[str, dict[str, list[int]]]:
+    """Numbers of the pairs for training, validation and test. Of a corpus to teach on: one split, whose validation is
+    of other signers. Of one to judge on: pairs of known words, divided 80 : 10 : 10 by seed, and three tests beside.
+    """
+    signer = np.searchsorted(first_words, table[:, 0], side="right") - 1
+    if isinstance(recipe, TaughtCorpus):
+        last = recipe.n_signers - min(VALID_SIGNERS, recipe.n_signers - 1)
+        taught = {"train": np.flatnonzero(signer < last), "valid": np.flatnonzero(signer >= last)}
+        return {"many": {**{part: numbers.tolist() for part, numbers in taught.items()}, "test": []}}
+    known = np.array([row["known"] for row in rows])[table[:, 0]]
+    order = stream("splits", recipe.seed, recipe.n_known).permutation(np.flatnonzero((signer == 0) & known)).tolist()
+    a, b = round(0.8 * len(order)), round(0.9 * len(order))
+    taught_on = {"train": sorted(order[:a]), "valid": sorted(order[a:b])}
+    tests = {
+        "random": sorted(order[b:]),
+        "unseen-words": np.flatnonzero((signer == 0) & ~known).tolist(),
+        "unseen-signer": np.flatnonzero((signer > 0) & known).tolist(),
+        "unseen-both": np.flatnonzero((signer > 0) & ~known).tolist(),
+    }
+    return {name: {**taught_on, "test": numbers} for name, numbers in tests.items()}
