@@ -23,7 +23,7 @@ from signsplice_paper.train.losses import token_loss
 from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
 from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig, position_loss
 from signsplice_paper.train.tasks import positions
-from signsplice_paper.train.words_data import WordsData
+from signsplice_paper.train.words_data import WordsData, words_with_cards
 from signsplice_workshop.corpora.pairs import Pairs
 
 CELLS = ((1, 100), (1, 167), (20, 1000), (60, 1020), (20, 3340), (60, 10020))
@@ -31,7 +31,7 @@ CELLS = ((1, 100), (1, 167), (20, 1000), (60, 1020), (20, 3340), (60, 10020))
 body."""
 RATE, WARM_UP, WEIGHT_DECAY = 3e-3, 0.05, 1e-2
 PAIRS_A_STEP, WORDS_A_STEP = 16, 24
-WORD_STEPS = 0.6
+WORD_STEPS = 0.8
 """Steps of the word-wise network for one of SPSN: equal processor time on the machine that this was run on."""
 COLUMNS = ("corpus", "taught", "system", "bodies", "words", "steps", "minutes", "test", "pairs")
 SCORES = ("pre", "post", "exact", "within one")
@@ -42,11 +42,11 @@ def words_of(judged: Pairs, taught: Pairs, bodies: int, words: int) -> WordsData
     if words == 100:
         held_back = [k for part in ("valid", "test") for k in judged.split("random", part)]
         known = [k for k, row in enumerate(judged.head["words"]) if judged.signer(k) == 0 and row["known"]]
-        return WordsData(judged, [known], frozenset((p, q) for p, q in judged.index[held_back, :2].tolist()))
+        return words_with_cards(judged, [known], frozenset((p, q) for p, q in judged.index[held_back, :2].tolist()))
     by_signer: list[list[int]] = [[] for _ in taught.signers]
     for word in range(len(taught.head["words"])):
         by_signer[taught.signer(word)].append(word)
-    return WordsData(taught, [row[: words // bodies] for row in by_signer[:bodies]])
+    return words_with_cards(taught, [row[: words // bodies] for row in by_signer[:bodies]])
 
 
 def pair_batch(data: WordsData, step: int, seed: int) -> tuple[Tensor, ...]:
@@ -54,16 +54,13 @@ def pair_batch(data: WordsData, step: int, seed: int) -> tuple[Tensor, ...]:
     xs, before, cuts = [], [], []
     rng = stream("pairs", seed, step)
     while len(xs) < PAIRS_A_STEP:
-        p, q = (data.pick(int(rng.integers(2**40)), 2, seed) * 2)[:2]
-        if rng.random() < 0.01:
-            q = p
-        if (p, q) in data.held_back:
-            continue
-        one = data.batch([p, q])
-        xs.append(torch.cat([data.words[p], data.words[q]]))
-        before.append(len(data.words[p]))
-        cuts.append(one.cuts[0, 1])
-    pre, post = torch.stack(cuts).unbind(-1)
+        p, q = data.rows(int(rng.integers(2**40)), 2, seed).tolist()
+        cut = data.cut(p, q)
+        if cut is not None:
+            xs.append(torch.cat([data.words[p], data.words[q]]))
+            before.append(len(data.words[p]))
+            cuts.append(cut)
+    pre, post = torch.tensor(cuts).unbind(-1)
     n_before = torch.tensor(before)
     mask = pad_sequence([torch.ones(len(x), dtype=torch.bool) for x in xs], batch_first=True)
     return pad_sequence(xs, batch_first=True), n_before, mask, pre, post + n_before
@@ -99,13 +96,6 @@ def guess(network: nn.Module, pairs: Pairs, numbers: list[int]) -> np.ndarray:
     for chunk in (numbers[k : k + 64] for k in range(0, len(numbers), 64)):
         index = pairs.index[chunk, :2].tolist()
         words = {w: torch.from_numpy(np.array(pairs.word(w), np.float32)) for w in {w for row in index for w in row}}
-        if isinstance(network, WordSpsn):
-            order = list(words)
-            mask = pad_sequence([torch.ones(len(words[w]), dtype=torch.bool) for w in order], batch_first=True)
-            leave, enter = network(pad_sequence([words[w] for w in order], batch_first=True), mask)
-            p, q = ([order.index(row[k]) for row in index] for k in (0, 1))
-            rows.append(torch.stack([leave[p, q].argmax(-1), enter[p, q].argmax(-1)], dim=1))
-            continue
         xs = [torch.cat([words[p], words[q]]) for p, q in index]
         mask = pad_sequence([torch.ones(len(x), dtype=torch.bool) for x in xs], batch_first=True)
         before = torch.tensor([len(words[p]) for p, _ in index])
@@ -120,8 +110,8 @@ def systems(data: WordsData, seed: int, steps: int) -> Iterator[tuple[str, nn.Mo
     words = WordSpsn(WordSpsnConfig(), data.normaliser())
 
     def word_loss(step: int) -> Tensor:
-        batch = data.batch(data.pick(step, WORDS_A_STEP, seed))
-        return position_loss(words(batch.x, batch.mask), batch.cuts, batch.taught)
+        batch = data.batch(data.rows(step, WORDS_A_STEP, seed))
+        return position_loss(words.pair_scores(batch.x, batch.mask), batch.cuts, batch.taught)
 
     yield "LPT+", words, word_loss, round(WORD_STEPS * steps)
     torch.manual_seed(seed)

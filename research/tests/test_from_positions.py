@@ -6,7 +6,7 @@ from conftest import random_clip
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
-from signsplice_paper.systems.from_positions import rotations_from_positions
+from signsplice_paper.systems.from_positions import HandFit, rotations_from_positions
 
 
 def test_rotations_from_positions_reproduce_the_positions(words: dict[str, Clip]) -> None:
@@ -70,3 +70,29 @@ def test_joints_whose_positions_are_not_given_follow_the_poses_on_either_side() 
     made = Clip(skeleton, local, np.zeros((7, 3)), 30.0)
     assert np.allclose(kinematics.forward(made)[1][:, 2:], wanted[1:8, 2:], atol=1e-9)
     assert np.allclose(np.abs(np.sum(local[:, 1] * clip.local_rotations[0, 1], axis=-1)), 1.0)
+
+
+def test_fitted_hands_turn_no_finger_over_for_errors_of_centimetres(words: dict[str, Clip]) -> None:
+    """Errors as large as a finger's bone turn its direction anywhere; hands fitted to the word do not follow."""
+    clip = words["HELLO"]
+    joints = list(range(len(clip.skeleton)))
+    start, stop = 15, 27
+    true = clip.local_rotations[start:stop]
+    exact = kinematics.forward(clip)[1][start:stop]
+    noisy = exact + np.random.default_rng(0).normal(0.0, 2.0, exact.shape)
+    before, after = clip.local_rotations[start - 1], clip.local_rotations[stop]
+    fit = HandFit([clip], joints)
+
+    def turns(local: np.ndarray) -> np.ndarray:
+        joined = np.concatenate([before[None], local, after[None]])
+        return np.asarray(np.rad2deg(rotation.angle_between(joined[:-1], joined[1:])))
+
+    hands = [joint for joint, name in enumerate(clip.skeleton.names) if "Hand" in name]
+    raw = rotations_from_positions(clip.skeleton, noisy, before, after)
+    whole = fit.apply(raw, noisy, before, after)
+    assert turns(raw)[:, hands].max() > 60.0
+    assert turns(whole)[:, hands].max() < 40.0
+    others = [joint for joint in joints if joint not in hands]
+    assert np.allclose(np.abs((whole * raw).sum(-1))[:, others], 1.0)
+    known = fit.apply(rotations_from_positions(clip.skeleton, exact, before, after), exact, before, after)
+    assert np.rad2deg(rotation.angle_between(known, true))[:, hands].mean() < 8.0

@@ -50,6 +50,7 @@ NAMES = {
     "lpt-printed-wc": "LPT-WC",
     "lpt-printed-wac": "LPT-WAC",
     IMPROVED: "LPT+",
+    "lpt-words": "LPT+ word by word",
     "lpt-wa": "LPT+-WA",
     "lpt-wc": "LPT+-WC",
     "lpt-wac": "LPT+-WAC",

@@ -16,7 +16,7 @@ from signsplice_paper.train.networks.filling import Filler
 from signsplice_paper.train.networks.generator import Generator, generate
 from signsplice_paper.train.pairs_data import Batch
 from signsplice_paper.train.scales import SystemPart
-from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, positions
+from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, WordTask, positions
 from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.tasks import Task
 from system_toys import CONFIGS, data, toy
@@ -81,7 +81,7 @@ def torch_frames(made: Task, batch: Batch, parallel: bool) -> np.ndarray:
 
 def torch_positions(made: Task, batch: Batch) -> tuple[int | None, int | None]:
     with torch.no_grad():
-        if isinstance(made, TokenTask):
+        if isinstance(made, TokenTask | WordTask):
             logits = made.network(batch.x, batch.n_before, batch.mask)
         else:
             network = made.network

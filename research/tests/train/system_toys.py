@@ -17,8 +17,10 @@ from signsplice_paper.train.networks.mixture_density import MixtureConfig
 from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig
 from signsplice_paper.train.networks.spsn import SpsnConfig
 from signsplice_paper.train.networks.tfgn import TransformerConfig
+from signsplice_paper.train.networks.word_spsn import WordSpsnConfig
 from signsplice_paper.train.pairs_data import PairsData
 from signsplice_paper.train.scales import Config, SystemPart, task
+from signsplice_paper.train.words_data import words_of_split
 from signsplice_workshop.train.prefetch import Dataset
 from signsplice_workshop.train.tasks import Task
 from training_toys import corpus
@@ -35,6 +37,7 @@ CONFIGS: dict[str, tuple[Config, int | None]] = {
     "spsn-no-summary": (SpsnConfig(32, dropout=0.0, summary=False), None),
     "spsn-plain-loss": (SpsnConfig(32, dropout=0.0), None),
     "spsn-wa": (SpsnConfig(32, "none", 0.0), None),
+    "spsn-words": (WordSpsnConfig(24, 16, 0.0), None),
     "tfgn": (_T, FR),
     "tfgn-wc": (replace(_T, marks=True), None),
     "transformer": (replace(_T, tokens=True, steps=True), None),
@@ -68,7 +71,9 @@ def toy(name: str, seed: int = 0) -> Task:
 
 def part_toy(name: str) -> tuple[Task, Dataset, Dataset]:
     """A part's task with fresh weights, what it learns from, and what it is validated on."""
-    fr = CONFIGS[name][1]
+    config, fr = CONFIGS[name]
+    if isinstance(config, WordSpsnConfig):
+        return toy(name), words_of_split(corpus(), "random", "train"), words_of_split(corpus(), "random", "valid")
     return toy(name), data("train", fr), data("valid", fr)
 
 

@@ -21,11 +21,16 @@ from signsplice_paper.train.networks.layers import with_deltas  # noqa: E402
 from signsplice_paper.train.networks.spsn import POST, PRE, Spsn  # noqa: E402
 from signsplice_paper.train.pairs_data import Batch, splice_marks  # noqa: E402
 from signsplice_paper.train.tasks import MOST_FRAMES, decoder_input, own_frames, positions, token_bias  # noqa: E402
-from system_toys import CONFIGS, FR, GENERATORS, data, parents, toy  # noqa: E402
+from system_toys import CONFIGS, FR, GENERATORS, data, parents, part_toy, toy  # noqa: E402
 
 
 def batch(name: str, n: int = 4) -> Batch:
     return data("train", CONFIGS[name][1]).batch(range(n))
+
+
+def taught_batch(name: str, step: int = 0) -> Any:
+    """A batch of what a part learns from."""
+    return part_toy(name)[1].batch(range(4), step)
 
 
 def token_logits(network: Any, one: Batch) -> Tensor:
@@ -45,7 +50,7 @@ def test_every_weight_gets_a_gradient(name: str) -> None:
     made.network.train()
     for parameter in made.parameters():
         torch.nn.init.normal_(parameter, std=0.2)  # some start at zero, which stops gradients before them
-    loss = made(batch(name)) + made(data("train", CONFIGS[name][1]).batch(range(4), 1))
+    loss = made(taught_batch(name)) + made(taught_batch(name, 1))
     loss.backward()
     for label, parameter in made.named_parameters():
         if parameter.requires_grad:
@@ -182,14 +187,14 @@ def test_frames_of_one_pass_do_not_depend_on_later_frames(name: str) -> None:
 def test_every_network_can_overfit_one_batch(name: str) -> None:
     steps, rate = 120, 1e-2
     made = toy(name)
-    one = batch(name)
+    one = taught_batch(name)
     weights = [p for p in made.parameters() if p.requires_grad]
     optimiser = torch.optim.Adam(weights, lr=rate)
     first = float(made(one).detach())
     for step in range(steps):
         for group in optimiser.param_groups:
             group["lr"] = rate * (1.0 - step / steps)
-        loss = made(replace(one, step=step))
+        loss = made(replace(one, step=step) if isinstance(one, Batch) else one)
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(weights, 1.0)

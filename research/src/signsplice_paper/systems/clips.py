@@ -24,7 +24,7 @@ from signsplice.splicing.seam import Seam
 from signsplice.splicing.systems import WholeSystem, is_near
 from signsplice.splicing.word import AlignedWord
 from signsplice_paper.systems import open_bundle
-from signsplice_paper.systems.from_positions import rotations_from_positions
+from signsplice_paper.systems.from_positions import HandFit, rotations_from_positions
 from signsplice_paper.systems.splicers import PaperSystem, TwoNetworkSystem
 from signsplice_workshop.corpora.number_space import NumberSpace, space_of
 from signsplice_workshop.corpora.pairs import EXTENT
@@ -130,6 +130,7 @@ class ClipSplicer(Cutter, Transition, WholeSystem):
         joints, positions = space.indices(before.skeleton, before.name), space.positions(frames)  # (n, J, 3)
         first, last = before.local_rotations[-1], after.local_rotations[0]
         local = rotations_from_positions(before.skeleton, positions, first, last, joints)
+        local = HandFit([before, after], joints).apply(local, positions, first, last)
         alpha = (np.arange(1, len(frames) + 1) / (len(frames) + 1))[:, None]
         translations = None
         if before.translations is not None or after.translations is not None:

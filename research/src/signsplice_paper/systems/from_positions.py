@@ -1,4 +1,9 @@
-"""Joint positions back to rotations: what the paper's systems predict, on a skeleton."""
+"""Joint positions back to rotations: what the paper's systems predict, on a skeleton.
+
+Trunk and arms follow the directions of their bones. Bones of fingers are as short as a network's error, so that their
+directions turn by more than 60 degrees in one frame of nearly every splice. Hands are therefore fitted to the words
+themselves (``HandFit``), whose positions and rotations are both known.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,8 @@ from collections.abc import Container, Sequence
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import FloatArray, Skeleton, rotation
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
+from signsplice.rig.info import rig_info
 from signsplice_workshop.measure.hands import twist_angle
 
 
@@ -56,6 +62,77 @@ def rotations_from_positions(
                 )
         globals_.append(rotation.multiply(above, local[:, joint]))
     return rotation.continuous(local)
+
+
+NOISE = 0.5
+"""Deviation of an error of each position for which hands are fitted, over the distance from the wrist to the joints of
+the hand: a network's 3 to 5 cm. Chosen on validation pairs."""
+
+
+class HandFit:
+    """Linear maps from the positions of a hand's joints to its rotations, fitted to clips, of which both are known.
+
+    One gives the rotation of the hand from positions in the forearm's axes, one those of its fingers from positions in
+    the hand's own. They have the least error for positions with errors of a deviation of ``NOISE`` (ridge regression),
+    so that an error of a short bone turns no finger over. Quaternions are taken as four numbers each and normalised.
+
+    - joints: the joints whose positions are given, in their order
+    """
+
+    def __init__(self, clips: Sequence[Clip], joints: Sequence[int]) -> None:
+        self.skeleton, self.joints = clips[0].skeleton, {joint: k for k, joint in enumerate(joints)}
+        roles = rig_info(self.skeleton).roles.joints
+        local = np.concatenate([clip.local_rotations for clip in clips])
+        positions = np.concatenate([kinematics.forward(clip, joints)[1] for clip in clips])
+        self._maps: list[tuple[int, list[int], bool, _LinearMap]] = []
+        for hand in (roles[role] for role in ("leftHand", "rightHand") if role in roles):
+            below = [joint for joint in kinematics.subtree(self.skeleton, hand) if joint != hand]
+            if hand in self.joints and any(joint in self.joints for joint in below):
+                for turned, fingers in (([hand], False), (below, True)):
+                    seen = self._seen(hand, fingers, local, positions)
+                    self._maps.append((hand, turned, fingers, _LinearMap(seen, local[:, turned])))
+
+    def apply(self, local: FloatArray, positions: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+        """Rotations (T, J, 4) with the hands of this fit at ``positions`` (T, K, 3).
+
+        before, after: true rotations (J, 4) of the frames on either side. What the fit misses there is added to all
+        frames between, in proportion.
+        """
+        rows = np.concatenate([before[None], local, after[None]])
+        ends = kinematics.forward(Clip(self.skeleton, rows[[0, -1]], np.zeros((2, 3)), 30.0), list(self.joints))[1]
+        places = np.concatenate([ends[:1], positions, ends[1:]])
+        alpha = np.linspace(0.0, 1.0, len(rows))[:, None, None]
+        for hand, turned, fingers, rotations_at in self._maps:
+            made = rotations_at(self._seen(hand, fingers, rows, places))
+            missed = [rotation.log(rotation.multiply(rotation.inverse(made[k]), rows[k, turned])) for k in (0, -1)]
+            rows[:, turned] = rotation.multiply(made, rotation.exp((1.0 - alpha) * missed[0] + alpha * missed[1]))
+        return np.asarray(rotation.continuous(rows)[1:-1])
+
+    def _seen(self, hand: int, fingers: bool, local: FloatArray, positions: FloatArray) -> FloatArray:
+        """Positions (T, 3 K) of a hand's joints from the wrist, in the axes of the hand or else of the forearm."""
+        axes = kinematics.global_quats(self.skeleton, local)[:, hand if fingers else self.skeleton.parents[hand]]
+        below = [self.joints[joint] for joint in kinematics.subtree(self.skeleton, hand) if joint in self.joints]
+        ways = positions[:, below] - positions[:, [self.joints[hand]]]
+        return np.asarray(rotation.rotate(rotation.inverse(axes)[:, None], ways).reshape(len(ways), -1))
+
+
+class _LinearMap:
+    """Ridge regression of rotations (T, J, 4) on numbers (T, I), for errors of ``NOISE`` in the numbers."""
+
+    def __init__(self, seen: FloatArray, rotations: FloatArray) -> None:
+        self.reference = rotations[0]
+        values = rotations * np.where((rotations * self.reference).sum(-1, keepdims=True) < 0.0, -1.0, 1.0)
+        outputs = values.reshape(len(values), -1)
+        self.mean, self.offset = seen.mean(axis=0), outputs.mean(axis=0)
+        inputs = seen - self.mean
+        size = float(np.sqrt((seen**2).mean() * 3.0))
+        square = inputs.T @ inputs + (NOISE * size) ** 2 * len(seen) * np.eye(seen.shape[1])
+        self.weights = np.linalg.solve(square, inputs.T @ (outputs - self.offset))
+
+    def __call__(self, seen: FloatArray) -> FloatArray:
+        """Rotations (T, J, 4) for numbers (T, I)."""
+        values = ((seen - self.mean) @ self.weights + self.offset).reshape(len(seen), *self.reference.shape)
+        return np.asarray(values / np.linalg.norm(values, axis=-1, keepdims=True))
 
 
 def _bones(skeleton: Skeleton, local: FloatArray, joint: int, given: Container[int]) -> dict[int, FloatArray]:

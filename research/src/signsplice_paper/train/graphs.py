@@ -18,6 +18,7 @@ from signsplice.errors import SignspliceError
 from signsplice_paper.train.networks.filling import Filler
 from signsplice_paper.train.networks.generator import FRAME, START, Encoded, Generator
 from signsplice_paper.train.networks.spsn import Spsn
+from signsplice_paper.train.networks.word_spsn import WordSpsn
 from signsplice_paper.train.pairs_data import splice_marks
 from signsplice_workshop.train.export import ExportGraph, exported
 
@@ -28,7 +29,7 @@ def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
     Raises ``SignspliceError`` if onnxruntime and torch differ.
     """
     network = network.eval().cpu()
-    if isinstance(network, Spsn):
+    if isinstance(network, Spsn | WordSpsn):
         graphs = {"spsn": spsn_graph(network)}
     elif isinstance(network, Generator):
         graphs = _generator_graphs(network, fr)
@@ -48,8 +49,8 @@ def _frames(n_frames: int, network: Any) -> Tensor:
     return frames
 
 
-def spsn_graph(network: Spsn) -> ExportGraph:
-    """The graph of SPSN."""
+def spsn_graph(network: Spsn | WordSpsn) -> ExportGraph:
+    """The graph of SPSN, or of SPSN word by word."""
     inputs = [{"x": _frames(n, network), "n_before": torch.tensor([n // 2])} for n in (11, 24, 7)]
     return ExportGraph(_SpsnGraph(network), inputs[0], ("tokens",), {"x": (1,)}, tuple(inputs[1:]))
 
@@ -131,7 +132,7 @@ def _filler_graphs(network: Filler, fr: int) -> dict[str, ExportGraph]:
 
 
 class _SpsnGraph(nn.Module):
-    def __init__(self, network: Spsn) -> None:
+    def __init__(self, network: Spsn | WordSpsn) -> None:
         super().__init__()
         self.network = network
 

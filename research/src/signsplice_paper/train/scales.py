@@ -30,7 +30,8 @@ from signsplice_paper.train.networks.mixture_density import MixtureConfig, Mixtu
 from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig, SkeletalTransformer
 from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
 from signsplice_paper.train.networks.tfgn import Transformer, TransformerConfig
-from signsplice_paper.train.tasks import FillTask, FrameTask, MixtureTask, TokenTask
+from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig
+from signsplice_paper.train.tasks import FillTask, FrameTask, MixtureTask, TokenTask, WordTask
 from signsplice_workshop.train.tasks import Task
 
 FR = BEST_FR
@@ -38,6 +39,7 @@ FR = BEST_FR
 
 SYSTEMS: dict[str, tuple[str, ...]] = {
     "lpt": ("spsn", "tfgn"),
+    "lpt-words": ("spsn-words", "tfgn"),
     "lpt-wa": ("spsn-wa", "tfgn"),
     "lpt-wc": ("spsn", "tfgn-wc"),
     "lpt-wac": ("spsn-wa", "tfgn-wc"),
@@ -90,6 +92,7 @@ _SAME_SIZES = {
 
 Config = (
     SpsnConfig
+    | WordSpsnConfig
     | TransformerConfig
     | ConvS2SConfig
     | LstmConfig
@@ -143,6 +146,7 @@ def _config(name: str, scale: str, fr: int) -> Config:
     whole = replace(t, inner=t.inner // 2) if scale in ("small", "cpu") else t
     configs: dict[str, Config] = {
         "spsn": SpsnConfig(width, dropout=dropout),
+        "spsn-words": WordSpsnConfig(width, width, dropout),
         "spsn-wa": SpsnConfig(width, "none", dropout),
         "spsn-printed": SpsnConfig(width, "printed", dropout, steps=False, summary=False),
         "spsn-printed-wa": SpsnConfig(width, "none", dropout, steps=False, summary=False),
@@ -202,6 +206,7 @@ class _PartSchedule:
 _SPSN = _PartSchedule((60, 3500, 60_000), 32, 3e-3)
 _SCHEDULES = {
     "spsn": _SPSN,
+    "spsn-words": _PartSchedule((60, 8000, 60_000), 24, 3e-3),
     "spsn-wa": _SPSN,
     "spsn-printed": _SPSN,
     "spsn-printed-wa": _SPSN,
@@ -285,6 +290,8 @@ def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed:
     network = network_of(part.config, normaliser, parents)
     if isinstance(network, Spsn):
         return TokenTask(network, part.plain_loss)
+    if isinstance(network, WordSpsn):
+        return WordTask(network)
     if isinstance(network, Nat | Interpolation):
         return FillTask(network, normaliser)
     if isinstance(network, MixtureTransformer):
@@ -297,6 +304,8 @@ def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -
     """The network with these sizes."""
     if isinstance(config, SpsnConfig):
         return Spsn(config, normaliser)
+    if isinstance(config, WordSpsnConfig):
+        return WordSpsn(config, normaliser)
     if isinstance(config, MixtureConfig):
         return MixtureTransformer(config, normaliser)
     if isinstance(config, TransformerConfig):

@@ -27,7 +27,9 @@ from signsplice_paper.train.networks.generator import FRAME, HIDDEN, START, Enco
 from signsplice_paper.train.networks.layers import Normaliser
 from signsplice_paper.train.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
 from signsplice_paper.train.networks.spsn import NONE, POST, PRE, Spsn
+from signsplice_paper.train.networks.word_spsn import WordSpsn, position_loss
 from signsplice_paper.train.pairs_data import Batch, PairsData
+from signsplice_paper.train.words_data import WordBatch
 from signsplice_workshop.train.tasks import Task
 
 NOISE = 0.1
@@ -161,6 +163,28 @@ class TokenTask(Task):
     def judge(self, batch: Batch) -> dict[str, float]:
         """Fractions of right positions and of emitted tokens."""
         return _judge_positions(self.network(batch.x, batch.n_before, batch.mask), batch)
+
+
+class WordTask(Task):
+    """SPSN word by word, which predicts the splice positions of all pairs of some words."""
+
+    def __init__(self, network: WordSpsn) -> None:
+        super().__init__()
+        self.network: WordSpsn = network
+
+    def forward(self, batch: WordBatch) -> Tensor:
+        """The loss () of both positions."""
+        return position_loss(self.network.pair_scores(batch.x, batch.mask), batch.cuts, batch.taught)
+
+    def judge(self, batch: WordBatch) -> dict[str, float]:
+        """Fractions of right positions over the pairs that count; both are always found. Empty where none counts."""
+        if not bool(batch.taught.any()):
+            return {}
+        leave, enter = self.network.pair_scores(batch.x, batch.mask)
+        guesses = torch.stack([leave.argmax(-1), enter.argmax(-1)], dim=-1)
+        right = (guesses == batch.cuts)[batch.taught].float()  # (pairs, 2)
+        pre, post = right.mean(0).tolist()
+        return {"pre": pre, "post": post, "paa": right.amin(1).mean().item(), "pta": 1.0}
 
 
 class FrameTask(Task):

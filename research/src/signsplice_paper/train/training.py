@@ -21,10 +21,12 @@ from signsplice_paper.plan import SHARED_TRAINING
 from signsplice_paper.train import stopping
 from signsplice_paper.train.graphs import paper_graphs
 from signsplice_paper.train.networks.generator import Generator
+from signsplice_paper.train.networks.word_spsn import WordSpsnConfig
 from signsplice_paper.train.pairs_data import PairsData
 from signsplice_paper.train.scales import MOST_SGD_CPU_S, SGD_PATIENCE, UNBIASED, SystemPart, parts, task
 from signsplice_paper.train.stopping import PaperLoop, highest_rate
 from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
+from signsplice_paper.train.words_data import WordsData, words_of_split
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.train import checkpoint, records
 from signsplice_workshop.train.bundles import write_bundle
@@ -136,8 +138,7 @@ def trained(
     until: int | None = None,
 ) -> Task:
     """A part's trained task; ``until``: the step to stop at."""
-    data = PairsData(pairs, training.split, "train", part.fr)
-    valid = PairsData(pairs, training.split, "valid", part.fr)
+    data, valid = (_data(part, pairs, training.split, name) for name in ("train", "valid"))
     if not len(data):
         raise InputError(f"{pairs.folder}: no pair in {training.split} train; make a corpus of more words")
     by_sgd = training.optimiser == "sgd"
@@ -166,6 +167,13 @@ def trained(
     return made
 
 
+def _data(part: SystemPart, pairs: Pairs, split: str, name: str) -> PairsData | WordsData:
+    """What a part learns from: pairs, or words of which all pairs are taught at once."""
+    if isinstance(part.config, WordSpsnConfig):
+        return words_of_split(pairs, split, name)
+    return PairsData(pairs, split, name, part.fr)
+
+
 def _write(
     training: Training, pairs: Pairs, chosen: tuple[SystemPart, ...], tasks: list[Task], out: Path, folders: list[Path]
 ) -> None:
@@ -173,7 +181,7 @@ def _write(
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
         files |= _exported(part, made, folder)
     contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, folders)
-    if training.steps != 0 and training.system not in UNBIASED:
+    if training.steps != 0 and training.system not in UNBIASED and not isinstance(chosen[0].config, WordSpsnConfig):
         contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
     logged = {
         f"{part.name}.jsonl": read_bytes(folder / records.LOG_FILE)

@@ -1,15 +1,17 @@
-"""Words of a corpus whose truth can be read, to teach all pairs of the same signer from their cards alone.
+"""Words of a corpus of pairs, to teach all pairs of the same signer in one step.
 
-A batch depends only on seed and step, as in ``pairs_data``.
+A batch depends only on seed and step, as in ``pairs_data``. Of a corpus whose truth can be read, any pair of a signer's
+words has a cut, which follows from their cards; else the pairs of a split have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
@@ -19,10 +21,13 @@ from signsplice_paper.train.pairs_data import DEVIATION_FLOOR
 from signsplice_workshop.corpora import readable
 from signsplice_workshop.corpora.pairs import Pairs
 
+Cuts = Callable[[int, int], tuple[int, int] | None]
+"""Numbers of two words -> pre and post; None for a pair that is not taught."""
+
 
 @dataclass(frozen=True)
 class WordBatch:
-    """W words of one signer.
+    """W words.
 
     - x: numbers (W, T, K)
     - mask: False at padding (W, T)
@@ -35,41 +40,73 @@ class WordBatch:
     cuts: Tensor
     taught: Tensor
 
+    def to(self, device: torch.device) -> WordBatch:
+        """The same batch on a device."""
+        return WordBatch(*(getattr(self, field.name).to(device) for field in fields(self)))
+
 
 class WordsData:
-    """Words by signer, in memory.
+    """Words by signer, in memory. Rows count the words, one signer's after another's.
 
-    - signers: for each signer the numbers of its words
-    - held_back: pairs of words that no batch counts
+    - words: the numbers (T, K) of each row
     """
 
-    def __init__(
-        self, pairs: Pairs, signers: Sequence[Sequence[int]], held_back: frozenset[tuple[int, int]] = frozenset()
-    ) -> None:
-        self.signers = [list(words) for words in signers]
-        self.held_back = held_back
-        numbers = [word for words in self.signers for word in words]
-        self.words = {word: torch.from_numpy(np.array(pairs.word(word), np.float32)) for word in numbers}
-        self.cards = {word: readable.Card(**pairs.head["words"][word]["card"]) for word in numbers}
-        self._sizes = np.array([len(words) for words in self.signers], np.float64)
+    def __init__(self, pairs: Pairs, signers: Sequence[Sequence[int]], cuts: Cuts) -> None:
+        self.numbers = [word for words in signers for word in words]
+        self.words = [torch.from_numpy(np.array(pairs.word(word), np.float32)) for word in self.numbers]
+        self._cuts = cuts
+        self._sizes = np.array([len(words) for words in signers])
+
+    def __len__(self) -> int:
+        return len(self.numbers)
 
     def normaliser(self) -> Normaliser:
         """The mean and deviation of every number over all words."""
-        frames = torch.cat(list(self.words.values())).double()
+        frames = torch.cat(self.words).double()
         deviation = frames.std(0, unbiased=False).clamp(min=DEVIATION_FLOOR)
         return Normaliser(frames.mean(0).float(), deviation.float())
 
-    def pick(self, step: int, size: int, seed: int) -> list[int]:
-        """Numbers of ``size`` words of a signer, or of all that it has."""
+    def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
+        """Rows of ``size`` words of one signer, or of all that it has."""
         rng = stream("word-batches", seed, step)
-        words = self.signers[rng.choice(len(self.signers), p=self._sizes / self._sizes.sum())]
-        return [words[k] for k in rng.permutation(len(words))[:size]]
+        signer = rng.choice(len(self._sizes), p=self._sizes / self._sizes.sum())
+        rows = rng.permutation(self._sizes[signer])[:size] + self._sizes[:signer].sum()
+        return np.asarray(rows, np.int64)
 
-    def batch(self, numbers: Sequence[int]) -> WordBatch:
-        """The batch of these words, which are of one signer."""
-        words = [self.words[number] for number in numbers]
-        cards = [self.cards[number] for number in numbers]
-        cuts = [[(readable.leave(p, q), readable.enter(p, q)) for q in cards] for p in cards]
-        taught = [[(p, q) not in self.held_back for q in numbers] for p in numbers]
+    def cut(self, p: int, q: int) -> tuple[int, int] | None:
+        """Pre and post of the words in two rows; None for a pair that is not taught."""
+        return self._cuts(self.numbers[p], self.numbers[q])
+
+    def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> WordBatch:
+        """The batch of the words in these rows."""
+        words = [self.words[row] for row in rows]
+        cuts = [[self.cut(p, q) for q in rows] for p in rows]
         mask = pad_sequence([torch.ones(len(word), dtype=torch.bool) for word in words], batch_first=True)
-        return WordBatch(pad_sequence(words, batch_first=True), mask, torch.tensor(cuts), torch.tensor(taught))
+        return WordBatch(
+            x=pad_sequence(words, batch_first=True),
+            mask=mask,
+            cuts=torch.tensor([[cut or (0, 0) for cut in row] for row in cuts]),
+            taught=torch.tensor([[cut is not None for cut in row] for row in cuts]),
+        )
+
+
+def words_of_split(pairs: Pairs, split: str, part: str) -> WordsData:
+    """The words of a part of a split, with the cuts of its pairs."""
+    index = pairs.index[pairs.split(split, part)].tolist()
+    cuts = {(p, q): (pre, post) for p, q, pre, post, _, _ in index}
+    signers: dict[int, set[int]] = {}
+    for p, q in cuts:
+        signers.setdefault(pairs.signer(p), set()).update((p, q))
+    return WordsData(pairs, [sorted(signers[k]) for k in sorted(signers)], lambda p, q: cuts.get((p, q)))
+
+
+def words_with_cards(
+    pairs: Pairs, signers: Sequence[Sequence[int]], held_back: frozenset[tuple[int, int]] = frozenset()
+) -> WordsData:
+    """Words of a corpus whose truth can be read, by signer: any two have a cut, but for the pairs ``held_back``."""
+    cards = {k: readable.Card(**pairs.head["words"][k]["card"]) for words in signers for k in words}
+
+    def cut(p: int, q: int) -> tuple[int, int] | None:
+        return None if (p, q) in held_back else (readable.leave(cards[p], cards[q]), readable.enter(cards[p], cards[q]))
+
+    return WordsData(pairs, signers, cut)

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice_paper.train.networks.layers import Normaliser
+from signsplice_paper.train.networks.recurrent import Lstm
 
 STEP = 5e-4
 """Step of a number from frame to frame, 1 mm on the standard body, from which on steps are read as logarithms: hands at
@@ -40,15 +41,32 @@ class WordSpsnConfig:
     dropout: float = 0.1
 
 
+class BothWays(nn.Module):
+    """An LSTM layer over each word forwards, and one backwards from its last frame."""
+
+    def __init__(self, n_inputs: int, width: int) -> None:
+        super().__init__()
+        self.forwards, self.backwards = Lstm(n_inputs, width), Lstm(n_inputs, width)
+
+    def forward(self, x: Tensor, turned: Tensor) -> Tensor:
+        """States (W, T, 2 D) of inputs (W, T, I). turned: the frames (W, T) of each word from the last one on."""
+        back = self.backwards(_gather(x, turned))[0]
+        return torch.cat([self.forwards(x)[0], _gather(back, turned)], dim=-1)
+
+
+def _gather(x: Tensor, frames: Tensor) -> Tensor:
+    return x.gather(1, frames[..., None].expand(-1, -1, x.shape[-1]))
+
+
 class WordSpsn(nn.Module):
-    """The network; ``read`` depends on one word, ``score`` on two."""
+    """The network: ``read`` depends on one word, ``pair_scores`` on all pairs of some; ``forward`` is as SPSN's."""
 
     def __init__(self, config: WordSpsnConfig, normaliser: Normaliser) -> None:
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width, n_numbers = config.width, normaliser.n_numbers
         self.embedding = nn.Linear(2 * n_numbers + n_numbers // 3, width)
-        self.encoder = nn.LSTM(width, width, num_layers=2, batch_first=True, bidirectional=True, dropout=config.dropout)
+        self.layers = nn.ModuleList([BothWays(width, width), BothWays(2 * width, width)])
         self.dropout = nn.Dropout(config.dropout)
         self.look = nn.Linear(2 * width, LOOKS)
         self.summary = nn.Sequential(
@@ -68,17 +86,16 @@ class WordSpsn(nn.Module):
 
     def read(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Keys (W, T, 2 S) and usual scores (W, T, 2) of frames, and summaries (W, 2 S), of words (W, T, K)."""
-        lengths = mask.sum(1)
-        packed = nn.utils.rnn.pack_padded_sequence(
-            self.embedding(self.features(x)), lengths.cpu(), batch_first=True, enforce_sorted=False
-        )
-        states, _ = nn.utils.rnn.pad_packed_sequence(self.encoder(packed)[0], batch_first=True, total_length=x.shape[1])
-        states = self.dropout(states)  # (W, T, 2 D)
+        at = torch.arange(x.shape[1], device=x.device)
+        turned = (mask.sum(1, keepdim=True) - 1 - at).clamp(min=0)  # (W, T)
+        states = self.embedding(self.features(x))
+        for layer in self.layers:
+            states = self.dropout(layer(states, turned))  # (W, T, 2 D)
         weights = self.look(states).masked_fill(~mask[..., None], _MASKED).softmax(1)
         summary = self.summary(torch.einsum("wtd,wtl->wld", states, weights).flatten(1))
         return self.keys(states), self.usual(states), summary
 
-    def forward(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    def pair_scores(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
         """Scores (W, W, T) of the frames of each word (first axis) before each partner, and (W, W, T) of the frames of
         each word (second axis) after each partner. mask (W, T): False at padding, which follows each word.
         """
@@ -87,6 +104,28 @@ class WordSpsn(nn.Module):
         leave = usual[:, None, :, 0] + torch.einsum("pts,qs->pqt", keys[..., :size], summary[:, :size])
         enter = usual[None, :, :, 1] + torch.einsum("qts,ps->pqt", keys[..., size:], summary[:, size:])
         return leave.masked_fill(~mask[:, None], _MASKED), enter.masked_fill(~mask[None], _MASKED)
+
+    def forward(self, x: Tensor, n_before: Tensor, mask: Tensor | None = None) -> Tensor:
+        """Logits (B, S, 3) of the frames X (B, S, K), as SPSN gives them: the highest score of each word is 1, "none"
+        is 0, so that both tokens are emitted.
+
+        n_before (B,): N. mask (B, S): False at padding, which follows X.
+        """
+        at = torch.arange(x.shape[1], device=x.device)[None]
+        real = torch.ones_like(x[..., 0], dtype=torch.bool) if mask is None else mask
+        n, n_after = n_before[:, None], real.sum(1, keepdim=True) - n_before[:, None]
+        is_before, is_after = at < n, (at >= n) & real
+        shifted = (at + n).clamp(max=x.shape[1] - 1)
+        p, q = self.read(x, is_before), self.read(_gather(x, shifted), at < n_after)
+        size = self.config.summary
+        leave = p[1][..., 0] + (p[0][..., :size] * q[2][:, None, :size]).sum(-1)  # (B, S)
+        enter = q[1][..., 1] + (q[0][..., size:] * p[2][:, None, size:]).sum(-1)
+        enter = enter.gather(1, (at - n).clamp(min=0))
+        logits = [torch.zeros_like(leave)]
+        for scores, own in ((leave, is_before), (enter, is_after)):
+            scores = scores.masked_fill(~own, _MASKED)
+            logits.append((scores - scores.amax(1, keepdim=True) + 1.0).clamp(min=_MASKED))
+        return torch.stack(logits, dim=-1)
 
 
 def position_loss(scores: tuple[Tensor, Tensor], cuts: Tensor, taught: Tensor) -> Tensor:
