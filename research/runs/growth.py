@@ -10,7 +10,7 @@ import argparse
 import csv
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,8 @@ from torch import Tensor, nn
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.signer.signer import stream
+from signsplice_paper.figures import plotting
+from signsplice_paper.style import plot_options
 from signsplice_paper.train.losses import token_loss
 from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
 from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig, position_loss
@@ -26,7 +28,8 @@ from signsplice_paper.train.tasks import positions
 from signsplice_paper.train.words_data import WordsData, words_with_cards
 from signsplice_workshop.corpora.pairs import Pairs
 
-CELLS = ((1, 100), (1, 167), (20, 1000), (60, 1020), (20, 3340), (60, 10020))
+KNOWN = 100
+CELLS = ((1, KNOWN), (1, 167), (20, 1000), (60, 1020), (20, 3340), (60, 10020))
 """Bodies and words. The first are the known words of the judged corpus; the rest pseudo-signs, other ones by each
 body."""
 RATE, WARM_UP, WEIGHT_DECAY = 3e-3, 0.05, 1e-2
@@ -39,7 +42,7 @@ SCORES = ("pre", "post", "exact", "within one")
 
 def words_of(judged: Pairs, taught: Pairs, bodies: int, words: int) -> WordsData:
     """The words of a cell."""
-    if words == 100:
+    if words == KNOWN:
         held_back = [k for part in ("valid", "test") for k in judged.split("random", part)]
         known = [k for k, row in enumerate(judged.head["words"]) if judged.signer(k) == 0 and row["known"]]
         return words_with_cards(judged, [known], frozenset((p, q) for p, q in judged.index[held_back, :2].tolist()))
@@ -51,7 +54,9 @@ def words_of(judged: Pairs, taught: Pairs, bodies: int, words: int) -> WordsData
 
 def pair_batch(data: WordsData, step: int, seed: int) -> tuple[Tensor, ...]:
     """x, n_before, mask, pre and post of ``PAIRS_A_STEP`` pairs, as SPSN reads them."""
-    xs, before, cuts = [], [], []
+    xs: list[Tensor] = []
+    before: list[int] = []
+    cuts: list[tuple[int, int]] = []
     rng = stream("pairs", seed, step)
     while len(xs) < PAIRS_A_STEP:
         p, q = data.rows(int(rng.integers(2**40)), 2, seed).tolist()
@@ -66,7 +71,7 @@ def pair_batch(data: WordsData, step: int, seed: int) -> tuple[Tensor, ...]:
     return pad_sequence(xs, batch_first=True), n_before, mask, pre, post + n_before
 
 
-def train(network: nn.Module, loss_of: object, steps: int) -> float:
+def train(network: nn.Module, loss_of: Callable[[int], Tensor], steps: int) -> float:
     """Train by AdamW with a rate that rises and falls along half a cosine; processor minutes."""
     optimiser = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
     start = time.process_time()
@@ -104,7 +109,7 @@ def guess(network: nn.Module, pairs: Pairs, numbers: list[int]) -> np.ndarray:
     return torch.cat(rows).numpy()
 
 
-def systems(data: WordsData, seed: int, steps: int) -> Iterator[tuple[str, nn.Module, object, int]]:
+def systems(data: WordsData, seed: int, steps: int) -> Iterator[tuple[str, nn.Module, Callable[[int], Tensor], int]]:
     """Each system with its loss and its steps."""
     torch.manual_seed(seed)
     words = WordSpsn(WordSpsnConfig(), data.normaliser())
@@ -124,8 +129,40 @@ def systems(data: WordsData, seed: int, steps: int) -> Iterator[tuple[str, nn.Mo
     yield "LpTransformer", spsn, pair_loss, steps
 
 
+TESTS = {
+    "random": "unseen pairs of the 100 known words",
+    "unseen-words": "unseen words",
+    "unseen-signer": "known words, unseen signers",
+    "unseen-both": "unseen words, unseen signers",
+}
+STYLES = {"LPT+": "lpt", "LpTransformer": "lpt-printed"}
+
+
+def draw(rows: list[dict[str, str]], out: Path) -> None:
+    """Write the figure as PNG and SVG: exact positions, and dashed those within one frame."""
+    pyplot = plotting()
+    figure, axes = pyplot.subplots(1, len(TESTS), figsize=(13.0, 3.6), sharey=True, layout="constrained")
+    cells = dict.fromkeys((row["bodies"], row["words"]) for row in rows)
+    ticks = {cell: k for k, cell in enumerate(cells)}
+    for axis, (test, title) in zip(axes, TESTS.items(), strict=True):
+        for system, of in STYLES.items():
+            mine = [row for row in rows if (row["system"], row["test"]) == (system, test)]
+            at = [ticks[row["bodies"], row["words"]] for row in mine]
+            axis.plot(at, [float(row["exact"]) for row in mine], label=system, **plot_options(of))
+            near = {**plot_options(of), "ls": ":", "mfc": "white"}
+            axis.plot(at, [float(row["within one"]) for row in mine], label=f"{system}, within a frame", **near)
+        axis.set(title=title, ylim=(0.0, 1.03))
+        axis.set_xticks(list(ticks.values()), [f"{int(words):,}\n{bodies}" for bodies, words in ticks], fontsize=8)
+        axis.set_xlabel("words taught, by so many bodies")
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("pairs with both positions")
+    axes[0].legend(fontsize=7)
+    for suffix in (".png", ".svg"):
+        figure.savefig(out.with_suffix(suffix), dpi=110)
+
+
 def main() -> None:
-    """Train and score the cells that are missing."""
+    """Train and score the cells that are missing, and draw the figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("judged"), parser.add_argument("taught"), parser.add_argument("out", type=Path)
     parser.add_argument("--cell", help="bodies x words, such as 60x10020; all if left out")
@@ -145,19 +182,23 @@ def main() -> None:
                 continue
             print(f"{name}, {bodies} bodies, {words} words", flush=True)
             minutes = train(network, loss_of, steps)
-            tests = {split: (judged, judged.split(split, "test")) for split in judged.head["splits"]}
-            tests["validation signers"] = (taught, taught.split("many", "valid"))
             lines = []
-            for test, (pairs, numbers) in tests.items():
-                errors = np.abs(guess(network, pairs, numbers) - pairs.index[numbers, 2:4])
+            for test in judged.head["splits"]:
+                numbers = judged.split(test, "test")
+                errors = np.abs(guess(network, judged, numbers) - judged.index[numbers, 2:4])
                 scores = ((errors[:, 0] == 0), (errors[:, 1] == 0), (errors == 0).all(1), (errors <= 1).all(1))
                 rates = [f"{score.mean():.3f}" for score in scores]
-                cell = (judged.head["hash"], taught.head["hash"], name, bodies, words, steps, f"{minutes:.1f}")
+                learned = judged if words == KNOWN else taught
+                cell = (judged.head["hash"], learned.head["hash"], name, bodies, words, steps, f"{minutes:.1f}")
                 lines.append((*cell, test, len(numbers), *rates))
                 print("  ", *lines[-1][7:], flush=True)
             new = not given.out.exists()
             with given.out.open("a", encoding="utf-8", newline="") as file:
                 csv.writer(file, lineterminator="\n").writerows(([(*COLUMNS, *SCORES)] if new else []) + lines)
+    if given.out.exists():
+        order = {(str(bodies), str(words)): k for k, (bodies, words) in enumerate(CELLS)}
+        rows = list(csv.DictReader(given.out.open(encoding="utf-8")))
+        draw(sorted(rows, key=lambda row: order[row["bodies"], row["words"]]), given.out)
 
 
 if __name__ == "__main__":

@@ -54,7 +54,9 @@ class ClipSplicer(Cutter, Transition, WholeSystem):
         found = self.system.predict(self._numbers(before.clip), self._numbers(after.clip))
         if found.pre is None or found.post is None or not len(found.frames):
             return self.filled_seam(before, after, found.pre, found.post)
-        made = self._clip(found.frames, before.clip[: found.pre + 1], after.clip[found.post :])
+        made = clip_of_numbers(
+            self._space(before.clip), found.frames, before.clip[: found.pre + 1], after.clip[found.post :]
+        )
         endless = len(made) == self.system.most_frames and self.system.frames_by == "generator"
         line = f"{self.name} stopped after {len(made)} frames, the most that it makes: it gave no sign of an end"
         return self.filled_seam(before, after, found.pre, found.post, made, (line,) if endless else ())
@@ -93,7 +95,7 @@ class ClipSplicer(Cutter, Transition, WholeSystem):
             raise InputError(f"{self.name} makes frames only from two whole words; choose another transition")
         p, q = self._numbers(before), self._numbers(after)
         made = self.system.fill(p, q, len(p) - 1, 0)
-        return self._clip(_resampled(p[-1], made, q[0], n_frames), before, after)
+        return clip_of_numbers(self._space(before), _resampled(p[-1], made, q[0], n_frames), before, after)
 
     def _space(self, clip: Clip) -> NumberSpace:
         """The system's joints and cube, in the clip's unit."""
@@ -122,32 +124,32 @@ class ClipSplicer(Cutter, Transition, WholeSystem):
                 "IN OUT --onto WORD.bvh`"
             ) from error
 
-    def _clip(self, frames: FloatArray, before: Clip, after: Clip) -> Clip:
-        """The clip on the words' skeleton of frames (n, 3 J) between them; joints of which the system knows nothing
-        follow from the frames on either side.
-        """
-        space = self._space(before)
-        joints, positions = space.indices(before.skeleton, before.name), space.positions(frames)  # (n, J, 3)
-        first, last = before.local_rotations[-1], after.local_rotations[0]
-        local = rotations_from_positions(before.skeleton, positions, first, last, joints)
-        local = HandFit([before, after], joints).apply(local, positions, first, last)
-        alpha = (np.arange(1, len(frames) + 1) / (len(frames) + 1))[:, None]
-        translations = None
-        if before.translations is not None or after.translations is not None:
-            bones = bone_translations(before)[-1], bone_translations(after)[0]
-            translations = (1.0 - alpha[..., None]) * bones[0] + alpha[..., None] * bones[1]
-        made = Clip(
-            skeleton=before.skeleton,
-            local_rotations=rotation.continuous(np.concatenate([first[None], local]))[1:],
-            root_positions=(1.0 - alpha) * before.root_positions[-1] + alpha * after.root_positions[0],
-            fps=before.fps,
-            translations=translations,
-            channels=None if before.channels is None else before.channels.forgotten(len(frames)),
-        )
-        if joints[0] == 0:
-            return replace(made, root_positions=positions[:, 0])
-        shift = positions[:, 0] - kinematics.forward(made, [joints[0]])[1][:, 0]
-        return replace(made, root_positions=made.root_positions + shift)
+
+def clip_of_numbers(space: NumberSpace, frames: FloatArray, before: Clip, after: Clip) -> Clip:
+    """The clip on two clips' skeleton of frames (n, 3 J) between them: no bone changes its length, and hands are fitted
+    to both clips. Joints of which the numbers know nothing follow from the frames on either side.
+    """
+    joints, positions = space.indices(before.skeleton, before.name), space.positions(frames)  # (n, J, 3)
+    first, last = before.local_rotations[-1], after.local_rotations[0]
+    local = rotations_from_positions(before.skeleton, positions, first, last, joints)
+    local = HandFit([before, after], joints).apply(local, positions, first, last)
+    alpha = (np.arange(1, len(frames) + 1) / (len(frames) + 1))[:, None]
+    translations = None
+    if before.translations is not None or after.translations is not None:
+        bones = bone_translations(before)[-1], bone_translations(after)[0]
+        translations = (1.0 - alpha[..., None]) * bones[0] + alpha[..., None] * bones[1]
+    made = Clip(
+        skeleton=before.skeleton,
+        local_rotations=rotation.continuous(np.concatenate([first[None], local]))[1:],
+        root_positions=(1.0 - alpha) * before.root_positions[-1] + alpha * after.root_positions[0],
+        fps=before.fps,
+        translations=translations,
+        channels=None if before.channels is None else before.channels.forgotten(len(frames)),
+    )
+    if joints[0] == 0:
+        return replace(made, root_positions=positions[:, 0])
+    shift = positions[:, 0] - kinematics.forward(made, [joints[0]])[1][:, 0]
+    return replace(made, root_positions=made.root_positions + shift)
 
 
 def open_clip_splicer(folder: str | Path, decoding: str = "one-by-one") -> ClipSplicer:
