@@ -34,19 +34,21 @@ CONFIG: dict[str, Any] = {
     "scale": "smoke",
     "fps": 30.0,
     "fr": FR,
-    "runs": {"positions": "spsn", "frames": "filler", "concurrent": False, "n_fed": 159, "most_frames": 32},
+    "runs": {"positions": "spsn", "frames": "generator", "concurrent": False, "n_fed": 159, "most_frames": 32},
 }
 
 
+def inner(inputs: Mapping[str, Array]) -> dict[str, Array]:
+    """An encoder whose memory is the two inner culled frames."""
+    return {"memory_0": inputs["x"][:, FR - 1 : FR + 1]}
+
+
 def straight(inputs: Mapping[str, Array]) -> dict[str, Array]:
-    """Frames on the line between the two inner culled frames."""
-    x, n = inputs["x"][0], inputs["real"].shape[1]
-    alpha = np.arange(1, n + 1)[:, None] / (n + 1)
-    return {"made": ((1 - alpha) * x[FR - 1] + alpha * x[FR])[None]}
-
-
-def seven(inputs: Mapping[str, Array]) -> dict[str, Array]:
-    return {"numbers": np.eye(12)[None, 6]}
+    """A decoder of seven frames on the line between the two."""
+    start, end = inputs["memory_0"][0]
+    at = int(inputs["start"]) + 1 + np.arange(inputs["fed"].shape[1])
+    alpha = at[:, None] / 8
+    return {"made": ((1 - alpha) * start + alpha * end)[None], "last": np.where(at >= 7, 1.0, -1.0)[None]}
 
 
 def splicer(pre: int | None = 30, post: int | None = 20, kind: type = TwoNetworkSystem, **changes: Any) -> ClipSplicer:
@@ -55,8 +57,8 @@ def splicer(pre: int | None = 30, post: int | None = 20, kind: type = TwoNetwork
             "spsn": lambda inputs: tokens(
                 inputs["x"].shape[1], pre, None if post is None else int(inputs["n_before"][0]) + post
             ),
-            "length": seven,
-            "fill": straight,
+            "encoder": inner,
+            "decoder": straight,
         }
     )
     return ClipSplicer(fake_system(kind, graphs, **{**CONFIG, **changes}))

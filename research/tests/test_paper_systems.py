@@ -138,13 +138,9 @@ def test_one_network_gives_positions_and_frames() -> None:
     assert "tokens" not in graphs.seen[-1][1]
 
 
-def test_a_filler_makes_as_many_frames_as_it_predicts() -> None:
-    def fill(inputs: Mapping[str, Array]) -> dict[str, Array]:
-        return {"made": np.zeros((1, inputs["real"].shape[1], 159), np.float32)}
-
-    graphs = Fakes({"length": lambda _: {"numbers": np.array([[0.0, 0.0, 2.0]])}, "fill": fill})
-    system = fake_system(TwoNetworkSystem, graphs, runs={**RUNS, "frames": "filler"})
-    assert system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 3, 2).shape == (3, 159)
+def test_frames_are_made_at_positions_that_are_given() -> None:
+    system = fake_system(TwoNetworkSystem, Fakes({"encoder": encoder, "decoder": counting}))
+    assert system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 3, 2).shape == (4, 159)
     with pytest.raises(InputError, match="splice position 6, 2"):
         system.fill(np.zeros((6, 159)), np.zeros((6, 159)), 6, 2)
 
@@ -174,6 +170,9 @@ def test_invalid_bundles_and_decodings_are_refused(tmp_path: Path) -> None:
         open_bundle(tmp_path / "nowhere")
     with pytest.raises(InputError, match="decoding 'beam', expected one of one-by-one, without-cache, parallel"):
         open_bundle(tmp_path, "beam")
+    written(tmp_path, runs={**RUNS, "frames": "filler"})
+    with pytest.raises(InputError, match="lpt makes its frames by 'filler', expected 'generator'"):
+        open_bundle(tmp_path)
     written(tmp_path, runs={**RUNS, "concurrent": False})
     with pytest.raises(InputError, match="it has no parallel decoding"):
         open_bundle(tmp_path, "parallel")

@@ -30,7 +30,7 @@ from signsplice_paper.systems.clips import ClipSplicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
 from signsplice_workshop.corpora.number_space import NumberSpace, space_of
 from signsplice_workshop.train.bundles import write_bundle
-from test_paper_clips import AFTER, BEFORE, CONFIG, positions, splicer, straight
+from test_paper_clips import AFTER, BEFORE, CONFIG, inner, positions, splicer, straight
 from test_paper_systems import Fakes, counting, encoder, fake_system, tokens
 
 Array = NDArray[Any]
@@ -54,7 +54,7 @@ def by_words(cuts: Mapping[int, tuple[int | None, int | None]]) -> ClipSplicer:
         pre, post = cuts[n_before]
         return tokens(inputs["x"].shape[1], pre, None if post is None else n_before + post)
 
-    graphs = Fakes({"spsn": spsn, "length": lambda _: {"numbers": np.eye(12)[None, 6]}, "fill": straight})
+    graphs = Fakes({"spsn": spsn, "encoder": inner, "decoder": straight})
     return ClipSplicer(fake_system(TwoNetworkSystem, graphs, **CONFIG))
 
 
@@ -105,7 +105,7 @@ def test_a_system_of_one_network_chooses_everything() -> None:
         spread = np.linspace(0.0, 0.01, 159, dtype=np.float32)  # no two joints at one place
         return made | {"made": made["made"] * spread}
 
-    runs = {**CONFIG["runs"], "positions": "encoder", "frames": "generator"}
+    runs = {**CONFIG["runs"], "positions": "encoder"}
     graphs = Fakes({"encoder": encode, "decoder": decode})
     result = spliced([BEFORE, AFTER], ClipSplicer(fake_system(OneNetworkSystem, graphs, **{**CONFIG, "runs": runs})))
     assert [(s.pre_frame, s.post_frame, s.n_transition) for s in result.seams] == [(30, 20, 4)]

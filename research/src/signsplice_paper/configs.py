@@ -19,9 +19,9 @@ class RunConfig:
     """How the networks of a system are run.
 
     positions: the graph that finds the splice positions, "spsn" or "encoder".
-    frames: what makes the frames, "generator" or "filler".
+    frames: what makes the frames, "generator".
     concurrent: whether the generator can make all frames in one pass.
-    n_fed: numbers of a frame that the decoder is fed.
+    n_fed: numbers of a frame that the decoder is fed: all.
     most_frames: most frames that it makes.
     token_bias: added to the logits of both tokens.
     marked: whether the encoder is given the splice positions as marks on the whole X.

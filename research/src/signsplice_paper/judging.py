@@ -11,7 +11,6 @@ from typing import Any
 
 from signsplice.errors import InputError
 from signsplice_paper import (
-    assembled,
     baselines,
     bias,
     bundles,
@@ -162,24 +161,7 @@ class Judge:
                 given = "positions" if name == "true-positions" else "nothing"
                 row = ResultRow(f"{name}+ridge", "", FITTED, given=given, n_parameters=ridge.n_parameters)
                 rows += self._rows(row, "", baselines.RidgeAnswers(ridge, positions), [p], [])[0]
-            rows += self._assembled(ridge, p, configs)
         return Judgement(tuple(rows), (), ())
-
-    def _assembled(self, ridge: baselines.Ridge, p: Protocol, configs: Sequence[PaperConfig]) -> list[ResultRow]:
-        """Rows of this project's own system, where the trained systems that it needs are there."""
-        folders = {
-            str(config.system): config.path.parent
-            for config in configs
-            if config.system in assembled.SYSTEMS
-            and not config.seed
-            and config.fr in (None, published.BEST_FR)
-            and protocol.may_judge(config.stored, self.pairs, p)
-        }
-        if set(folders) != set(assembled.SYSTEMS):
-            return []
-        systems = {name: self.opener(folders[name], "one-by-one") for name in assembled.SYSTEMS}
-        row = ResultRow("assembled", "", FITTED, given="nothing")
-        return self._rows(row, "", assembled.AssembledAnswers(ridge, systems), [p], [])[0]
 
     def judge_bundle(self, config: PaperConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
         """Judge a bundle; a second time with all frames made in one pass, where its network can, and with a bias of

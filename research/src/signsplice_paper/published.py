@@ -79,7 +79,9 @@ IMPROVED_ABLATIONS = ("lpt-wa", "lpt-wc", "lpt-wac")
 TAKEN_AWAY = ("lpt-eq7", "lpt-frames", "lpt-no-summary", "lpt-plain-loss")
 """LPT+ with one addition taken away."""
 RELATED = ("progressive-transformer", "mixture-density", "skeletal-attention", "nat", "conv-interp", "cam-stitch")
-"""Systems of the paper's related work, behind the same positions."""
+"""Systems of the paper's related work, behind the same positions. These, ``IMPROVED_ABLATIONS`` and ``TAKEN_AWAY`` are
+known by their rows alone: nothing trains them.
+"""
 IN_ONE_PASS = {PRINTED: "lpt-printed-one-pass", IMPROVED: "lpt-one-pass", "transformer": "transformer-one-pass"}
 """Systems that are judged a second time, with all frames made in one pass."""
 

@@ -12,7 +12,6 @@ import torch
 
 from signsplice_paper.systems import DECODINGS, PaperSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.train import graphs, scales, training
-from signsplice_paper.train.networks.filling import Filler
 from signsplice_paper.train.networks.generator import Generator, generate
 from signsplice_paper.train.pairs_data import Batch
 from signsplice_paper.train.scales import SystemPart
@@ -71,9 +70,6 @@ def _randomise_heads(made: Task) -> None:
 def torch_frames(made: Task, batch: Batch, parallel: bool) -> np.ndarray:
     network = made.network
     with torch.no_grad():
-        if isinstance(network, Filler):
-            count = int(network.length(batch.x, batch.mask).argmax()) + 1
-            return np.asarray(network.fill(batch.x, batch.mask, torch.ones(1, count, dtype=torch.bool))[0])
         assert isinstance(network, Generator)
         encoded = network.encode(batch.x, batch.mask, batch.n_before, batch.marks)
         return np.asarray(generate(network, encoded, 1, MOST_FRAMES, parallel)[0])

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
 import torch
 
-from signsplice.signer.signer import STANDARD, skeleton
-from signsplice_paper.train.networks.cam_stitch import CamStitchConfig
 from signsplice_paper.train.networks.convs2s import ConvS2SConfig
-from signsplice_paper.train.networks.filling import InterpolationConfig, NatConfig
 from signsplice_paper.train.networks.lstm import LstmConfig
-from signsplice_paper.train.networks.mixture_density import MixtureConfig
-from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig
 from signsplice_paper.train.networks.spsn import SpsnConfig
 from signsplice_paper.train.networks.tfgn import TransformerConfig
 from signsplice_paper.train.networks.word_spsn import WordSpsnConfig
@@ -32,27 +26,16 @@ CONFIGS: dict[str, tuple[Config, int | None]] = {
     "spsn": (SpsnConfig(32, dropout=0.0), None),
     "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False, summary=False), None),
     "spsn-printed-wa": (SpsnConfig(32, "none", 0.0, steps=False, summary=False), None),
-    "spsn-eq7": (SpsnConfig(32, "printed", 0.0), None),
-    "spsn-frames": (SpsnConfig(32, dropout=0.0, steps=False), None),
-    "spsn-no-summary": (SpsnConfig(32, dropout=0.0, summary=False), None),
-    "spsn-plain-loss": (SpsnConfig(32, dropout=0.0), None),
-    "spsn-wa": (SpsnConfig(32, "none", 0.0), None),
     "spsn-words": (WordSpsnConfig(24, 16, 0.0), None),
     "tfgn": (_T, FR),
     "tfgn-wc": (replace(_T, marks=True), None),
     "transformer": (replace(_T, tokens=True, steps=True), None),
-    "progressive": (TransformerConfig(32, 2, 1, 1, 48, 0.0, counter=True), FR),
     "conv-s2s": (ConvS2SConfig(24, 3, 2, 0.0), None),
     "lstm": (LstmConfig(32), None),
-    "nat": (NatConfig(FR, 32, 2, 1, 1, 48, 4, 0.0), FR),
-    "interpolation": (InterpolationConfig(FR, 32, 3), FR),
-    "mixture": (MixtureConfig(32, 2, 1, 1, 48, 0.0, n_components=3), FR),
-    "skeletal": (SkeletalConfig(16, 2, 1, 1, 32, dropout=0.0), FR),
-    "cam-stitch": (CamStitchConfig(FR, 32), FR),
 }
 CONFIGS |= {f"{name}-plain": CONFIGS[name] for name in ("conv-s2s", "lstm", "transformer")}
 CONFIGS["spsn-printed-weighted"] = CONFIGS["spsn-printed"]
-GENERATORS = ("tfgn", "tfgn-wc", "transformer", "progressive", "conv-s2s", "lstm", "mixture", "skeletal", "cam-stitch")
+GENERATORS = ("tfgn", "tfgn-wc", "transformer", "conv-s2s", "lstm")
 
 
 @cache
@@ -66,7 +49,7 @@ def toy(name: str, seed: int = 0) -> Task:
     torch.manual_seed(seed)
     config, fr = CONFIGS[name]
     part = SystemPart(name, config, fr, 10, 8, 1e-2)
-    return task(part, data().normaliser(), parents(), seed)
+    return task(part, data().normaliser(), seed)
 
 
 def part_toy(name: str) -> tuple[Task, Dataset, Dataset]:
@@ -75,8 +58,3 @@ def part_toy(name: str) -> tuple[Task, Dataset, Dataset]:
     if isinstance(config, WordSpsnConfig):
         return toy(name), words_of_split(corpus(), "random", "train"), words_of_split(corpus(), "random", "valid")
     return toy(name), data("train", fr), data("valid", fr)
-
-
-def parents() -> Sequence[int]:
-    """Parents of the 53 joints."""
-    return [int(parent) for parent in skeleton(STANDARD).parents]

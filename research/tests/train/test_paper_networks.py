@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -15,13 +14,12 @@ from torch import Tensor  # noqa: E402
 from signsplice_paper.train import scales  # noqa: E402
 from signsplice_paper.train.losses import token_loss  # noqa: E402
 from signsplice_paper.train.networks.convs2s import ConvS2S  # noqa: E402
-from signsplice_paper.train.networks.filling import Filler, gap_fractions  # noqa: E402
 from signsplice_paper.train.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
 from signsplice_paper.train.networks.layers import with_deltas  # noqa: E402
 from signsplice_paper.train.networks.spsn import POST, PRE, Spsn  # noqa: E402
 from signsplice_paper.train.pairs_data import Batch, splice_marks  # noqa: E402
 from signsplice_paper.train.tasks import MOST_FRAMES, decoder_input, own_frames, positions, token_bias  # noqa: E402
-from system_toys import CONFIGS, FR, GENERATORS, data, parents, part_toy, toy  # noqa: E402
+from system_toys import CONFIGS, FR, GENERATORS, data, part_toy, toy  # noqa: E402
 
 
 def batch(name: str, n: int = 4) -> Batch:
@@ -66,7 +64,7 @@ def test_states_of_deep_convolutions_start_at_one_size() -> None:
     """
     part = scales.parts("conv-s2s", "cpu")[0]
     torch.manual_seed(0)
-    made = scales.task(part, data().normaliser(), parents(), 0)
+    made = scales.task(part, data().normaliser(), 0)
     sizes: list[float] = []
     network: Any = made.network
     for layer in network.encoder:
@@ -82,7 +80,7 @@ def test_ten_steps_of_adamw_enlarge_the_inputs_of_convs2s_less_than_twofold() ->
     """At cpu scale, whatever the gradients: each step moves each weight by the rate."""
     part = scales.parts("conv-s2s", "cpu")[0]
     torch.manual_seed(0)
-    network: Any = scales.task(part, data().normaliser(), parents(), 0).network.eval()
+    network: Any = scales.task(part, data().normaliser(), 0).network.eval()
     one = data().batch(range(1))
 
     def largest_input() -> float:
@@ -123,14 +121,11 @@ def test_generators_return_frames_tokens_and_end_logits(name: str) -> None:
     network = toy(name).network
     assert isinstance(network, Generator)
     one = batch(name)
-    n_batch, n_frames = one.real.shape
-    kinds = torch.full((n_batch, n_frames), FRAME)
+    kinds = torch.full(one.real.shape, FRAME)
     kinds[:, 0] = START
-    tokens, made, last = network(
-        one.x, one.mask, one.n_before, torch.zeros(n_batch, n_frames, network.n_fed), kinds, one.marks
-    )
-    assert made.shape == (n_batch, n_frames, network.n_fed)
-    assert last.shape == (n_batch, n_frames)
+    tokens, made, last = network(one.x, one.mask, one.n_before, torch.zeros_like(one.new), kinds, one.marks)
+    assert made.shape == one.new.shape
+    assert last.shape == one.real.shape
     assert (tokens is not None) == (name in ("transformer", "conv-s2s", "lstm"))
     if tokens is not None:
         assert tokens.shape == (*one.x.shape[:2], 3)
@@ -142,7 +137,7 @@ def test_cached_decoding_equals_uncached_decoding(name: str) -> None:
     network = toy(name).network.eval()
     assert isinstance(network, Generator)
     one = batch(name, 3)
-    frames = torch.randn(3, 6, network.n_fed) * 0.2
+    frames = torch.randn(3, 6, 159) * 0.2
     kinds = torch.full((3, 6), FRAME)
     kinds[:, 0] = START
     with torch.no_grad():
@@ -307,27 +302,6 @@ def test_attention_gives_the_encoder_of_convs2s_a_fraction_of_its_gradient() -> 
     scaled = gradient()
     network._share_of_gradient = lambda gradient: gradient  # type: ignore[method-assign]
     torch.testing.assert_close(scaled * 2 * len(network.decoder), gradient())
-
-
-def test_gap_fractions_are_even() -> None:
-    real = torch.tensor([[True, True, True], [True, False, False]])
-    np.testing.assert_allclose(gap_fractions(real)[0], [0.25, 0.5, 0.75])
-    np.testing.assert_allclose(gap_fractions(real)[1, 0], 0.5)
-
-
-@pytest.mark.parametrize("name", ["nat", "interpolation"])
-def test_a_filler_makes_n_frames_and_padding_changes_none(name: str) -> None:
-    network = toy(name).network.eval()
-    assert isinstance(network, Filler)
-    if name == "interpolation":
-        torch.nn.init.normal_(network.out.weight, std=0.1)  # type: ignore[union-attr]
-    one = batch(name, 2)
-    ragged = torch.tensor([[True] * 3 + [False] * 4, [True] * 7])
-    with torch.no_grad():
-        both = network.fill(one.x, one.mask, ragged)
-        alone = network.fill(one.x[:1], one.mask[:1], torch.ones(1, 3, dtype=torch.bool))
-    assert both.shape == (2, 7, 159)
-    torch.testing.assert_close(both[:1, :3], alone, atol=1e-5, rtol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["spsn", "transformer"])

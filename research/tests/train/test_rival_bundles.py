@@ -1,4 +1,4 @@
-"""Bundles of the rivals and of the related work: onnxruntime predicts what torch predicts."""
+"""Bundles of the rivals: onnxruntime predicts what torch predicts."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ def test_processes_divide_the_cores_and_a_failure_stops_all(monkeypatch: pytest.
     monkeypatch.setattr("signsplice_paper.train.schedule.subprocess.Popen", popen)
     monkeypatch.setattr("signsplice_paper.train.schedule.time.sleep", lambda seconds: None)
     monkeypatch.setattr(os, "cpu_count", lambda: 6)
-    planned = Schedule(plan.runs("smoke", Choice(("lpt-printed", "nat"))), tmp_path / "p", tmp_path / "b")
+    planned = Schedule(plan.runs("smoke", Choice(("lpt-printed", "lstm"))), tmp_path / "p", tmp_path / "b")
     started: list[Run] = []
     schedule.train_side_by_side(planned, 3, lambda number, run: started.append(run))
     assert started == planned.runs

@@ -1,4 +1,4 @@
-"""Bundles of LpTransformer, LPT+ and their ablations: onnxruntime predicts what torch predicts."""
+"""Bundles of LpTransformer, its ablations and LPT+: onnxruntime predicts what torch predicts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from signsplice_paper.systems import PaperSystem
 from signsplice_paper.train import scales
 from signsplice_workshop.train.tasks import Task
 
-SYSTEMS = [name for name in scales.SYSTEMS if name.startswith("lpt") and name not in ("lpt-wa", "lpt-wac")]
+SYSTEMS = [name for name in scales.SYSTEMS if name.startswith("lpt")]
 
 
 @pytest.mark.parametrize("bundle", SYSTEMS, indirect=True)

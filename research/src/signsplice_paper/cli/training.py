@@ -72,7 +72,7 @@ def search(**options: Any) -> None:
 @click.command("train-system")
 @takes(
     option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `pairs build` or `synth pairs`."),
-    option("--system", required=True, metavar="NAME|all", help="lpt, lpt-wa, ..., or all: a folder in --out each."),
+    option("--system", required=True, metavar="NAME|all", help="lpt, lstm, ..., or all: a folder in --out each."),
     SCALE,
     option("--optimiser", type=OPTIMISERS, default="adamw", help="sgd: as in the paper, rate 1e-3, no momentum."),
     option("--split", type=SPLITS, default="random", help="Which pairs are trained on."),

@@ -18,13 +18,16 @@ def open_bundle(folder: str | Path, decoding: str = "one-by-one") -> PaperSystem
     decoding: "one-by-one" feeds every frame back, with a cache; "without-cache" reads all earlier frames again for each
     new one, with the same result; "parallel" makes all frames in one pass, if the network can.
 
-    Raises ``InputError`` for a folder without a bundle, and for a decoding that the network does not have.
+    Raises ``InputError`` for a folder without a bundle, for a bundle whose frames are made by no generator, and for a
+    decoding that the network does not have.
     """
     folder = Path(folder)
     config = read_config(folder)
     config.require("system", "runs", "fr")
     if decoding not in DECODINGS:
         raise InputError(f"decoding {decoding!r}, expected one of {', '.join(DECODINGS)}")
+    if config.runs is not None and config.runs.frames != "generator":
+        raise InputError(f"{folder}: {config.system} makes its frames by {config.runs.frames!r}, expected 'generator'")
     if config.runs is None or (decoding == "parallel" and not config.runs.concurrent):
         raise InputError(f"{folder}: {config.system} makes its frames one by one; it has no parallel decoding")
     kind = OneNetworkSystem if config.runs.positions == "encoder" else TwoNetworkSystem

@@ -57,7 +57,7 @@ class ClipSplicer(Cutter, Transition, WholeSystem):
         made = clip_of_numbers(
             self._space(before.clip), found.frames, before.clip[: found.pre + 1], after.clip[found.post :]
         )
-        endless = len(made) == self.system.most_frames and self.system.frames_by == "generator"
+        endless = len(made) == self.system.most_frames
         line = f"{self.name} stopped after {len(made)} frames, the most that it makes: it gave no sign of an end"
         return self.filled_seam(before, after, found.pre, found.post, made, (line,) if endless else ())
 

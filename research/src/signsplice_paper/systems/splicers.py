@@ -42,7 +42,7 @@ class PaperSystem(ABC):
 
     def __init__(self, config: PaperConfig, runs: RunConfig, graphs: Sessions, decoding: str) -> None:
         self.name, self.config, self.graphs, self.decoding = config.system or "", config, graphs, decoding
-        self.frames_by, self.fr, self.n_fed, self.marked = runs.frames, config.fr, runs.n_fed, runs.marked
+        self.fr, self.marked = config.fr, runs.marked
         self.most_frames, self.token_bias = runs.most_frames, runs.token_bias
         self.n_numbers = N_NUMBERS if config.space is None else config.space.n_numbers
 
@@ -91,17 +91,17 @@ class PaperSystem(ABC):
         if self.decoding == "parallel":
             kinds = np.full((1, self.most_frames), HIDDEN)
             kinds[:, 0] = START
-            blank = np.zeros((1, self.most_frames, self.n_fed), np.float32)
+            blank = np.zeros((1, self.most_frames, self.n_numbers), np.float32)
             made = self.graphs.run("decoder", {**inputs, "fed": blank, "kinds": kinds, "start": np.array(0)})
             ends = np.flatnonzero(made["last"][0] > 0.0)
             count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
-            return made["made"][0, :count, : self.n_numbers].astype(np.float64)
+            return made["made"][0, :count].astype(np.float64)
         frames: list[Array] = []
-        fed, kinds, start = np.zeros((1, 1, self.n_fed), np.float32), np.full((1, 1), START), 0
+        fed, kinds, start = np.zeros((1, 1, self.n_numbers), np.float32), np.full((1, 1), START), 0
         while len(frames) < (self.most_frames if n_frames is None else n_frames):
             made = self.graphs.run("decoder", {**inputs, "fed": fed, "kinds": kinds, "start": np.array(start)})
             newest = made["made"][:, -1:]
-            frames.append(newest[0, 0, : self.n_numbers])
+            frames.append(newest[0, 0])
             if n_frames is None and made["last"][0, -1] > 0.0:
                 break
             if self.decoding == "without-cache":
@@ -113,9 +113,7 @@ class PaperSystem(ABC):
 
 
 class TwoNetworkSystem(PaperSystem):
-    """SPSN for the positions and another network for the frames: LpTransformer, its ablations, and other networks for
-    transitions behind the same SPSN.
-    """
+    """SPSN for the positions and TFGN for the frames: LpTransformer, its ablations, and LPT+."""
 
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
         """The splice. Without Culling, frames are made even if a position is missing."""
@@ -155,13 +153,7 @@ class TwoNetworkSystem(PaperSystem):
             if post is not None:
                 marks[0, n_before + post, 1] = 1.0
             inputs["marks"] = marks
-        if self.frames_by == "generator":
-            return self._decode(self.graphs.run("encoder", inputs), n_frames)
-        count = int(self.graphs.run("length", inputs)["numbers"][0].argmax()) + 1
-        if n_frames is not None:
-            count = n_frames
-        made = self.graphs.run("fill", {**inputs, "real": np.ones((1, count), bool)})["made"]
-        return np.asarray(made[0], np.float64)
+        return self._decode(self.graphs.run("encoder", inputs), n_frames)
 
 
 class OneNetworkSystem(PaperSystem):

@@ -18,7 +18,6 @@ from torch.nn.utils.rnn import pad_sequence
 from signsplice_paper.culling import cull
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.splicers import splice_position
-from signsplice_paper.train.networks.filling import Filler
 from signsplice_paper.train.networks.generator import generate
 from signsplice_paper.train.pairs_data import splice_marks
 from signsplice_paper.train.tasks import MOST_FRAMES
@@ -86,11 +85,6 @@ class BatchPredictor:
     def _made(self, x: Tensor, mask: Tensor) -> list[Tensor]:
         """The transitions (n, K) of culled frames (B, 2 fr, K)."""
         network: Any = self.networks[-1]
-        if isinstance(network, Filler):
-            counts = network.length(x, mask).argmax(1) + 1
-            real = torch.arange(int(counts.max()), device=x.device)[None] < counts[:, None]
-            made = network.fill(x, mask, real)
-            return [row[:count] for row, count in zip(made, counts.tolist(), strict=True)]
         n_before = torch.full((len(x),), self.fr or 0, device=x.device)
         return generate(network, network.encode(x, mask, n_before), len(x), MOST_FRAMES)
 

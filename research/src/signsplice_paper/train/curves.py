@@ -8,7 +8,7 @@ pairs are those that the training loop validates on. The last point is compared 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -193,11 +193,13 @@ def _task(config: PaperConfig, part: TrainedPart, pairs: Pairs) -> Task:
     scale, system = config.scale or "", config.system or ""
     known = {p.name: p for p in scales.parts(system, scale, config.fr, 0, config.optimiser or "", config.split or "")}
     like = known[part.name]
-    sizes = type(like.config)(**config.stored["config"][part.name])
+    named = {field.name for field in fields(like.config)}  # bundles of earlier versions state more
+    stored = config.stored["config"][part.name]
+    sizes = type(like.config)(**{name: value for name, value in stored.items() if name in named})
     made = scales.SystemPart(part.name, sizes, like.fr, part.steps, part.batch, like.rate)
     n_numbers = len(config.stored["normaliser"]["mean"])
     blank = Normaliser(torch.zeros(n_numbers), torch.ones(n_numbers))
-    return scales.task(made, blank, pairs.spaces[0].parents, config.seed or 0)
+    return scales.task(made, blank, config.seed or 0)
 
 
 def _load(task: Task, path: Path) -> None:

@@ -1,8 +1,8 @@
 """The networks of the paper's systems as ONNX graphs.
 
 A generator becomes two graphs: ``encoder`` (input -> tokens, memory, state) and ``decoder``, which makes one or many
-frames per call and takes and returns its state, including key-value caches of any length. A filler becomes ``length``
-and ``fill``. Batches have one pair. The numbers of frames are variable, except those of culled frames.
+frames per call and takes and returns its state, including key-value caches of any length. Batches have one pair. The
+numbers of frames are variable, except those of culled frames.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import torch
 from torch import Tensor, nn
 
 from signsplice.errors import SignspliceError
-from signsplice_paper.train.networks.filling import Filler
 from signsplice_paper.train.networks.generator import FRAME, START, Encoded, Generator
 from signsplice_paper.train.networks.spsn import Spsn
 from signsplice_paper.train.networks.word_spsn import WordSpsn
@@ -33,8 +32,6 @@ def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
         graphs = {"spsn": spsn_graph(network)}
     elif isinstance(network, Generator):
         graphs = _generator_graphs(network, fr)
-    elif isinstance(network, Filler):
-        graphs = _filler_graphs(network, fr or 1)
     else:
         raise SignspliceError(f"cannot export a {type(network).__name__}, expected a network of the paper's systems")
     return {f"{name}.onnx": exported(name, graph) for name, graph in graphs.items()}
@@ -96,9 +93,7 @@ def _decoder_graph(
     def step(entry: Encoded, state: Sequence[Tensor], at: int, n_new: int) -> dict[str, Tensor]:
         kinds = torch.full((1, n_new), FRAME)
         kinds[0, 0] = START if at == 0 else FRAME
-        fed = torch.zeros(1, n_new, network.n_fed)
-        fed[..., : network.normaliser.n_numbers] = _frames(n_new, network)
-        return {"fed": fed, "kinds": kinds, "start": torch.tensor(at)} | dict(
+        return {"fed": _frames(n_new, network), "kinds": kinds, "start": torch.tensor(at)} | dict(
             zip((*memory_names, *state_names), (*entry.memory, *state), strict=True)
         )
 
@@ -116,19 +111,6 @@ def _decoder_graph(
         free[name] = tuple(k for k, size in enumerate(part.shape) if size != old.shape[k])
     outputs = ("made", "last", *(f"next_{name}" for name in state_names))
     return ExportGraph(_DecoderGraph(network, len(memory_names)), inputs, outputs, free, tuple(checks), n_named=3)
-
-
-def _filler_graphs(network: Filler, fr: int) -> dict[str, ExportGraph]:
-    x, mask = _frames(2 * fr, network), torch.ones(1, 2 * fr, dtype=torch.bool)
-    edge = torch.arange(2 * fr)[None] > 0
-    inputs = {"x": x, "mask": mask}
-    length = ExportGraph(_LengthGraph(network), inputs, ("numbers",), {}, ({"x": x, "mask": edge},))
-    reals = [torch.ones(1, n, dtype=torch.bool) for n in (5, 1, 12)]
-    checks = tuple({"x": x, "mask": edge, "real": real} for real in reals)
-    return {
-        "length": length,
-        "fill": ExportGraph(_FillGraph(network), {**inputs, "real": reals[0]}, ("made",), {"real": (1,)}, checks),
-    }
 
 
 class _SpsnGraph(nn.Module):
@@ -163,21 +145,3 @@ class _DecoderGraph(nn.Module):
         memory, state = given[: self.n_memory], given[self.n_memory :]
         made, last, after = self.network.decode(fed, kinds, start, memory, state)
         return (made, last, *after)
-
-
-class _LengthGraph(nn.Module):
-    def __init__(self, network: Filler) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, x: Tensor, mask: Tensor) -> Tensor:
-        return self.network.length(x, mask)
-
-
-class _FillGraph(nn.Module):
-    def __init__(self, network: Filler) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, x: Tensor, mask: Tensor, real: Tensor) -> Tensor:
-        return self.network.fill(x, mask, real)

@@ -7,8 +7,8 @@ log-odds of token against none. It makes the right frame stand out among all, be
 the token is likeliest. The paper names no loss: weights and pointer term are additions, and the system as printed is
 trained with plain cross-entropy.
 
-**Frames.** Mean squared error, with each number divided by its deviation over the training pairs, or the negative
-log-likelihood of a mixture; and cross-entropy of "this is the last frame", or the squared error of a counter.
+**Frames.** Mean squared error, with each number divided by its deviation over the training pairs, and cross-entropy of
+"this is the last frame".
 """
 
 from __future__ import annotations
@@ -52,17 +52,6 @@ def frame_loss(made: Tensor, true: Tensor, real: Tensor, deviation: Tensor) -> T
     """The loss () of frames (B, T, K): scaled mean squared error; ``real`` (B, T) is False at padding."""
     per_frame = (((made.float() - true) / deviation) ** 2).mean(-1) * real
     return FRAME_WEIGHT * (per_frame.sum(1) / real.sum(1)).mean()
-
-
-def mixture_loss(log_likelihood: Tensor, real: Tensor, n_numbers: int) -> Tensor:
-    """The loss () of log-likelihoods (B, T) of frames of ``n_numbers``: their negative, for each number."""
-    return ((-log_likelihood * real).sum(1) / real.sum(1)).mean() / n_numbers
-
-
-def counter_loss(counter: Tensor, real: Tensor, weight: float = FRAME_WEIGHT) -> Tensor:
-    """The loss () of counters (B, T) that should run to 1 over a pair's frames: scaled mean squared error."""
-    true = torch.arange(1, counter.shape[1] + 1, device=counter.device) / real.sum(1, keepdim=True)
-    return weight * (((counter.float() - true).square() * real).sum(1) / real.sum(1)).mean()
 
 
 def last_loss(last: Tensor, real: Tensor) -> Tensor:

@@ -11,27 +11,20 @@ units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
-
-from torch import nn
 
 from signsplice.errors import InputError
 from signsplice_paper.plan import SCALES
 from signsplice_paper.published import BEST_FR
-from signsplice_paper.train.networks.cam_stitch import CamStitch, CamStitchConfig
 from signsplice_paper.train.networks.convs2s import ConvS2S, ConvS2SConfig
-from signsplice_paper.train.networks.filling import Interpolation, InterpolationConfig, Nat, NatConfig
 from signsplice_paper.train.networks.generator import Generator
 from signsplice_paper.train.networks.layers import Normaliser
 from signsplice_paper.train.networks.lstm import LstmConfig, LstmSeq2Seq
-from signsplice_paper.train.networks.mixture_density import MixtureConfig, MixtureTransformer
-from signsplice_paper.train.networks.skeletal_attention import SkeletalConfig, SkeletalTransformer
 from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
 from signsplice_paper.train.networks.tfgn import Transformer, TransformerConfig
 from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig
-from signsplice_paper.train.tasks import FillTask, FrameTask, MixtureTask, TokenTask, WordTask
+from signsplice_paper.train.tasks import FrameTask, TokenTask, WordTask
 from signsplice_workshop.train.tasks import Task
 
 FR = BEST_FR
@@ -40,35 +33,21 @@ FR = BEST_FR
 SYSTEMS: dict[str, tuple[str, ...]] = {
     "lpt": ("spsn", "tfgn"),
     "lpt-words": ("spsn-words", "tfgn"),
-    "lpt-wa": ("spsn-wa", "tfgn"),
-    "lpt-wc": ("spsn", "tfgn-wc"),
-    "lpt-wac": ("spsn-wa", "tfgn-wc"),
     "lpt-printed": ("spsn-printed", "tfgn"),
     "lpt-printed-wa": ("spsn-printed-wa", "tfgn"),
     "lpt-printed-wc": ("spsn-printed", "tfgn-wc"),
     "lpt-printed-wac": ("spsn-printed-wa", "tfgn-wc"),
-    "lpt-eq7": ("spsn-eq7", "tfgn"),
-    "lpt-frames": ("spsn-frames", "tfgn"),
-    "lpt-no-summary": ("spsn-no-summary", "tfgn"),
-    "lpt-plain-loss": ("spsn-plain-loss", "tfgn"),
     "conv-s2s": ("conv-s2s",),
     "lstm": ("lstm",),
     "transformer": ("transformer",),
-    "progressive-transformer": ("spsn", "progressive"),
-    "mixture-density": ("spsn", "mixture"),
-    "nat": ("spsn", "nat"),
-    "conv-interp": ("spsn", "interpolation"),
-    "skeletal-attention": ("spsn", "skeletal"),
-    "cam-stitch": ("spsn", "cam-stitch"),
     "lpt-printed-equal": ("spsn-printed-weighted", "tfgn"),
     "conv-s2s-plain": ("conv-s2s-plain",),
     "lstm-plain": ("lstm-plain",),
     "transformer-plain": ("transformer-plain",),
 }
 """System -> its parts: the one for positions, if it is separate, then the one for frames. ``lpt-printed`` follows the
-print; ``lpt`` has this project's additions to SPSN, and each of ``lpt-eq7``, ``lpt-frames``, ``lpt-no-summary`` and
-``lpt-plain-loss`` lacks one of them. ``lpt-printed-equal`` is ``lpt-printed`` with the token loss and the bias that all
-others have; the ``-plain`` ones are the rivals without either (``published.TREATED``).
+print; ``lpt`` has this project's additions to SPSN. ``lpt-printed-equal`` is ``lpt-printed`` with the token loss and
+the bias that all others have; the ``-plain`` ones are the rivals without either (``published.TREATED``).
 """
 UNBIASED = (
     *("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac"),
@@ -76,12 +55,9 @@ UNBIASED = (
 )
 """Systems that emit tokens as printed, without the bias chosen on validation pairs, which is an addition too."""
 
-CULLED = ("tfgn", "progressive", "mixture", "nat", "interpolation", "skeletal", "cam-stitch")
+CULLED = ("tfgn",)
 """Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
-_PLAIN_LOSS = (
-    *("spsn-printed", "spsn-printed-wa", "spsn-plain-loss"),
-    *("conv-s2s-plain", "lstm-plain", "transformer-plain"),
-)
+_PLAIN_LOSS = ("spsn-printed", "spsn-printed-wa", "conv-s2s-plain", "lstm-plain", "transformer-plain")
 _SAME_SIZES = {
     "spsn-printed-weighted": "spsn-printed",
     "conv-s2s-plain": "conv-s2s",
@@ -90,17 +66,7 @@ _SAME_SIZES = {
 }
 """Parts that differ from another in the loss alone."""
 
-Config = (
-    SpsnConfig
-    | WordSpsnConfig
-    | TransformerConfig
-    | ConvS2SConfig
-    | LstmConfig
-    | NatConfig
-    | InterpolationConfig
-    | SkeletalConfig
-    | CamStitchConfig
-)
+Config = SpsnConfig | WordSpsnConfig | TransformerConfig | ConvS2SConfig | LstmConfig
 
 
 @dataclass(frozen=True)
@@ -139,7 +105,7 @@ def _transformer(scale: str) -> TransformerConfig:
     return sizes[scale]
 
 
-def _config(name: str, scale: str, fr: int) -> Config:
+def _config(name: str, scale: str) -> Config:
     width = {"smoke": 32, "small": 64, "cpu": 128, "paper": 512}[scale]
     dropout = 0.0 if scale == "smoke" else 0.1
     t = _transformer(scale)
@@ -147,36 +113,15 @@ def _config(name: str, scale: str, fr: int) -> Config:
     configs: dict[str, Config] = {
         "spsn": SpsnConfig(width, dropout=dropout),
         "spsn-words": WordSpsnConfig(width, width, dropout),
-        "spsn-wa": SpsnConfig(width, "none", dropout),
         "spsn-printed": SpsnConfig(width, "printed", dropout, steps=False, summary=False),
         "spsn-printed-wa": SpsnConfig(width, "none", dropout, steps=False, summary=False),
-        "spsn-eq7": SpsnConfig(width, "printed", dropout),
-        "spsn-frames": SpsnConfig(width, dropout=dropout, steps=False),
-        "spsn-no-summary": SpsnConfig(width, dropout=dropout, summary=False),
-        "spsn-plain-loss": SpsnConfig(width, dropout=dropout),
         "tfgn": t,
         "tfgn-wc": replace(whole, marks=True),
         "transformer": replace(whole, tokens=True, steps=True),
-        "progressive": replace(t, counter=True),
-        "mixture": MixtureConfig(t.width, t.n_heads, t.n_encoder_layers, t.n_decoder_layers, t.inner, t.dropout),
-        "skeletal": _skeletal(scale),
-        "cam-stitch": CamStitchConfig(fr, width),
-        "nat": NatConfig(fr, t.width, t.n_heads, t.n_encoder_layers, t.n_decoder_layers, t.inner, 8, t.dropout),
-        "interpolation": InterpolationConfig(fr, width, 9 if scale == "paper" else 6),
         "conv-s2s": _convolutions(scale),
         "lstm": LstmConfig(width),
     }
     return configs[_SAME_SIZES.get(name, name)]
-
-
-def _skeletal(scale: str) -> SkeletalConfig:
-    sizes = {
-        "smoke": SkeletalConfig(8, 2, 1, 1, 16, dropout=0.0),
-        "small": SkeletalConfig(16, 2, 1, 1, 64, dropout=0.0),
-        "cpu": SkeletalConfig(32, 2, 2, 2, 128, dropout=0.0),
-        "paper": SkeletalConfig(),
-    }
-    return sizes[scale]
 
 
 def _convolutions(scale: str) -> ConvS2SConfig:
@@ -207,29 +152,17 @@ _SPSN = _PartSchedule((60, 3500, 60_000), 32, 3e-3)
 _SCHEDULES = {
     "spsn": _SPSN,
     "spsn-words": _PartSchedule((60, 8000, 60_000), 24, 3e-3),
-    "spsn-wa": _SPSN,
     "spsn-printed": _SPSN,
     "spsn-printed-wa": _SPSN,
-    "spsn-eq7": _SPSN,
-    "spsn-frames": _SPSN,
-    "spsn-no-summary": _SPSN,
-    "spsn-plain-loss": _SPSN,
     "tfgn": _PartSchedule((60, 4000, 60_000)),
     "tfgn-wc": _PartSchedule((60, 1700, 60_000), 32),
     "transformer": _PartSchedule((60, 3000, 60_000), 32),
     "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 2.1e-3),
     "conv-s2s-plain": _PartSchedule((60, 1500, 60_000), 32, 7e-4),  # by 2.1e-3 it diverges after 205 steps
     "lstm": _PartSchedule((60, 6000, 60_000), 32, 3e-3),
-    "progressive": _PartSchedule((60, 2000, 60_000)),
-    "mixture": _PartSchedule((60, 2600, 60_000)),
-    "nat": _PartSchedule((60, 2000, 60_000)),
-    "interpolation": _PartSchedule((60, 2000, 60_000)),
-    "skeletal": _PartSchedule((60, 2000, 60_000), 16, 3e-3),
-    "cam-stitch": _PartSchedule((60, 11_000, 60_000), 64, 3e-3),
 }
-"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two
-parts, and the parts of mixture density, skeletal attention and CAM-STITCH for about 10. Their steps differ in cost
-several times over.
+"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two parts. Their
+steps differ in cost several times over.
 """
 
 SMALL = 0.2
@@ -274,7 +207,7 @@ def parts(
     return tuple(
         SystemPart(
             name,
-            _config(name, scale, side),
+            _config(name, scale),
             side if name in CULLED else None,
             round(fraction * schedule.steps[column]) if steps is None else steps,
             (16, schedule.batch, 64)[column],
@@ -285,39 +218,24 @@ def parts(
     )
 
 
-def task(part: SystemPart, normaliser: Normaliser, parents: Sequence[int], seed: int) -> Task:
-    """A part's network with its loss; ``parents``: parents of the joints."""
-    network = network_of(part.config, normaliser, parents)
+def task(part: SystemPart, normaliser: Normaliser, seed: int) -> Task:
+    """A part's network with its loss."""
+    network = network_of(part.config, normaliser)
     if isinstance(network, Spsn):
         return TokenTask(network, part.plain_loss)
     if isinstance(network, WordSpsn):
         return WordTask(network)
-    if isinstance(network, Nat | Interpolation):
-        return FillTask(network, normaliser)
-    if isinstance(network, MixtureTransformer):
-        return MixtureTask(network, normaliser, seed)
-    assert isinstance(network, Generator)
     return FrameTask(network, normaliser, seed, part.plain_loss)
 
 
-def network_of(config: Config, normaliser: Normaliser, parents: Sequence[int]) -> nn.Module:
+def network_of(config: Config, normaliser: Normaliser) -> Spsn | WordSpsn | Generator:
     """The network with these sizes."""
     if isinstance(config, SpsnConfig):
         return Spsn(config, normaliser)
     if isinstance(config, WordSpsnConfig):
         return WordSpsn(config, normaliser)
-    if isinstance(config, MixtureConfig):
-        return MixtureTransformer(config, normaliser)
     if isinstance(config, TransformerConfig):
         return Transformer(config, normaliser)
     if isinstance(config, ConvS2SConfig):
         return ConvS2S(config, normaliser)
-    if isinstance(config, LstmConfig):
-        return LstmSeq2Seq(config, normaliser)
-    if isinstance(config, SkeletalConfig):
-        return SkeletalTransformer(config, normaliser, parents)
-    if isinstance(config, CamStitchConfig):
-        return CamStitch(config, normaliser)
-    if isinstance(config, NatConfig):
-        return Nat(config, normaliser, parents)
-    return Interpolation(config, normaliser)
+    return LstmSeq2Seq(config, normaliser)

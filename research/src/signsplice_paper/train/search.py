@@ -88,18 +88,14 @@ class SearchRow:
 
 
 def units_of(config: Config) -> int:
-    """The width of a network; the features of every bone of one that works bone by bone."""
-    return int(getattr(config, _width(config)))
-
-
-def _width(config: Config) -> str:
-    return "width" if hasattr(config, "width") else "features"
+    """The width of a network."""
+    return config.width
 
 
 def widened(config: Config, factor: float) -> Config:
     """Sizes with ``factor`` times as many units; a multiple of the heads, where there are some."""
     heads = getattr(config, "n_heads", 1)
-    sizes: dict[str, Any] = {_width(config): max(1, round(units_of(config) * factor / heads)) * heads}
+    sizes: dict[str, Any] = {"width": max(1, round(units_of(config) * factor / heads)) * heads}
     if hasattr(config, "inner"):
         sizes["inner"] = round(config.inner * factor)
     return replace(config, **sizes)

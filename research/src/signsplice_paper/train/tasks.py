@@ -16,16 +16,13 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F  # noqa: N812
 
 from signsplice.signer.signer import stream
 from signsplice_paper import bias
 from signsplice_paper.metrics import accuracy
-from signsplice_paper.train.losses import counter_loss, frame_loss, last_loss, mixture_loss, token_loss
-from signsplice_paper.train.networks.filling import Filler
+from signsplice_paper.train.losses import frame_loss, last_loss, token_loss
 from signsplice_paper.train.networks.generator import FRAME, HIDDEN, START, Encoded, Generator, generate
 from signsplice_paper.train.networks.layers import Normaliser
-from signsplice_paper.train.networks.mixture_density import WIDTH_FLOOR, MixtureTransformer
 from signsplice_paper.train.networks.spsn import NONE, POST, PRE, Spsn
 from signsplice_paper.train.networks.word_spsn import WordSpsn, position_loss
 from signsplice_paper.train.pairs_data import Batch, PairsData
@@ -105,7 +102,7 @@ def _judge_frames(made: list[Tensor], batch: Batch, suffix: str = "") -> dict[st
 class DecoderInput:
     """The inputs of a decoder in training.
 
-    - frames: the frames that are fed (B, T, n_fed)
+    - frames: the frames that are fed (B, T, K)
     - kinds: their kinds (B, T)
     - untaught: pairs of which no true frame is fed (B,)
     """
@@ -129,9 +126,6 @@ def decoder_input(batch: Batch, network: Generator, normaliser: Normaliser, seed
     kinds[:, 0] = START
     noise = torch.from_numpy(np.stack(rows)).to(batch.new.device) * NOISE * normaliser.deviation
     delayed = torch.cat([torch.zeros_like(batch.new[:, :1]), batch.new[:, :-1]], dim=1) + noise
-    if network.n_fed > delayed.shape[-1]:
-        counter = torch.arange(n_frames, device=delayed.device) / batch.real.sum(1, keepdim=True)
-        delayed = torch.cat([delayed, counter[..., None]], dim=-1)
     return DecoderInput(delayed, *(torch.from_numpy(drawn).to(delayed.device) for drawn in (kinds, untaught)))
 
 
@@ -200,16 +194,11 @@ class FrameTask(Task):
     def forward(self, batch: Batch) -> Tensor:
         """The loss () of frames, of last frames, and of tokens."""
         inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
-        n_numbers = self.normaliser.n_numbers
         encoded = self.network.encode(batch.x, batch.mask, batch.n_before, batch.marks)
         if self.network.feeds_own:
             inputs = own_frames(self.network, encoded, inputs)
         made, last = self.network.decode_whole(encoded, inputs.frames, inputs.kinds)
-        loss = frame_loss(made[..., :n_numbers], batch.new, batch.real, self.normaliser.deviation)
-        if self.network.n_fed > n_numbers:
-            loss = loss + counter_loss(made[..., n_numbers], batch.real)
-        else:
-            loss = loss + last_loss(last, batch.real)
+        loss = frame_loss(made, batch.new, batch.real, self.normaliser.deviation) + last_loss(last, batch.real)
         if encoded.tokens is not None:
             loss = loss + token_loss(encoded.tokens, batch.pre, batch.post, batch.mask, self.plain)
         return loss
@@ -223,43 +212,3 @@ class FrameTask(Task):
             made = generate(self.network, encoded, len(batch.x), MOST_FRAMES, parallel=True)
             scores |= _judge_frames(made, batch, "_parallel")
         return scores if encoded.tokens is None else scores | _judge_positions(encoded.tokens, batch)
-
-
-class MixtureTask(FrameTask):
-    """A generator of mixtures of frames, trained by their likelihood; the error of the counter weighs as that of a
-    Gaussian of the smallest width.
-    """
-
-    network: MixtureTransformer
-
-    def forward(self, batch: Batch) -> Tensor:
-        """The loss () of frames and of their counters."""
-        inputs = decoder_input(batch, self.network, self.normaliser, self.seed)
-        encoded = self.network.encode(batch.x, batch.mask, batch.n_before)
-        mixtures, counters = self.network.mixtures(encoded, inputs.frames, inputs.kinds)
-        likelihood = mixtures.log_likelihood(self.normaliser(batch.new))
-        loss = mixture_loss(likelihood, batch.real, self.normaliser.n_numbers)
-        return loss + counter_loss(counters, batch.real, 0.5 / WIDTH_FLOOR**2)
-
-
-class FillTask(Task):
-    """A filler, which predicts the number of frames, and all frames together."""
-
-    def __init__(self, network: Filler, normaliser: Normaliser) -> None:
-        super().__init__()
-        self.network: Filler = network
-        self.normaliser = normaliser
-
-    def forward(self, batch: Batch) -> Tensor:
-        """The loss () of frames and of their number."""
-        numbers, made = self.network(batch.x, batch.mask, batch.real)
-        length = F.cross_entropy(numbers.float(), (batch.real.sum(1) - 1).clamp(max=numbers.shape[1] - 1))
-        return length + frame_loss(made, batch.new, batch.real, self.normaliser.deviation)
-
-    def judge(self, batch: Batch) -> dict[str, float]:
-        """The paper's accuracy and the fraction of right lengths."""
-        counts = self.network.length(batch.x, batch.mask).argmax(1) + 1
-        most = int(counts.max())
-        real = torch.arange(most, device=counts.device)[None] < counts[:, None]
-        made: Any = self.network.fill(batch.x, batch.mask, real)
-        return _judge_frames([row[:count] for row, count in zip(made, counts.tolist(), strict=True)], batch)

@@ -145,7 +145,7 @@ def trained(
     n_judgements = training.n_judgements or (4 if training.scale == "smoke" else 40 if by_sgd else 20)
     most_cpu_s = MOST_SGD_CPU_S.get(training.scale) if by_sgd and training.steps is None else None
     torch.manual_seed(training.seed)
-    made = task(part, data.normaliser(), pairs.spaces[0].parents, training.seed)
+    made = task(part, data.normaliser(), training.seed)
     loop = PaperLoop(
         steps=part.steps,
         batch=part.batch,
@@ -249,9 +249,9 @@ def facts(
     training: Training, pairs: Pairs, chosen: tuple[SystemPart, ...], tasks: list[Task], folders: list[Path]
 ) -> dict[str, Any]:
     """The contents of bundle.json without its files; ``folders`` hold the parts' logs."""
-    frames = tasks[-1].network
-    normaliser: Any = frames.normaliser
-    generator = frames if isinstance(frames, Generator) else None
+    generator = tasks[-1].network
+    assert isinstance(generator, Generator)
+    normaliser = generator.normaliser
     ends = [
         stopping.reason(folder, part.steps, training.patience) for part, folder in zip(chosen, folders, strict=True)
     ]
@@ -282,10 +282,10 @@ def facts(
         "versions": {"torch": torch.__version__, "onnx": onnx.__version__, "onnxruntime": onnxruntime.__version__},
         "runs": {
             "positions": "encoder" if len(chosen) == 1 else "spsn",
-            "frames": "filler" if generator is None else "generator",
-            "concurrent": generator is not None and generator.concurrent,
-            "n_fed": normaliser.n_numbers if generator is None else generator.n_fed,
-            "marked": generator is not None and generator.marked,
+            "frames": "generator",
+            "concurrent": generator.concurrent,
+            "n_fed": normaliser.n_numbers,
+            "marked": generator.marked,
             "most_frames": MOST_FRAMES,
         },
         **_rig(pairs),

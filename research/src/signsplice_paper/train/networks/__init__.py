@@ -1,1 +1,1 @@
-"""The networks of the paper's systems as torch modules: SPSN, TFGN, the systems compared with, and related work."""
+"""The networks of the paper's systems as torch modules: SPSN, TFGN, and the systems compared with."""

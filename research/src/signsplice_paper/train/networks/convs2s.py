@@ -94,16 +94,16 @@ class ConvS2S(Generator):
     def __init__(self, config: ConvS2SConfig, normaliser: Normaliser) -> None:
         super().__init__()
         self.config, self.normaliser = config, normaliser
-        width, self.n_fed = config.width, normaliser.n_numbers
-        self.embedding = _linear(2 * self.n_fed, width)
+        width, n_numbers = config.width, normaliser.n_numbers
+        self.embedding = _linear(2 * n_numbers, width)
         self.positions = nn.Embedding(config.most_positions, width)
         self.encoder = nn.ModuleList(GatedConvolution(width, config.dropout) for _ in range(config.n_encoder_layers))
         self.token = _linear(width, 3)
-        self.kind, self.fed = nn.Embedding(3, width), _linear(self.n_fed, width)
+        self.kind, self.fed = nn.Embedding(3, width), _linear(n_numbers, width)
         self.decoder = nn.ModuleList(GatedConvolution(width, config.dropout) for _ in range(config.n_decoder_layers))
         self.queries = nn.ModuleList(_linear(width, width) for _ in range(config.n_decoder_layers))
         self.read = nn.ModuleList(_linear(width, width) for _ in range(config.n_decoder_layers))
-        self.frame, self.last = _linear(width, self.n_fed), _linear(width, 1)
+        self.frame, self.last = _linear(width, n_numbers), _linear(width, 1)
         for table in (self.positions, self.kind):
             nn.init.normal_(table.weight, std=_INPUT_DEVIATION)
 

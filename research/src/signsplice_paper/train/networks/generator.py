@@ -38,14 +38,12 @@ class Encoded(NamedTuple):
 class Generator(nn.Module, ABC):
     """A network that makes transition frames step by step.
 
-    - n_fed: how many numbers of each frame are fed back: the K of a frame, and a counter if it has one
     - concurrent: whether it can make all frames in one pass
     - marked: whether it is given the splice positions as marks on the whole X
     - feeds_own: whether it learns half of the pairs from its own frames instead of the true ones
     - normaliser: of frames
     """
 
-    n_fed: int
     concurrent: bool
     marked: bool = False
     feeds_own: bool = False
@@ -63,9 +61,9 @@ class Generator(nn.Module, ABC):
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
-        """Frames (B, T, n_fed), logits (B, T) of being the last frame, and the state after them.
+        """Frames (B, T, K), logits (B, T) of being the last frame, and the state after them.
 
-        fed (B, T, n_fed): the frame before each, not normalised. kinds (B, T): kind of each input. start (): number of
+        fed (B, T, K): the frame before each, not normalised. kinds (B, T): kind of each input. start (): number of
         earlier frames.
         """
 
@@ -87,7 +85,7 @@ class Generator(nn.Module, ABC):
 def generate(network: Generator, encoded: Encoded, n_batch: int, most: int, parallel: bool = False) -> list[Tensor]:
     """The frames (n, K) of each pair of a batch up to the first that is classified as the last one; n <= ``most``."""
     device = encoded.memory[0].device if encoded.memory else encoded.state[0].device
-    zero = torch.zeros(n_batch, 1, network.n_fed, device=device)
+    zero = torch.zeros(n_batch, 1, network.normaliser.n_numbers, device=device)
     if parallel:
         kinds = torch.full((n_batch, most), HIDDEN, device=device)
         kinds[:, 0] = START
@@ -98,8 +96,7 @@ def generate(network: Generator, encoded: Encoded, n_batch: int, most: int, para
         made, last = _one_by_one(network, encoded, zero, most)
     ended = last > 0.0
     counts = torch.where(ended.any(1), ended.float().argmax(1) + 1, made.shape[1]).tolist()
-    n_numbers = network.normaliser.n_numbers
-    return [frames[:count, :n_numbers] for frames, count in zip(made, counts, strict=True)]
+    return [frames[:count] for frames, count in zip(made, counts, strict=True)]
 
 
 def _one_by_one(network: Generator, encoded: Encoded, fed: Tensor, most: int) -> tuple[Tensor, Tensor]:

@@ -1,14 +1,12 @@
 """Layers shared by several networks: normaliser, positional code (eq. 12), attention (eq. 13), feed-forward (eq. 14).
 
 Shapes: B pairs, S input frames, T output frames, P earlier output frames, K numbers of a frame (159 for the 53 joints
-of the paper), D width, H heads. The names of modules are
-keys of checkpoints.
+of the paper), D width, H heads. The names of modules are keys of checkpoints.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
@@ -66,15 +64,6 @@ def positional_code(positions: Tensor, width: int) -> Tensor:
     rates = torch.exp(torch.arange(0, width, 2, device=positions.device) * (-math.log(10000.0) / width))
     angles = positions.to(rates.dtype)[:, None] * rates
     return torch.stack([angles.sin(), angles.cos()], dim=-1).flatten(-2)
-
-
-def bones(parents: Sequence[int]) -> Tensor:
-    """The adjacency matrix (J, J) of a skeleton: True between a joint and itself, its parent and its children."""
-    links = torch.eye(len(parents), dtype=torch.bool)
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            links[joint, parent] = links[parent, joint] = True
-    return links
 
 
 def causal(n_new: int, n_past: int, device: torch.device) -> Tensor:

@@ -40,13 +40,12 @@ class LstmSeq2Seq(Generator):
     def __init__(self, config: LstmConfig, normaliser: Normaliser) -> None:
         super().__init__()
         self.config, self.normaliser = config, normaliser
-        width = config.width
-        self.n_fed = normaliser.n_numbers
-        self.embedding = nn.Linear(2 * self.n_fed, width)
+        width, n_numbers = config.width, normaliser.n_numbers
+        self.embedding = nn.Linear(2 * n_numbers, width)
         self.encoder, self.decoder = Lstm(width, width), Lstm(2 * width, width)
         self.bridge = nn.Linear(2 * width, 3 * width)
         self.kind = nn.Embedding(3, width)
-        self.token, self.frame, self.last = nn.Linear(width, 3), nn.Linear(width, self.n_fed), nn.Linear(width, 1)
+        self.token, self.frame, self.last = nn.Linear(width, 3), nn.Linear(width, n_numbers), nn.Linear(width, 1)
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
         """Memory: the summary (B, D). State: the decoder's hidden and cell state (1, B, D)."""
@@ -62,7 +61,7 @@ class LstmSeq2Seq(Generator):
     ) -> tuple[Tensor, Tensor, State]:
         """Frames, logits of the last frame, and the decoder's state."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
-        inputs = self.kind(kinds) + shown * self.embedding(F.pad(self.normaliser(fed), (0, self.n_fed)))
+        inputs = self.kind(kinds) + shown * self.embedding(F.pad(self.normaliser(fed), (0, self.normaliser.n_numbers)))
         states, (hidden, cell) = self.decoder(_with_summary(inputs, memory[0]), (state[0], state[1]))
         return self.normaliser.inverse(self.frame(states)), self.last(states)[..., 0], (hidden, cell)
 

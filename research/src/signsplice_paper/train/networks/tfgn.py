@@ -1,4 +1,4 @@
-"""TFGN (eq. 12-16), and the networks of the same design: the paper's Transformer and the Progressive Transformer.
+"""TFGN (eq. 12-16), and the network of the same design: the paper's Transformer.
 
 * TFGN: encoder over the culled frames X_c, decoder for the transition frames. With Culling the positions lie in the
   middle of X_c. Without it (the ablation WC) the encoder reads all of X, with the positions of SPSN as marks on two
@@ -6,9 +6,6 @@
 * Transformer: the same over all of X, without marks, with differences beside the frames; a linear layer on the
   encoder's states classifies every frame as {none, pre, post}: one network and one loss for both jobs, which the paper
   does not specify.
-* Progressive Transformer (Saunders et al. 2020 [7]): every frame comes with a counter that runs from 0 to 1 over the
-  transition, replaces the decoder's positional code, and ends the sequence when it reaches 1. Of their augmentations,
-  noise and "just counter" (the frame hidden, its counter not) are used; predicting several frames ahead is not.
 
 Decoding is causal both one by one with a key-value cache and all at once with hidden inputs, so that a frame does not
 depend on how many come after it.
@@ -32,10 +29,6 @@ from signsplice_paper.train.networks.layers import (
 )
 from signsplice_paper.train.networks.spsn import admissible
 
-COUNTED = 0.96
-"""The counter at which a sequence ends: above 1 - 1/n for every n up to 24."""
-_LOGIT_SLOPE = 50.0
-
 
 @dataclass(frozen=True)
 class TransformerConfig:
@@ -48,7 +41,6 @@ class TransformerConfig:
     - inner: width of the feed-forward layers
     - dropout: probability
     - tokens: whether it has a head for positions
-    - counter: whether decoding is progressive
     - steps: whether it reads differences between frames beside the frames
     - marks: whether it is given the splice positions as marks on two frames
     """
@@ -60,7 +52,6 @@ class TransformerConfig:
     inner: int = 2048
     dropout: float = 0.1
     tokens: bool = False
-    counter: bool = False
     steps: bool = False
     marks: bool = False
 
@@ -68,13 +59,13 @@ class TransformerConfig:
 class Transformer(Generator):
     """Encoder and decoder of attention layers."""
 
+    concurrent = True
+
     def __init__(self, config: TransformerConfig, normaliser: Normaliser) -> None:
         super().__init__()
         self.config, self.normaliser = config, normaliser
-        self.concurrent = not config.counter
         self.marked = config.marks
         n_numbers = normaliser.n_numbers
-        self.n_fed = n_numbers + config.counter
         width, sizes = config.width, (config.width, config.n_heads)
         n_read = (1 + config.steps) * n_numbers + 2 * config.marks
         self.encoder = Encoder(n_read, *sizes, config.n_encoder_layers, config.inner, config.dropout)
@@ -84,12 +75,10 @@ class Transformer(Generator):
             DecoderLayer(*sizes, config.inner, config.dropout) for _ in range(config.n_decoder_layers)
         )
         self.norm = nn.LayerNorm(width)
-        self.frame: nn.Module = nn.Linear(width, n_numbers)
+        self.frame = nn.Linear(width, n_numbers)
         self.last = nn.Linear(width, 1)
         if config.tokens:
             self.token = nn.Linear(width, 3)
-        if config.counter:
-            self.count = nn.Linear(1, width)
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
         """Memory: mask (B, S), then keys and values (B, H, S, D / H) of each decoder layer. State: empty caches."""
@@ -114,32 +103,16 @@ class Transformer(Generator):
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
         """Frames, logits of the last frame, and extended caches."""
-        x, caches = self.decoder_states(fed, kinds, start, memory, state)
-        frames = self.normaliser.inverse(self.frame(x))
-        last: Tensor = self.last(x)
-        if self.config.counter:
-            counter = torch.sigmoid(last)
-            return torch.cat([frames, counter], dim=-1), _LOGIT_SLOPE * (counter[..., 0] - COUNTED), caches
-        return frames, last[..., 0], caches
-
-    def decoder_states(
-        self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
-    ) -> tuple[Tensor, State]:
-        """The decoder's last states (B, T, D), and extended caches."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
-        inputs = self.kind(kinds) + shown * self.embedding(self.normaliser(fed[..., : self.normaliser.n_numbers]))
+        x = self.kind(kinds) + shown * self.embedding(self.normaliser(fed))
         n_new, n_past = fed.shape[1], state[0].shape[2]
-        if self.config.counter:
-            inputs = inputs + self.count(fed[..., self.normaliser.n_numbers :])
-        else:
-            positions = start + torch.arange(n_new, device=fed.device)
-            inputs = inputs + positional_code(positions, inputs.shape[-1]).to(inputs.dtype)
+        positions = start + torch.arange(n_new, device=fed.device)
+        x = x + positional_code(positions, x.shape[-1]).to(x.dtype)
         self_allowed, cross_allowed = causal(n_new, n_past, fed.device), memory[0][:, None, None, :]
         caches: list[Tensor] = []
-        x = inputs
         for k, layer in enumerate(self.layers):
             cross = (memory[2 * k + 1], memory[2 * k + 2])
             x, cache = layer(x, (state[2 * k], state[2 * k + 1]), cross, self_allowed, cross_allowed)
             caches += cache
-        out: Tensor = self.norm(x)
-        return out, tuple(caches)
+        x = self.norm(x)
+        return self.normaliser.inverse(self.frame(x)), self.last(x)[..., 0], tuple(caches)

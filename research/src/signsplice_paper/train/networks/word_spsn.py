@@ -129,7 +129,9 @@ class WordSpsn(nn.Module):
 
 
 def position_loss(scores: tuple[Tensor, Tensor], cuts: Tensor, taught: Tensor) -> Tensor:
-    """The cross-entropy () of both positions. cuts: (W, W, 2); taught: pairs (W, W) that count."""
-    leave, enter = (side[taught] for side in scores)
-    pre, post = cuts[taught].unbind(-1)
-    return F.cross_entropy(leave, pre) + F.cross_entropy(enter, post)
+    """The cross-entropy () of both positions, a mean over pairs. cuts: (W, W, 2); taught: pairs (W, W) that count."""
+    each = sum(
+        F.cross_entropy(side.flatten(0, 1).float(), cuts[..., k].flatten(), reduction="none")
+        for k, side in enumerate(scores)
+    )
+    return (each * taught.flatten()).sum() / taught.sum().clamp(min=1)
