@@ -40,8 +40,11 @@ def of_pairs(
 ) -> dict[int, float]:
     """The margins of these pairs, from a file, or made and stored there.
 
-    Pairs whose words cannot be planned anew have none, such as those of a user's own words.
+    Pairs whose words cannot be planned anew have none, such as those of a user's own words; nor have those of a truth
+    that rounds nothing.
     """
+    if pairs.truth_kind == "events":
+        return {}
     found = known(path, pairs)
     signs = {**notation.everyday(), **notation.alphabet()}
     glosses = [word["gloss"] for word in pairs.head["words"]]
