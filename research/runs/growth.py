@@ -10,7 +10,7 @@ import argparse
 import csv
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -109,10 +109,12 @@ def guess(network: nn.Module, pairs: Pairs, numbers: list[int]) -> np.ndarray:
     return torch.cat(rows).numpy()
 
 
-def systems(data: WordsData, seed: int, steps: int) -> Iterator[tuple[str, nn.Module, Callable[[int], Tensor], int]]:
+def systems(
+    data: WordsData, parents: Sequence[int], seed: int, steps: int
+) -> Iterator[tuple[str, nn.Module, Callable[[int], Tensor], int]]:
     """Each system with its loss and its steps."""
     torch.manual_seed(seed)
-    words = WordSpsn(WordSpsnConfig(), data.normaliser())
+    words = WordSpsn(WordSpsnConfig(parents=parents), data.normaliser())
 
     def word_loss(step: int) -> Tensor:
         batch = data.batch(data.rows(step, WORDS_A_STEP, seed))
@@ -177,7 +179,7 @@ def main() -> None:
         rows = list(csv.DictReader(given.out.open(encoding="utf-8"))) if given.out.exists() else []
         done = {(row["system"], row["bodies"], row["words"]) for row in rows}
         data = words_of(judged, taught, bodies, words)
-        for name, network, loss_of, steps in systems(data, 0, given.steps):
+        for name, network, loss_of, steps in systems(data, judged.spaces[0].parents, 0, given.steps):
             if (name, str(bodies), str(words)) in done or given.system not in (None, name):
                 continue
             print(f"{name}, {bodies} bodies, {words} words", flush=True)

@@ -26,7 +26,7 @@ CONFIGS: dict[str, tuple[Config, int | None]] = {
     "spsn": (SpsnConfig(32, dropout=0.0), None),
     "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False, summary=False), None),
     "spsn-printed-wa": (SpsnConfig(32, "none", 0.0, steps=False, summary=False), None),
-    "spsn-words": (WordSpsnConfig(24, 16, 0.0), None),
+    "spsn-words": (WordSpsnConfig(24, 16, 0.0, corpus().spaces[0].parents), None),
     "tfgn": (_T, FR),
     "tfgn-wc": (replace(_T, marks=True), None),
     "transformer": (replace(_T, tokens=True, steps=True), None),

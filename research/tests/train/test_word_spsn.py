@@ -6,12 +6,13 @@ from dataclasses import asdict
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
 from signsplice_paper.train.networks.spsn import NONE, POST, PRE  # noqa: E402
-from signsplice_paper.train.networks.word_spsn import WordSpsn  # noqa: E402
+from signsplice_paper.train.networks.word_spsn import WordSpsn, joint_pairs  # noqa: E402
 from signsplice_paper.train.tasks import positions  # noqa: E402
 from signsplice_paper.train.words_data import words_of_split, words_with_cards  # noqa: E402
 from signsplice_workshop.corpora.readable import Card  # noqa: E402
@@ -51,6 +52,20 @@ def test_positions_lie_in_their_word_and_padding_changes_nothing(network: WordSp
             torch.testing.assert_close(logits[k, :length], alone, atol=1e-4, rtol=1e-4)
             assert (alone[n:, PRE] < alone[n:, NONE]).all()
             assert (alone[:n, POST] < alone[:n, NONE]).all()
+
+
+def test_distances_show_how_far_fingers_are_bent_and_hands_are_from_the_head(network: WordSpsn) -> None:
+    names = [name.rpartition(":")[2] for name in corpus().skeletons[0].names]
+    pairs = [{names[a], names[b]} for a, b in joint_pairs(corpus().spaces[0].parents)]
+    assert {"LeftHandIndex3", "LeftHand"} in pairs
+    assert {"RightHandIndex3", "HeadTop_End"} in pairs
+    assert {"RightHand", "LeftHand"} in pairs
+    x = torch.from_numpy(np.array(corpus().word(0)[None, :2]))
+    joints = x.reshape(1, 2, -1, 3)
+    a, b = network.pairs[0]
+    distance = (joints[0, :, a] - joints[0, :, b]).norm(dim=-1)
+    first = network.features(x)[0, :, -len(network.pairs)]
+    torch.testing.assert_close(first, 2.0 * ((distance + 5e-3).log() + 2.0))
 
 
 def test_a_score_depends_on_the_partner(network: WordSpsn) -> None:

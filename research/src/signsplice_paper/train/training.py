@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +92,7 @@ def make(
     ``DeadlineError``, and writes no bundle, where the deadline interrupts a part.
     """
     chosen = parts(training.system, training.scale, training.fr, training.steps, training.optimiser, training.split)
+    chosen = tuple(on_skeleton(part, pairs) for part in chosen)
     check_bundle_folder(out)
     out.parent.mkdir(parents=True, exist_ok=True)
     tasks = []
@@ -105,6 +106,13 @@ def make(
             tasks.append(trained(part, training, pairs, folder, processes, callback))
     if processes.first:
         _write(training, pairs, chosen, tasks, out, [part_folder(shared, part, training, pairs) for part in chosen])
+
+
+def on_skeleton(part: SystemPart, pairs: Pairs) -> SystemPart:
+    """The part for the joints of a corpus."""
+    if isinstance(part.config, WordSpsnConfig):
+        return replace(part, config=replace(part.config, parents=pairs.spaces[0].parents))
+    return part
 
 
 def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:

@@ -5,13 +5,16 @@ partner. Here two LSTM layers run both ways over each word. Four weighted means 
 make its summary. The score of a frame as the last one kept before a partner is a bilinear form of the frame's state and
 the partner's summary, and so for the first one kept after. A softmax over the word's own frames follows: there are no
 tokens and no "none". One step on W words teaches up to W * W pairs.
+Besides frames it reads what decides where a hand rests, and in which shape: steps, speeds and distances.
 
 Shapes: W words, T frames, K numbers, D width, S size of a summary.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import torch
 from torch import Tensor, nn
@@ -23,6 +26,12 @@ from signsplice_paper.train.networks.recurrent import Lstm
 STEP = 5e-4
 """Step of a number from frame to frame, 1 mm on the standard body, from which on steps are read as logarithms: hands at
 rest move less, hands on their way up to 60 times as much."""
+NEAREST, USUAL = 5e-3, 2.0
+"""Distances are read as 2 (log(distance + ``NEAREST``) + ``USUAL``), which is about 0 for 24 cm."""
+BENT = 3
+"""A joint's distance to the joint so many above it shows how far the joints between are bent."""
+BRANCHES = 3
+"""Joints with so many children, as hips, chest and hands, are watched like those without any."""
 LOOKS = 4
 _MASKED = -1e4
 
@@ -34,11 +43,29 @@ class WordSpsnConfig:
     - width: of states and embeddings
     - summary: numbers of a summary that each side reads
     - dropout: probability
+    - parents: the joint above each, -1 for none; only where they are given, distances between joints are read
     """
 
     width: int = 64
     summary: int = 64
     dropout: float = 0.1
+    parents: Sequence[int] = ()
+
+
+def joint_pairs(parents: Sequence[int]) -> list[tuple[int, int]]:
+    """The pairs of joints whose distance is read: each joint with the one ``BENT`` above it, and all pairs of those
+    that end a limb or branch.
+    """
+    pairs = []
+    for joint in range(len(parents)):
+        above = joint
+        for _ in range(BENT):
+            above = parents[above] if above >= 0 else -1
+        if above >= 0:
+            pairs.append((joint, above))
+    n_children = [list(parents).count(joint) for joint in range(len(parents))]
+    watched = [joint for joint, count in enumerate(n_children) if count == 0 or count >= BRANCHES]
+    return pairs + [(a, b) for a, b in combinations(watched, 2) if (b, a) not in pairs]
 
 
 class BothWays(nn.Module):
@@ -65,7 +92,8 @@ class WordSpsn(nn.Module):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width, n_numbers = config.width, normaliser.n_numbers
-        self.embedding = nn.Linear(2 * n_numbers + n_numbers // 3, width)
+        self.pairs = joint_pairs(config.parents)
+        self.embedding = nn.Linear(2 * n_numbers + n_numbers // 3 + len(self.pairs), width)
         self.layers = nn.ModuleList([BothWays(width, width), BothWays(2 * width, width)])
         self.dropout = nn.Dropout(config.dropout)
         self.look = nn.Linear(2 * width, LOOKS)
@@ -79,10 +107,17 @@ class WordSpsn(nn.Module):
         self.usual = nn.Linear(2 * width, 2)
 
     def features(self, x: Tensor) -> Tensor:
-        """What is read of words (W, T, K): numbers, steps from the frame before, and the speed of each joint."""
+        """What is read of words (W, T, K): numbers, steps from the frame before, the speed of each joint, and distances
+        of joints.
+        """
         steps = torch.cat([torch.zeros_like(x[:, :1]), x[:, 1:] - x[:, :-1]], dim=1) / STEP
         speeds = torch.log1p(steps.reshape(*steps.shape[:2], -1, 3).norm(dim=-1))
-        return torch.cat([self.normaliser(x), torch.asinh(steps), speeds], dim=-1)
+        read = [self.normaliser(x), torch.asinh(steps), speeds]
+        if self.pairs:
+            a, b = (list(joints) for joints in zip(*self.pairs, strict=True))
+            joints = x.reshape(*x.shape[:2], -1, 3)
+            read.append(2.0 * (((joints[:, :, a] - joints[:, :, b]).norm(dim=-1) + NEAREST).log() + USUAL))
+        return torch.cat(read, dim=-1)
 
     def read(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Keys (W, T, 2 S) and usual scores (W, T, 2) of frames, and summaries (W, 2 S), of words (W, T, K)."""
