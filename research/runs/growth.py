@@ -132,10 +132,10 @@ def systems(
 
 
 TESTS = {
-    "random": "unseen pairs of the 100 known words",
-    "unseen-words": "unseen words",
-    "unseen-signer": "known words, unseen signers",
-    "unseen-both": "unseen words, unseen signers",
+    "random": "the 100 words, first signer",
+    "unseen-words": "45 other words, first signer",
+    "unseen-signer": "the 100 words, other signers",
+    "unseen-both": "other words, other signers",
 }
 STYLES = {"LPT+": "lpt", "LpTransformer": "lpt-printed"}
 
@@ -177,10 +177,14 @@ def main() -> None:
         if given.cell not in (None, f"{bodies}x{words}"):
             continue
         rows = list(csv.DictReader(given.out.open(encoding="utf-8"))) if given.out.exists() else []
-        done = {(row["system"], row["bodies"], row["words"]) for row in rows}
+        learned = judged if words == KNOWN else taught
+        corpora = (judged.head["hash"], learned.head["hash"])
+        if any(row["corpus"] != corpora[0] for row in rows):
+            raise SystemExit(f"{given.out}: has rows of another corpus; name another file")
+        done = {(row["taught"], row["system"], row["bodies"], row["words"], row["steps"]) for row in rows}
         data = words_of(judged, taught, bodies, words)
         for name, network, loss_of, steps in systems(data, judged.spaces[0].parents, 0, given.steps):
-            if (name, str(bodies), str(words)) in done or given.system not in (None, name):
+            if (corpora[1], name, str(bodies), str(words), str(steps)) in done or given.system not in (None, name):
                 continue
             print(f"{name}, {bodies} bodies, {words} words", flush=True)
             minutes = train(network, loss_of, steps)
@@ -190,8 +194,7 @@ def main() -> None:
                 errors = np.abs(guess(network, judged, numbers) - judged.index[numbers, 2:4])
                 scores = ((errors[:, 0] == 0), (errors[:, 1] == 0), (errors == 0).all(1), (errors <= 1).all(1))
                 rates = [f"{score.mean():.3f}" for score in scores]
-                learned = judged if words == KNOWN else taught
-                cell = (judged.head["hash"], learned.head["hash"], name, bodies, words, steps, f"{minutes:.1f}")
+                cell = (*corpora, name, bodies, words, steps, f"{minutes:.1f}")
                 lines.append((*cell, test, len(numbers), *rates))
                 print("  ", *lines[-1][7:], flush=True)
             new = not given.out.exists()

@@ -69,6 +69,7 @@ def test_pairs_are_those_of_the_library_and_of_one_process(folder: Path, tmp_pat
 BAD_CALLS = [
     (("pairs", "-o", "out", "--truth", "both"), "'both' is not one of 'partner', 'word', 'events'"),
     (("pairs", "-o", "out", "--truth", "events", "--fps", "24"), "--fps 24, expected 30 with --truth events"),
+    (("pairs", "-o", "out", "--truth", "events", "--other-signer", "5"), "--truth events takes no --other-signer"),
     (("pairs", "-o", "out", "--teach", "2"), "--teach 2 --truth partner, expected at least 0, and --truth events"),
     (("sentences", "-o", "out", "--count", "0"), "--count 0, expected at least 1"),
     (("sentences", "-o", "out", "--words", "1"), "1 words chosen, expected at least 2"),

@@ -1,7 +1,7 @@
-"""What a network has to beat on splice positions: the commonest cut, the partner's class, its nearest neighbour, a
-Gaussian process, and a reader who knows the rules.
+"""What a network has to beat on splice positions: the commonest and the mean cut of a word, the commonest one by the
+partner's true class, its nearest neighbour, and a Gaussian process; and a reader who knows the rules.
 
-The first four are counted or fitted for each word on the training part, by gloss, and know nothing of a word that it
+All but the last are counted or fitted for each word on the training part, by gloss, and know nothing of a word that it
 lacks: there they have the mean cut of all. Frames of words before are counted from the end, since words differ in
 length by signer. The reader knows ``readable`` and sees the motion.
 """

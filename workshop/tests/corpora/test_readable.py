@@ -16,7 +16,14 @@ from signsplice.signer.signer import STANDARD, draw_signer
 from signsplice_workshop.corpora import readable, truth
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.readable import Card
-from signsplice_workshop.corpora.readable_pairs import JudgedCorpus, TaughtCorpus, write_readable
+from signsplice_workshop.corpora.readable_pairs import (
+    FIRST_SIGNER,
+    FIRST_TAUGHT,
+    SIGNERS_A_SEED,
+    JudgedCorpus,
+    TaughtCorpus,
+    write_readable,
+)
 from signsplice_workshop.measure import corpus_page
 
 SIGNS = notation.everyday()
@@ -156,3 +163,9 @@ def test_a_transition_whose_elbow_would_be_too_fast_is_not_valid() -> None:
 def test_such_a_corpus_is_not_measured_beside_real_signing(corpus: Pairs) -> None:
     with pytest.raises(InputError, match="its truth is of kind events"):
         corpus_page.measured(corpus, None, {}, lambda _: nullcontext())
+
+
+def test_no_signer_that_is_judged_is_taught_by_another_seed() -> None:
+    judged = {FIRST_SIGNER + SIGNERS_A_SEED * seed + k for seed in range(4) for k in range(JudgedCorpus.n_signers)}
+    taught = {FIRST_TAUGHT + SIGNERS_A_SEED * seed + k for seed in range(4) for k in range(TaughtCorpus.n_signers)}
+    assert not judged & taught

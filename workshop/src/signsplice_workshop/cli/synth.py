@@ -38,9 +38,12 @@ def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **dra
     print(f"{output}: {count} sentences of {len(recipe.signs)} words, recipe {recipe.hash}")
 
 
+OTHER_SIGNER = 1000
+
+
 @click.command()
 @DRAWN
-@preset("--other-signer", 1000, "N", "How many pairs a second signer makes, to test on.")
+@preset("--other-signer", OTHER_SIGNER, "N", "How many pairs a second signer makes, to test on.")
 @preset(
     "--truth",
     "partner",
@@ -71,6 +74,8 @@ def pairs(
     if truth == "events":
         if fps != planner.FPS:
             raise InputError(f"--fps {fps:g}, expected {planner.FPS:g} with --truth events")
+        if other_signer != OTHER_SIGNER or (teach and (drawn["signs"] or drawn["pseudo"])):
+            raise InputError("--truth events takes no --other-signer, and --teach neither --signs nor --pseudo")
         _write_readable(output, teach, processes, seed, drawn)
         return
     if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:

@@ -376,6 +376,8 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
     """
     folder = Path(folder)
     truth.by_partner(recipe.truth)
+    if recipe.truth == "events":
+        raise InputError("truth events: made by readable_pairs.write_readable, expected partner or word")
     check_folder(folder, HEAD, _files_of)
     target = folder.resolve()  # "." has no name of its own
     part = target.with_name(f".{target.name}-{recipe.hash}.part")

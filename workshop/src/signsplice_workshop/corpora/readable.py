@@ -31,7 +31,7 @@ FIRST_HOLD_S, LAST_HOLD_S = (0.17, 0.30), (0.20, 0.40)
 """Durations of the first and the last hold, drawn by word."""
 
 STILL_CM_S = 7.0
-"""Mean speed of wrist and fingertips, on the standard body, below which the strong hand is held."""
+"""Mean speed of the wrist and of each finger's last joint, on the standard body, below which the hand is held."""
 STILL_MARGIN = 1.15
 """By what factor each speed in a hold is lower, and each speed beside it higher, in words that are read with a
 margin."""
@@ -94,7 +94,8 @@ class Card:
 
 def leave(p: Card, q: Card) -> int:
     """The last frame kept of the word before: the end of its last hold, where the next sign needs another number of
-    hands, or at the same height another handshape, which form meanwhile; else the end of its stroke.
+    hands, or at the same height an open hand instead of a folded one or the reverse, which form meanwhile; else the end
+    of its stroke.
     """
     reforms = p.high_last == q.high_first and p.open_last != q.open_first
     return p.hold_end if p.two_last != q.two_first or reforms else p.stroke_end
@@ -173,8 +174,8 @@ def read_card(clip: Clip, signer: Signer, hands: str, margin: float = 1.0) -> Ca
         np.abs(opened).min() >= OPEN_MARGIN,
         np.abs(two).min() >= WEAK_MARGIN,
         not TOUCH_CM < gap_cm < CLEAR_CM,
-        high[0] < 0.0 or np.abs(heights[raised - 1 : raised + 1] - LEVEL).min() >= RAISED_MARGIN,
-        high[0] < 0.0 or 2 <= raised <= holds[0],
+        high[0] < 0.0
+        or (2 <= raised <= holds[0] and np.abs(heights[raised - 1 : raised + 1] - LEVEL).min() >= RAISED_MARGIN),
     )
     if margin > 1.0 and not all(clear):
         return None
@@ -204,7 +205,7 @@ def find_holds(hand: FloatArray, margin: float = 1.0) -> tuple[int, int, int, in
     still = np.concatenate([[False], (speeds < STILL_CM_S) & (hand[:-1, 0, 1] > HANGING_MOST), [False]])
     spans = np.flatnonzero(np.diff(still.astype(int))).reshape(-1, 2)
     spans = spans[spans[:, 1] - spans[:, 0] >= LEAST_HOLD]
-    if len(spans) < 2:
+    if len(spans) < 2 or spans[0, 0] == 0:
         return None
     (posture, stroke), (stroke_end, hold_end) = spans[[0, -1]].tolist()
     within = max(speeds[posture:stroke].max(), speeds[stroke_end:hold_end].max())

@@ -34,9 +34,9 @@ from signsplice_workshop.corpora.touches import seen_events
 VERSION = 4
 TAKES = 4
 """Takes of a word that are made until one can be read."""
-FIRST_SIGNER = 500
-"""Seed of the first unseen signer; signers to teach on follow from ``FIRST_TAUGHT``."""
-FIRST_TAUGHT = 600
+FIRST_SIGNER, FIRST_TAUGHT, SIGNERS_A_SEED = 500, 600, 100_000
+"""Seeds of the first unseen signer and of the first signer to teach on, and how far those of the next corpus's seed are
+away: no corpus is judged on a signer that another one teaches."""
 TAUGHT_MARGIN = 1.05
 """``readable.STILL_MARGIN`` of words that are taught and never judged: more of them can be read."""
 VALID_SIGNERS = 4
@@ -88,7 +88,6 @@ class _Job:
     how pairs are chosen: for each range of words how many, None for all.
     """
 
-    number: int
     signer: Signer
     candidates: tuple[Sign, ...] | tuple[int, ...]
     n_words: int
@@ -100,7 +99,9 @@ class _Job:
 
 
 def hash_recipe(recipe: Recipe) -> str:
-    """Twelve hex digits that change with everything a corpus depends on."""
+    """Twelve hex digits that change with the recipe, the signer's motion and the numbers of ``readable``. Any other
+    change of the rules raises ``VERSION``.
+    """
     rules = {k: v for k, v in vars(readable).items() if k.isupper() and isinstance(v, int | float | tuple)}
     stored = {"version": VERSION, "motion": MOTION_VERSION, "rules": rules, type(recipe).__name__: asdict(recipe)}
     return hashlib.sha256(json.dumps(stored, sort_keys=True).encode()).hexdigest()[:12]
@@ -133,14 +134,11 @@ def write_readable(recipe: Recipe, folder: Path, progress: Progress | None = Non
 
 
 def _jobs(recipe: Recipe, part: Path) -> list[_Job]:
-    """The jobs of a recipe. The known and unseen words of a judged corpus are those that its first signer can be read
-    in, so that job is done first.
-    """
+    """The jobs of a recipe. The words of a judged corpus are those that can be read in its first signer's motion."""
     if isinstance(recipe, TaughtCorpus):
         return [
             _Job(
-                number=k,
-                signer=readable.careful(draw_signer(FIRST_TAUGHT + 1000 * recipe.seed + k)),
+                signer=readable.careful(draw_signer(FIRST_TAUGHT + SIGNERS_A_SEED * recipe.seed + k)),
                 candidates=tuple(range((1000 * recipe.seed + k) * 100_000, (1000 * recipe.seed + k + 1) * 100_000)),
                 n_words=recipe.n_words,
                 takes=1,
@@ -159,11 +157,10 @@ def _jobs(recipe: Recipe, part: Path) -> list[_Job]:
     chosen = tuple(sign for sign in signs if sign.gloss in glosses)
     known = tuple(glosses[: recipe.n_known])
     share = recipe.n_pairs // max(recipe.n_signers, 1)
-    seeds = range(FIRST_SIGNER + 100 * recipe.seed, FIRST_SIGNER + 100 * recipe.seed + recipe.n_signers)
+    seeds = [FIRST_SIGNER + SIGNERS_A_SEED * recipe.seed + k for k in range(recipe.n_signers)]
     signers = [first, *(readable.careful(draw_signer(seed)) for seed in seeds)]
     return [
         _Job(
-            number=k,
             signer=signer,
             candidates=chosen,
             n_words=n_words,

@@ -27,12 +27,13 @@ STEP = 5e-4
 """Step of a number from frame to frame, 1 mm on the standard body, from which on steps are read as logarithms: hands at
 rest move less, hands on their way up to 60 times as much."""
 NEAREST, USUAL = 5e-3, 2.0
-"""Distances are read as 2 (log(distance + ``NEAREST``) + ``USUAL``), which is about 0 for 24 cm."""
+"""Distances are read as 2 (log(distance + ``NEAREST``) + ``USUAL``), which is about 0 for 29 cm."""
 BENT = 3
 """A joint's distance to the joint so many above it shows how far the joints between are bent."""
 BRANCHES = 3
 """Joints with so many children, as hips, chest and hands, are watched like those without any."""
 LOOKS = 4
+"""Weighted means of a word's states that make its summary."""
 _MASKED = -1e4
 
 
