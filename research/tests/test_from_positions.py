@@ -83,15 +83,15 @@ def test_fitted_hands_turn_no_finger_over_for_errors_of_centimetres(words: dict[
     before, after = clip.local_rotations[start - 1], clip.local_rotations[stop]
     fit = HandFit([clip], joints)
 
-    def turns(local: np.ndarray) -> np.ndarray:
+    def angles_between_frames(local: np.ndarray) -> np.ndarray:
         joined = np.concatenate([before[None], local, after[None]])
         return np.asarray(np.rad2deg(rotation.angle_between(joined[:-1], joined[1:])))
 
     hands = [joint for joint, name in enumerate(clip.skeleton.names) if "Hand" in name]
     raw = rotations_from_positions(clip.skeleton, noisy, before, after)
     whole = fit.apply(raw, noisy, before, after)
-    assert turns(raw)[:, hands].max() > 60.0
-    assert turns(whole)[:, hands].max() < 40.0
+    assert angles_between_frames(raw)[:, hands].max() > 60.0
+    assert angles_between_frames(whole)[:, hands].max() < 40.0
     others = [joint for joint in joints if joint not in hands]
     assert np.allclose(np.abs((whole * raw).sum(-1))[:, others], 1.0)
     known = fit.apply(rotations_from_positions(clip.skeleton, exact, before, after), exact, before, after)

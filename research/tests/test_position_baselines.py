@@ -26,7 +26,7 @@ def test_who_knows_the_rules_reads_every_cut_of_every_split(pairs: Pairs) -> Non
         assert score_positions(pairs, numbers, reader) == {"pre": 1.0, "post": 1.0, "exact": 1.0, "within one": 1.0}
 
 
-def test_a_word_beside_a_partner_of_a_class_that_was_taught_has_the_true_cut(pairs: Pairs) -> None:
+def test_a_partner_class_seen_in_training_gives_the_true_cut(pairs: Pairs) -> None:
     """The truth depends on the partner's class alone, so a cut that is commonest beside a class is the only one
     there."""
     class_of = partner_class(pairs)

@@ -1,10 +1,12 @@
 """How positions of unseen words and signers grow with the words and bodies that are taught.
 
-    python research/runs/growth.py JUDGED TAUGHT OUT.csv [--cell 60x10020] [--steps 10000]
+    python -m signsplice_paper.train.growth JUDGED TAUGHT OUT.csv [--cell 60x10020] [--steps 10000]
 
 Trains LpTransformer's SPSN (equal treatment) and LPT+'s, word by word, for each cell of words and bodies that OUT
 lacks, and scores them on the four tests of the judged corpus. A cell that was interrupted is trained again.
 """
+
+from __future__ import annotations
 
 import argparse
 import csv
@@ -83,7 +85,7 @@ def train(network: nn.Module, loss_of: Callable[[int], Tensor], steps: int) -> f
             group["lr"] = rate
         loss = loss_of(step)
         optimiser.zero_grad()
-        loss.backward()
+        loss.backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
         if step % 500 == 499:
