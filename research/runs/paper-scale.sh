@@ -21,9 +21,9 @@ PIECE=${PIECE:-570}           # seconds
 MARGIN=${MARGIN:-60}          # seconds kept for exporting what was trained last
 WORKERS=${WORKERS:-3}         # trainings at once on the GPU: the small networks leave most of it idle
 JUDGES=${JUDGES:-$(( $(nproc) > 1 ? $(nproc) / 2 : 1 ))}  # processes that judge, each with one thread
-SYSTEMS=${SYSTEMS:-"lpt-printed lpt transformer lstm conv-s2s"}
+SYSTEMS=${SYSTEMS:-"lptransformer lptransformer-printed lpt-plus transformer lstm conv-s2s"}
 OPTIMISERS=${OPTIMISERS:-"adamw sgd"}
-SPLITS=${SPLITS:-"random unseen-signer"}  # those that bundles of the random split may be judged on
+SPLITS=${SPLITS:-"random unseen-words unseen-signer unseen-both"}
 LIMIT=${LIMIT:-}              # pairs of a split that are judged, all by default
 STEPS=${STEPS:-}              # steps of every part, in place of the scale's
 PYTHON=${PYTHON:-$([ -x .venv/bin/python ] && echo .venv/bin/python || echo python3)}
@@ -42,13 +42,13 @@ for name in pairs judged bundles; do
     fi
 done
 if [ ! -f "$PAIRS/corpus.json" ]; then
-    timeout "$(left)" "$PYTHON" -m signsplice synth pairs -o "$PAIRS" || again "the corpus is not made yet"
+    timeout "$(left)" "$PYTHON" -m signsplice synth pairs --truth events -o "$PAIRS" || again "the corpus is not made yet"
 fi
 
 chosen=()
 for system in $SYSTEMS; do chosen+=(--system "$system"); done
 for optimiser in $OPTIMISERS; do chosen+=(--optimiser "$optimiser"); done
-chosen+=(--scale "$SCALE" --pairs "$PAIRS" --bundles "$OUT/bundles" --split random --seed 0 --fr 8)
+chosen+=(--scale "$SCALE" --pairs "$PAIRS" --bundles "$OUT/bundles" --split random --seed 0)
 
 # Training: the last piece may have ended between a training and its bundle, which this call then writes first.
 minutes=$(awk "BEGIN { print ($(left) - $MARGIN > 0 ? $(left) - $MARGIN : 0) / 60 }")
@@ -65,9 +65,8 @@ done
 judge() {
     [ "$(( PIECE - SECONDS ))" -gt 5 ] || exit 1
     mkdir -p "$OUT/judged/$1-$2"
-    [ ! -f research/docs/margins.json ] || cp -n research/docs/margins.json "$OUT/judged/$1-$2/" || true  # minutes to make
     OMP_NUM_THREADS=1 timeout "$(( PIECE - SECONDS ))" "$PYTHON" -m signsplice_paper judge \
-        --scale "$SCALE" --pairs "$PAIRS" --bundles "$OUT/bundles" --out "$OUT/judged/$1-$2" --system "$1" --seed 0 --fr 8 --split "$2" \
+        --scale "$SCALE" --pairs "$PAIRS" --bundles "$OUT/bundles" --out "$OUT/judged/$1-$2" --system "$1" --seed 0 --split "$2" \
         ${LIMIT:+--limit "$LIMIT"} > "$OUT/judged/$1-$2/log.txt" 2>&1 && touch "$OUT/judged/$1-$2/done"
 }
 rm -f "$OUT"/judged/*/done

@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# Everything that research/runs/paper.sh does, in minutes: ten words, systems of a few thousand weights, a few steps each.
+# Everything that research/runs/paper.sh does, in minutes: few words, systems of a few thousand weights, a few steps each.
 # It checks that all steps run; its figures mean nothing. Leaves everything in out/smoke.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 SMOKE=${SMOKE:-out/smoke}
 mkdir -p "$SMOKE"
-if [ ! -f "$SMOKE/pairs/corpus.json" ]; then
-    [ -x .venv/bin/signsplice-paper ] || make .venv/.dev
-    .venv/bin/signsplice synth pairs -o "$SMOKE/pairs" --words 10 --other-signer 10
-fi
-SCALE=smoke PAIRS="$SMOKE/pairs" BUNDLES="$SMOKE/bundles" OUT="$SMOKE/paper" research/runs/paper.sh --limit 50 "$@"
+[ -x .venv/bin/signsplice-paper ] || make .venv/.dev
+made() { [ -f "$SMOKE/$1/corpus.json" ] || .venv/bin/signsplice synth pairs --truth events -o "$SMOKE/$1" "${@:2}"; }
+made judged --words 10
+made taught --words 8 --teach 3
+SCALE=smoke LIMIT=50 PAIRS="$SMOKE/judged" TAUGHT="$SMOKE/taught" BUNDLES="$SMOKE/bundles" OUT="$SMOKE/paper" \
+    research/runs/paper.sh "$@"

@@ -16,7 +16,7 @@ from signsplice.cli.terminal import size
 from signsplice.errors import InputError
 from signsplice.formats import load, save
 from signsplice.motion import Clip, kinematics
-from signsplice_paper import clip_methods, own_words, pair_export, protocol
+from signsplice_paper import own_words, pair_export, protocol
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.own_clips import ClipChoice
 from signsplice_paper.own_words import BuiltPairs, PairsPlan
@@ -324,4 +324,3 @@ def test_clip_methods_see_the_words_as_they_are(exported: Path, tmp_path: Path) 
     np.testing.assert_allclose(made.spaces[0].numbers(clip), made.word(3), atol=1e-6)
     feet = kinematics.forward(clip, [clip.skeleton.index["mixamorig:LeftFoot"]])[1]
     assert np.abs(feet[..., 1]).max() < 5.0, "they stand on the ground"
-    assert len(clip_methods.classical_methods()) > 0

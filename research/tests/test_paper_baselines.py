@@ -9,10 +9,8 @@ import pytest
 
 from signsplice_paper import baselines, bias, protocol, viewed
 from signsplice_paper.baselines import Linear, Ridge, RidgeAnswers, fitted
-from signsplice_paper.extra_metrics import number_layout
 from signsplice_paper.position_baselines import WordCuts
 from signsplice_paper.prediction import Prediction
-from signsplice_paper.systems.splicers import NONE, POST, PRE
 from signsplice_workshop.corpora.pairs import Pairs
 from toys import corpus
 
@@ -72,43 +70,43 @@ def test_the_truth_jumps_nowhere_and_keeps_its_bones_and_a_shaken_one_does_not(m
     monkeypatch.setattr(viewed, "JUMP_DEG", 120.0)  # the toy has half the corpus's frames a second
     pairs = corpus()
     viewer = viewed.Viewer(pairs)
-    layout = number_layout(pairs.word_clip(0), pairs.spaces[0])
     views = []
     for number in range(5):
         pre, post, frames = pairs.truth(number)
         true = Prediction(pre, post, frames.astype(np.float64), rotations=pairs.truth(number, "rotations")[2])
-        seen = viewer.view(number, true, layout)
-        assert (seen.jumps, seen.velocity_error) == (0.0, 0.0)
+        seen = viewer.view(number, true)
+        assert seen.jumps == 0.0
         assert seen.bone_change < 1e-4
         noise = np.random.default_rng(number).normal(size=frames.shape) * 0.05
-        shaken = viewer.view(number, replace(true, frames=true.frames + noise, rotations=None), layout)
+        shaken = viewer.view(number, replace(true, frames=true.frames + noise, rotations=None))
         assert shaken.jumps == 1.0
         assert shaken.bone_change > 0.2
         views += [seen, shaken]
     found = viewed.summary(views)
     assert found["joint_jumps"] == 0.5
-    assert 0 < found["n_unlike"] < len(views)
-    assert np.isnan(viewer.view(0, Prediction(None, None, np.zeros((0, 159))), layout).bone_change)
+    assert np.isnan(viewer.view(0, Prediction(None, None, np.zeros((0, 159)))).bone_change)
 
 
-class Logits:
-    """A system whose tokens lack ``number / 10`` of their emission in pair ``number``."""
-
-    def __init__(self, pairs: Pairs) -> None:
-        self.pairs, self.lacking = pairs, [k / 10 for k in range(len(pairs.split("random", "valid")))]
-        self.asked = 0
-
-    def tokens(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        logits = np.zeros((len(before) + len(after), 3), np.float32)
-        logits[:, NONE] = 9.0
-        logits[2, PRE], logits[-2, POST] = 9.0 - self.lacking[self.asked], 8.9
-        self.asked += 1
-        return logits
+def test_frames_with_bones_kept_have_the_lengths_of_the_words_bones() -> None:
+    pairs = corpus()
+    viewer = viewed.Viewer(pairs)
+    pre, post, true = pairs.truth(3)
+    noise = np.random.default_rng(0).normal(size=true.shape) * 0.02
+    shaken = Prediction(pre, post, true + noise)
+    kept = viewer.with_bones(3, shaken)
+    assert (kept.pre, kept.post, kept.frames.shape) == (pre, post, true.shape)
+    assert viewer.view(3, shaken).bone_change > 0.1
+    assert viewer.view(3, kept).bone_change < 1e-4
+    exact = viewer.with_bones(3, Prediction(pre, post, true.astype(np.float64)))
+    assert np.abs(exact.frames - true).mean() < 0.001, "within two millimetres, true frames stay where they are"
+    for lost in (replace(shaken, pre=None), replace(shaken, frames=shaken.frames[:0])):
+        assert viewer.with_bones(3, lost) is lost, "nothing to put on a skeleton"
 
 
 def test_the_bias_lets_nearly_all_validation_pairs_emit_both_tokens() -> None:
-    pairs = corpus()
-    system = Logits(pairs)
-    found = bias.token_bias(system, pairs, "random")  # type: ignore[arg-type]
-    assert found == pytest.approx(max(0.1, *system.lacking, 0.0) + 1e-3, abs=1e-5)
+    lacking = np.linspace(-1.0, 3.0, 2001)
+    found = bias.of_margins(lacking)
+    assert np.mean(lacking < found) >= bias.EMITTED
+    assert found < 3.0, "the last pairs do not decide"
+    assert bias.of_margins(np.array([0.5, 0.2])) == pytest.approx(0.501), "of a few pairs, all emit"
     assert bias.of_margins(np.full(1000, -2.0)) == 0.0, "tokens that win anyway need none"

@@ -29,7 +29,7 @@ from test_paper_systems import Fakes, fake_system, tokens
 Array = NDArray[Any]
 FR = 3
 CONFIG: dict[str, Any] = {
-    "system": "lpt",
+    "system": "lpt-plus",
     "corpus": "c0ffee",
     "scale": "smoke",
     "fps": 30.0,
@@ -83,7 +83,7 @@ def test_the_159_numbers_of_a_clip_survive_a_round_trip() -> None:
 def test_the_cut_is_the_position_of_the_network() -> None:
     cut = splicer().cut(BEFORE, AFTER)
     assert (cut.pre, cut.post) == (30, 20)
-    with pytest.raises(InputError, match="lpt finds no splice position"):
+    with pytest.raises(InputError, match="lpt-plus finds no splice position"):
         splicer(pre=None).cut(BEFORE, AFTER)
 
 
@@ -123,23 +123,23 @@ def test_a_splice_is_equation_17_and_can_be_saved(tmp_path: Path) -> None:
 def test_the_engine_splices_with_a_system() -> None:
     system = splicer()
     result = ss.splice([BEFORE, AFTER], ss.SpliceOptions(cutter=system, transition=system))
-    assert (result.cutter, result.transition) == ("lpt", "lpt")
+    assert (result.cutter, result.transition) == ("lpt-plus", "lpt-plus")
     assert [(seam.pre_frame, seam.post_frame) for seam in result.seams] == [(30, 20)]
 
 
 def test_clips_of_other_skeletons_and_rates_are_refused() -> None:
     system = splicer()
-    with pytest.raises(InputError, match="MOTHER: 60 fps, but lpt knows only 30; use --fps 30"):
+    with pytest.raises(InputError, match="MOTHER: 60 fps, but lpt-plus knows only 30; use --fps 30"):
         system.cut(replace(BEFORE, fps=60.0), AFTER)
     point = Clip(
         ss.Skeleton(("a",), np.array([-1]), np.zeros((1, 3))), np.array([[[0, 0, 0, 1.0]]]), np.zeros((1, 3)), 30.0
     )
-    with pytest.raises(InputError, match=r"has no joint .*Spine1 and 50 more.*; lpt knows only the rig of its"):
+    with pytest.raises(InputError, match=r"has no joint .*Spine1 and 50 more.*; lpt-plus knows only the rig of its"):
         system.cut(point, AFTER)
     with pytest.raises(InputError, match="0 transition frames"):
         system.between(Gap(BEFORE, AFTER, 0))
     for other in (splicer(fr=None), splicer(kind=OneNetworkSystem)):
-        with pytest.raises(InputError, match="lpt makes frames only from two whole words"):
+        with pytest.raises(InputError, match="lpt-plus makes frames only from two whole words"):
             other.between(Gap(BEFORE, AFTER, 3))
 
 
@@ -148,7 +148,7 @@ def test_the_command_line_takes_a_bundle_as_cutter(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"bundle.json: has no 'fps'; export the system anew"):
         open_clip_splicer(tmp_path)
     write_bundle(tmp_path, CONFIG, {})
-    assert open_clip_splicer(tmp_path).name == "lpt"
+    assert open_clip_splicer(tmp_path).name == "lpt-plus"
     for k, clip in enumerate((BEFORE, AFTER)):
         ss.save(clip, tmp_path / f"{k}.bvh")
     call = ["splice", str(tmp_path / "0.bvh"), str(tmp_path / "1.bvh"), "-o", str(tmp_path / "out.bvh")]

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import subprocess
 import sys
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from signsplice.errors import InputError, MissingExtraError
-from signsplice_paper import clip_methods, figures, judging, kept_frames, pages, pictures, published, results, style
+from signsplice_paper import baselines, clip_methods, figures, judging, kept_frames, pictures, published, results, style
 from signsplice_paper.cli.commands import app
 from signsplice_paper.clip_methods import ClipMethod
 from signsplice_paper.curve import COLUMNS, Curve
@@ -26,26 +24,20 @@ from signsplice_paper.protocol import choose
 from signsplice_paper.results import ResultRow, Results
 from toys import Fake, corpus, of_rows, row, write_bundle
 
-SYSTEMS = (*style.COMPARED, *style.ABLATIONS["LpTransformer"][:-1], *style.ABLATIONS["LPT+"][:-1])
+SYSTEMS = tuple(dict.fromkeys((*style.COMPARED, *style.ABLATIONS)))
 
 
 def curve_of(row: ResultRow, last: float = 0.97, minutes: float | None = 1.0) -> Curve:
-    points = [(64.0 * k, minutes and minutes * k, last - 0.3 / k + 0.015, 0.01) for k in range(1, 21)]
+    points = [(64.0 * k, minutes and minutes * k, last - 0.3 / k + 0.015, 0.01, 0.9, 0.04 * k) for k in range(1, 21)]
     return Curve(
         row.system, "random", row.scale, row.optimiser, row.fr, row.seed,
         points, COLUMNS, row.bundle or "", row.corpus, 256,
     )  # fmt: skip
 
 
-def measured(**more: float) -> Results:
-    scores = {"accuracy_valid": 0.97, "first_frames_error": 1.0, **{f"frame_error-{n}": 1.0 * n for n in range(1, 9)}}
-    rows = [
-        row(s, fr=8 if s.startswith("lpt") else None, bundle=s, scores=scores | more | {"mse": 0.001 + 0.0002 * n})
-        for n, s in enumerate(SYSTEMS)
-    ]
-    rows += [row("lpt", fr=fr, bundle=f"fr{fr}") for fr in (4, 6)]
-    rows += [row("learned-fluent+learned", scale=s, optimiser="", fr=None, seed=None) for s in ("own", "taught")]
-    return of_rows(*rows).merged(curves=[curve_of(r) for r in rows if r.bundle])
+def measured() -> Results:
+    rows = [row(system, bundle=system, scores={"accuracy_valid": 0.97}) for system in SYSTEMS]
+    return of_rows(*rows).merged(curves=[curve_of(r) for r in rows])
 
 
 def kept_pairs() -> list[KeptFrames]:
@@ -65,41 +57,49 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     for folder in (one, two):
         folder.mkdir()
     written, left_out = figures.write(measured(), kept_pairs(), one, "cpu")
-    names = ["figure4a", "figure4b", "figure4c", "figure4d", "figure5a", "figure5b", "figure6", "figure7"]
-    names += ["treatments", "frame-errors"]
-    files = [*(f"{n}{s}" for n in names for s in (".png", ".svg"))]
-    assert sorted(path.name for path in written) == sorted(files)
-    pages.write(measured(), tmp_path, "cpu")
-    errors = (tmp_path / "frame-errors.csv").read_text()
-    assert f'{published.name("lstm")},"AdamW, 100 steps",1.0,1.0,2.0,' in errors, "frames 1 to 2, 1, 2, ..."
-    assert set(left_out) == {f"{name}-sgd" for name in (*names[:6], names[-1])}
-    assert all(path.stat().st_size > 5000 for path in written if path.suffix in (".png", ".svg"))
-    few = [r for r in measured().rows if r.system in style.COMPARED and r.fr in (None, 8)]
-    drawn = Results().merged(few, [c for c in measured().curves if c.system in style.COMPARED and c.fr in (None, 8)])
-    again = figures.write(drawn, kept_pairs()[:1], two, "cpu")[0]
-    assert {path.stem for path in again} == {"figure4c", "figure4d", "figure6", "frame-errors", "treatments"}
-    assert [p.name for p in again if p.stem != "figure4d" and p.read_bytes() != (one / p.name).read_bytes()] == []
-    assert figures.write(Results(), [], one, "cpu")[0] == []
+    names = ("figure4c", "figure5a", "figure6", "figure7")
+    assert sorted(path.name for path in written) == sorted(f"{n}{s}" for n in names for s in (".png", ".svg"))
+    assert left_out == []
+    assert all(path.stat().st_size > 5000 for path in written)
+    drawn = Results().merged(measured().rows, [c for c in measured().curves if c.system in style.COMPARED])
+    again, left_out = figures.write(drawn, kept_pairs()[:1], two, "cpu")
+    assert {path.stem for path in again} == {"figure4c", "figure6"}
+    assert left_out == ["figure5a", "figure7"], "one curve and no second pair are not enough"
+    assert [path.name for path in again if path.read_bytes() != (one / path.name).read_bytes()] == []
+    assert figures.write(Results(), [], one, "cpu") == ([], list(names))
 
 
 def plots(results: Results) -> figures._Plots:
-    return figures._Plots(results, "cpu", "adamw", figures.plotting())
+    return figures._Plots(results, "cpu", figures.plotting())
 
 
-def test_curves_are_drawn_over_pairs_and_over_core_minutes() -> None:
+def test_curves_are_drawn_over_core_minutes() -> None:
     pytest.importorskip("matplotlib")
-    axes = plots(measured()).accuracy({"": style.COMPARED}).axes
-    assert [ax.get_xlabel() for ax in axes] == ["thousands of pairs seen in training", "core-minutes of training"]
-    assert [line.get_label() for line in axes[0].lines] == [published.name(s) for s in style.COMPARED]
-    assert all(np.isclose(line.get_ydata()[-1], 0.03) for ax in axes for line in ax.lines), "errors 1 - Accuracy"
-    assert len(plots(measured()).accuracy(style.ABLATIONS).axes) == 4, "a row for each family"
-    sweep = plots(measured()).accuracy_by_fr().axes[0]
-    assert [line.get_label() for line in sweep.lines] == ["fr = 4", "fr = 6", "fr = 8"]
-    rows = [row(s, bundle=s) for s in style.COMPARED]
+    left, right = plots(measured()).curves_of(style.COMPARED).axes
+    assert {ax.get_xlabel() for ax in (left, right)} == {"core-minutes of training"}
+    assert [line.get_label() for line in left.lines] == [published.name(system) for system in style.COMPARED]
+    assert all(np.isclose(line.get_ydata()[-1], 0.03) for line in left.lines), "errors 1 - Accuracy"
+    assert [line.get_linestyle() for line in right.lines] == ["-", ":"] * len(style.COMPARED)
+    assert {line.get_ydata()[-1] for line in right.lines[::2]} == {0.8}, "test pairs"
+    assert {line.get_ydata()[-1] for line in right.lines[1::2]} == {0.9}, "pairs that taught"
+    rows = [row(system, bundle=system) for system in style.COMPARED]
     no_clock = of_rows(*rows).merged(curves=[curve_of(r, minutes=None) for r in rows])
-    assert [ax.get_xlabel() for ax in plots(no_clock).accuracy({"": style.COMPARED}).axes] == [
-        "thousands of pairs seen in training"
-    ]
+    assert plots(no_clock).curves_of(style.COMPARED) is None
+
+
+def test_curves_are_of_the_first_seed_of_adamw_at_the_scale_drawn() -> None:
+    pytest.importorskip("matplotlib")
+    others: list[dict[str, Any]] = [{"seed": 1}, {"optimiser": "sgd"}, {"scale": "smoke"}]
+    curves = [curve_of(row("lstm", bundle="b", **more), 0.5) for more in others]
+    drawn = plots(measured().merged(curves=curves)).curves
+    assert set(drawn) == set(SYSTEMS)
+    assert drawn["lstm"] == curve_of(row("lstm", bundle="lstm"))
+
+
+def test_every_system_of_the_figures_has_a_colour_and_a_marker_of_its_own() -> None:
+    for field in ("colour", "marker"):
+        assert len({getattr(style.style(system), field) for system in SYSTEMS}) == len(SYSTEMS)
+    assert set(style.SEEN) < set(style.COMPARED)
 
 
 def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) -> None:
@@ -111,63 +111,9 @@ def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) ->
     assert [line for line in left_out if "lstm" in line] == [
         "the curve of lstm (ends at 0.95, its row's validation Accuracy is 0.9700)"
     ]
-    lines = plots(of_rows(*rows).merged(curves=made)).accuracy({"": style.COMPARED}).axes[0].lines
+    lines = plots(of_rows(*rows).merged(curves=made)).curves_of(style.COMPARED).axes[0].lines
     assert published.name("lstm") not in [line.get_label() for line in lines]
     assert len(lines) == len(style.COMPARED) - 1
-
-
-def test_points_are_means_over_seeds_as_in_the_tables() -> None:
-    pytest.importorskip("matplotlib")
-    rows = [row(s, bundle=s, scores={"mse": 0.001, "ms_mean": 4.0}) for s in style.COMPARED]
-    rows += [row("lstm", seed=1, scores={"mse": 0.003, "ms_mean": 8.0})]
-    rows += [row("lpt-printed", seed=1, scores={"mse": 0.002, "ms_mean": 6.0})]
-    rows += [row("lpt-printed", fr=6, scores={"mse": 0.004})]
-    axes = plots(of_rows(*rows)).comparison().axes[0]
-    drawn = axes.lines[: len(style.COMPARED)]
-    at = {s: tuple(float(v[0]) for v in line.get_data()) for s, line in zip(style.COMPARED, drawn, strict=True)}
-    assert at == dict.fromkeys(at, (4.0, 0.001)) | {"lstm": (8.0, 0.002), "lpt-printed": (6.0, 0.0015)}
-    bars, curve = plots(of_rows(*rows)).time_and_error_by_fr().axes
-    assert list(curve.lines[0].get_ydata()) == [0.004, 0.001], "seed 1 is not there for fr = 6"
-    assert [patch.get_height() for patch in bars.patches] == [10.0, 4.0]
-
-
-def test_curves_are_of_the_last_seed_and_of_one_seed_where_networks_are_shared() -> None:
-    pytest.importorskip("matplotlib")
-    ends = {("lpt-printed", 0): 0.91, ("lpt-printed", 1): 0.92, ("lpt-printed", 2): 0.93, ("lpt-printed-wa", 0): 0.94}
-    ends |= {("lpt-printed-wa", 1): 0.95, ("lstm", 0): 0.96}
-    rows = [row(s, seed=seed, bundle=f"{s}{seed}", scores={"accuracy_valid": end}) for (s, seed), end in ends.items()]
-    curves = [replace(curve_of(r, r.score("accuracy_valid")), seed=r.seed) for r in rows]
-    drawn = plots(of_rows(*rows).merged(curves=curves))
-
-    def last(figure: Any) -> dict[str, float]:
-        return {line.get_label(): round(1.0 - line.get_ydata()[-1], 3) for line in figure.axes[0].lines}
-
-    assert last(drawn.accuracy({"": ["lpt-printed", "lstm"]})) == {"LpTransformer": 0.93, "LSTM": 0.96}
-    shared = drawn.accuracy({"": ["lpt-printed", "lpt-printed-wa"]}, alike=True)
-    assert last(shared) == {"LpTransformer": 0.92, "LPT-WA": 0.95}
-
-
-def test_every_point_has_a_label_of_its_own(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    same = {"mse": 0.001, "ms_mean": 10.0}
-    rows = [row(s, bundle=s, scores=same) for s in style.COMPARED]
-    rows += [row("learned-fluent+learned", scale=s, optimiser="", seed=None, scores=same) for s in ("own", "taught")]
-    figure = plots(of_rows(*rows)).comparison()
-    for dpi in (100, 130, 200):
-        figure.set_dpi(dpi)
-        figure.draw_without_rendering()
-        texts = figure.axes[0].texts
-        boxes = [text.get_window_extent() for text in texts]
-        assert not [
-            (a.get_text(), b.get_text())
-            for (a, p), (b, q) in combinations(zip(texts, boxes, strict=True), 2)
-            if p.overlaps(q)
-        ]
-        point = figure.axes[0].transData.transform((10.0, 0.001))
-        assert not any(box.contains(*point) for box in boxes)
-    names = [text.get_text() for text in texts]
-    assert len(set(names)) == len(names) == 8
-    assert {"signsplice, as it ships", "signsplice, trained on the split"} <= set(names)
 
 
 def test_pictures_show_the_kept_systems_and_bones() -> None:
@@ -234,7 +180,7 @@ def test_tables_need_only_results(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "[]"
     assert (tmp_path / "tables.md").is_file()
     results.save(Results(), tmp_path / results.FILE)
-    assert "no row of scale cpu" in run("tables", "--out", str(tmp_path))[1]
+    assert "no row for tables" in run("tables", "--out", str(tmp_path))[1]
 
 
 def test_the_command_refuses_bad_inputs(tmp_path: Path) -> None:
@@ -260,24 +206,31 @@ def test_training_without_torch_names_the_missing_extra(tmp_path: Path, monkeypa
 def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     pairs, bundles, out = corpus(), tmp_path / "bundles", tmp_path / "out"
-    for system, last in ((published.PRINTED, 0.999), ("lstm", 0.99)):
+    for system, last in ((published.LPTRANSFORMER, 0.999), ("lstm", 0.99)):
         write_bundle(bundles / system, pairs, last, system=system, fr=None)
 
-    def opener(folder: Path, decoding: str) -> Fake:
-        return Fake(pairs, off=0.001 if folder.name == published.PRINTED else 0.01)
+    def opener(folder: Path) -> Fake:
+        return Fake(pairs, off=0.001 if folder.name == published.LPTRANSFORMER else 0.01)
 
     cutters = (("true-positions", "hermite", "positions and length"), ("learned-fluent", "learned", "nothing"))
     methods = [ClipMethod(*names) for names in (*cutters, ("ends", "slerp", "length"))]
-    monkeypatch.setattr(clip_methods, "all_clip_methods", lambda: methods)
+    monkeypatch.setattr(clip_methods, "compared_methods", lambda: methods)
     monkeypatch.setattr(judging, "Judge", partial(judging.Judge, opener=opener))
+    monkeypatch.setattr(baselines, "Ridge", partial(baselines.Ridge, fr=1))  # fitted in no time
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))
     code, output = run(*call)
     assert code == 0, output
-    assert "35 rows judged, 35 in all" in output, (
-        "mean, truth, 4 baselines, 3 methods on three splits; lpt-printed, in one pass, with a bias, and lstm on two"
-    )
-    assert {"tables.md", "table1.csv", "figure6.png", "figure4d.svg"} <= {p.name for p in out.iterdir()}
-    assert "| LSTM | AdamW, 20 steps |" in (out / "tables.md").read_text()
-    assert len(json.loads((out / "results.json").read_text())["curves"]) == 2
+    known = results.load(out / results.FILE)
+    assert f"{len(known.rows)} rows judged, {len(known.rows)} in all" in output
+    splits = {system: {r.split for r in known.find(system=system)} for system in ("truth", "ends+slerp", "lstm")}
+    assert splits["truth"] == splits["ends+slerp"] == {"random", "unseen-words", "unseen-signer"}
+    assert splits["lstm"] == {"random", "unseen-signer"}, "whose test pairs it never saw"
+    assert {"tables.md", "table.csv", "figure6.png"} <= {path.name for path in out.iterdir()}
+    assert "| LSTM | equal treatment |" in (out / "tables.md").read_text()
+    assert "figure4c" in output, "left out: no curve has a clock"
+    assert {c.system for c in known.curves} == {published.LPTRANSFORMER, "lstm"}
     monkeypatch.setattr(figures, "write", lambda *_: ([], []))
-    assert "0 rows judged, 35 in all" in run(*call)[1]
+    code, output = run(*call)
+    assert f"0 rows judged, {len(known.rows)} in all" in output
+    code, output = run(*call, "--system", "lstm", "--again")
+    assert f"5 rows judged, {len(known.rows)} in all" in output, "of the mean transition three, of the bundle two"

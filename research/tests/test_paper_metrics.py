@@ -103,17 +103,12 @@ def test_errors_and_lengths_are_measured_apart() -> None:
     assert (found["length_exact"], found["length_ratio"], found["n_frames"]) == (0.5, 1.5, 2.0)
 
 
-def test_scores_without_the_bias_of_the_tokens() -> None:
+def test_near_positions_are_counted_among_the_pairs_with_both_tokens() -> None:
     true = (5, 6, motion(5))
-    rows = [
-        score_of(Prediction(5, 6, true[2], unbiased=(5, None)), true),
-        score_of(Prediction(5, 7, true[2], unbiased=(5, 7)), true),
-        score_of(Prediction(5, 6, true[2]), true),
-    ]
-    found = metrics.summary(rows)
-    assert (found["pta"], found["paa"], found["paa_all"]) == (1.0, 2 / 3, 2 / 3)
-    assert (found["pta_unbiased"], found["paa_unbiased"], found["paa_all_unbiased"]) == (2 / 3, 0.5, 1 / 3)
-    assert (found["within_1"], found["within_2"]) == (1.0, 1.0)
+    positions = ((5, 6), (5, 7), (3, 7), (5, None))
+    found = metrics.summary([score_of(Prediction(pre, post, true[2]), true) for pre, post in positions])
+    assert (found["pta"], found["paa"], found["paa_all"]) == (3 / 4, 1 / 3, 1 / 4)
+    assert (found["within_1"], found["within_2"]) == (2 / 3, 1.0)
 
 
 def test_another_number_of_numbers_keeps_the_cost_of_a_frame() -> None:

@@ -1,4 +1,4 @@
-"""The committed pages of the paper are what the command writes from the committed results."""
+"""Pages from rows: templates with figures, the tables alone, and the committed ones from the committed results."""
 
 from __future__ import annotations
 
@@ -8,62 +8,87 @@ from pathlib import Path
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import page_template, pages, published, results
-from toys import of_rows, row
-
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+from signsplice_paper import pages, published, results, tables
+from toys import DOCS, committed_results, of_rows, row
 
 
-@pytest.mark.parametrize("name", ["", "word"])
-def test_committed_tables_and_claims_come_from_committed_results(name: str, tmp_path: Path) -> None:
-    folder = DOCS / name
-    if not (folder / results.FILE).is_file():
-        pytest.skip(f"{folder} holds no results")
-    docs = tmp_path / "docs"
-    shutil.copytree(DOCS.parent / page_template.TEMPLATES, tmp_path / page_template.TEMPLATES)
-    for where in ("", "word"):
-        if (DOCS / where / results.FILE).is_file():
-            (docs / where).mkdir(parents=True, exist_ok=True)
-            shutil.copy(DOCS / where / results.FILE, docs / where / results.FILE)
-    found = results.load(folder / results.FILE)
-    written = pages.write(found, docs / name, "cpu") + page_template.write(found, docs / name, "cpu")
-    assert written
-    assert {path.name for path in folder.glob("*.csv")} == {path.name for path in written if path.suffix == ".csv"}
+def test_committed_pages_come_from_committed_results(tmp_path: Path) -> None:
+    found = committed_results()
+    shutil.copytree(DOCS.parent / pages.TEMPLATES, tmp_path / pages.TEMPLATES)
+    (tmp_path / "docs").mkdir()
+    written = pages.write(found, tmp_path / "docs", "cpu")
+    assert {pages.TABLE, "README.md"} <= {path.name for path in written}
     for path in written:
-        committed = folder / path.name
-        assert committed.is_file(), f"{committed}: not there; `signsplice-paper tables --out {folder}`"
-        assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice-paper tables --out {folder}`"
+        committed = DOCS / path.name
+        assert committed.is_file(), f"{committed}: not there; `signsplice-paper tables`"
+        assert committed.read_bytes() == path.read_bytes(), f"{committed}: `signsplice-paper tables`"
 
 
-def test_the_table_of_treatments_has_spreads_and_names_what_lacks_seeds() -> None:
-    seeds = [row(published.PRINTED, seed=seed, scores={"paa": 0.7 + 0.1 * seed}) for seed in range(3)]
-    partner = of_rows(*seeds, row("lstm", fr=None, scores={"pta": 0.25}))
-    filled = page_template.filled("{{partner treatments}}\n{{partner seeds}}", {"partner": partner}, "cpu")
-    *table, few = filled.splitlines()
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table]
-    assert [row[1] for row in rows] == ["printed", "as printed", "equal treatment"] * 4
-    assert rows[10][5] == "0.800 [0.700, 0.900]"
-    assert rows[5][4] == "0.250", "one seed has no spread"
-    assert few.startswith("three each, but 0 of ConvS2S, as printed; ")
-    assert "1 of LSTM, equal treatment" in few
-    assert "LpTransformer, as printed" not in few
+FOUND = of_rows(
+    row("lptransformer", condition=published.EQUAL, scores={"paa": 0.7}),
+    row("lptransformer", condition=published.EQUAL, seed=1, scores={"paa": 0.8}),
+    row("lptransformer", condition=published.EQUAL, taught="another", scores={"paa": 0.6}),
+    row("lptransformer", condition=published.EQUAL, split="unseen-words", taught="another", scores={"paa": 0.3}),
+    row("lptransformer-printed", condition=published.AS_PRINTED, optimiser="sgd", scores={"paa": 0.1}),
+    row("lstm", condition=published.EQUAL, fr=None, scores={"paa": 0.25, "within_1": 0.9}),
+    row("lstm", condition=published.EQUAL, fr=None, split="unseen-signer", scores={"paa": 0.5, "within_1": 0.7}),
+    row("a+b", scale=results.CLASSICAL, optimiser="", fr=None, seed=None, given="positions and length"),
+)
 
 
-def test_a_template_takes_means_spreads_ratios_splits_and_methods_from_the_rows() -> None:
-    partner = of_rows(
-        row("lpt", scores={"paa": 0.7}),
-        row("lpt", seed=1, scores={"paa": 0.8}),
-        row("lstm", fr=None, scores={"paa": 0.25}),
-        row("lstm", fr=None, split="unseen-signer", scores={"paa": 0.5}),
-        row("lpt", fr=6, scores={"paa": 0.1}),
-        row("a+b", scale=results.CLASSICAL, optimiser="", fr=None, seed=None, given="positions and length"),
-    )
-    text = (
-        "{{partner lpt paa 2}} {{partner lpt paa 2 spread}} {{partner lpt/lstm paa 1}} {{partner lpt#6 paa 1}} "
-        "{{partner lstm@unseen-signer paa 1}} {{partner a+b:positions_and_length bleu-1 1}} {{partner lpt mse short}}"
-    )
-    filled = page_template.filled(text, {"partner": partner}, "cpu")
-    assert filled == "0.75 0.75 [0.70, 0.80] 3.0 0.1 0.5 0.8 0.0016"
-    for wrong in ("{{partner nat paa 3}}", "{{word lpt paa 3}}", "{{partner lpt paa}}", "{{partner lpt nothing 3}}"):
-        with pytest.raises(InputError, match=r"partner|TRUTH"):
-            page_template.filled(wrong, {"partner": partner}, "cpu")
+@pytest.mark.parametrize(
+    ("asked", "figure"),
+    [
+        ("lptransformer paa 2", "0.75"),
+        ("lptransformer paa 2 spread", "0.75 [0.70, 0.80]"),
+        ("lptransformer paa,mse short", "0.75 | 0.0016"),
+        ("lptransformer/lstm paa 1", "3.0"),
+        ("lstm@unseen-signer paa 1", "0.5"),
+        ("lptransformer* paa 1", "0.6"),
+        ("lptransformer@unseen-words* paa 1", "0.3"),
+        ("lptransformer-printed~sgd paa 1", "0.1"),
+        ("a+b bleu-1 1", "0.8"),
+    ],
+)
+def test_a_template_takes_a_figure_from_the_rows(asked: str, figure: str) -> None:
+    assert pages.filled(f"It is {{{{{asked}}}}}.", FOUND, "cpu") == f"It is {figure}."
+
+
+def test_a_template_takes_tables_from_the_rows() -> None:
+    table = pages.filled("{{table random lstm}}", FOUND, "cpu").splitlines()
+    assert table[0].startswith("| system | condition | taught on | PTA |")
+    assert table[-1].startswith(f"| LSTM | {published.EQUAL} | {tables.HERE} | 0.990 | 0.250 |")
+    assert len(table) == 2 + len(published.TABLE_1) + len(published.TABLE_3) + 1
+    assert "| a+b |" in pages.filled("{{table random}}", FOUND, "cpu")
+    lines = pages.filled("{{splits lstm lptransformer*}}", FOUND, "cpu").splitlines()
+    assert lines == [
+        f"| LSTM, {published.EQUAL} | {tables.HERE} | 0.800 (0.900) | - (-) | 0.800 (0.700) | - (-) |",
+        f"| LpTransformer, {published.EQUAL} | {tables.ON_MANY} | 0.800 (-) | 0.800 (-) | - (-) | - (-) |",
+    ]
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        *("lptransformer paa", "lptransformer paa 3 more", "lptransformer nothing 3", "nobody paa 3"),
+        *("lstm@unseen-words paa 3", "lstm* paa 3", "lstm~sgd paa 3", "lptransformer paa many"),
+        *("table unseen-both", "table random nobody", "splits nobody"),
+    ],
+)
+def test_what_no_row_has_is_named(asked: str) -> None:
+    with pytest.raises(InputError, match=r"^\{\{.*\}\}: "):
+        pages.filled(f"{{{{{asked}}}}}", FOUND, "cpu")
+
+
+def test_pages_are_those_of_the_templates_or_the_tables_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "docs"
+    folder.mkdir()
+    assert [path.name for path in pages.write(FOUND, folder, "cpu")] == ["table.csv", "tables.md"]
+    assert (folder / "table.csv").read_text() == tables.as_csv(FOUND, "cpu")
+    assert (folder / "tables.md").read_text() == tables.page(FOUND, "cpu")
+    (tmp_path / "templates").mkdir()
+    (tmp_path / "templates" / "claims.md").write_text("PAA: {{lstm paa 2}}\n")
+    assert [path.name for path in pages.write(FOUND, folder, "cpu")] == ["table.csv", "claims.md"]
+    head, body = (folder / "claims.md").read_text().splitlines()
+    assert "templates/claims.md" in head
+    assert body == "PAA: 0.25"

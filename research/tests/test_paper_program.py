@@ -30,7 +30,8 @@ def test_a_wrong_call_ends_in_one_line_with_status_2(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "call", [("tables", "--pairs", "x"), ("speed", "--system", "lpt"), ("judge", "--steps", "3"), ("merge", "--again")]
+    "call",
+    [("tables", "--pairs", "x"), ("speed", "--system", "lpt-plus"), ("judge", "--steps", "3"), ("merge", "--again")],
 )
 def test_an_action_has_no_option_that_it_does_not_use(call: tuple[str, ...]) -> None:
     result = CliRunner().invoke(app, call)

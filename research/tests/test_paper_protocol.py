@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 from contextlib import nullcontext
+from copy import copy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +15,27 @@ import numpy as np
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import bundles, clip_methods, judging, kept_frames, metrics, protocol, published
+from signsplice_paper import (
+    baselines,
+    bundles,
+    clip_methods,
+    judging,
+    kept_frames,
+    metrics,
+    protocol,
+    published,
+    viewed,
+)
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.results import Results
 from signsplice_paper.systems import open_bundle
+from signsplice_workshop.corpora import readable_pairs
 from signsplice_workshop.corpora.pairs import Pairs
 from toys import GOLDEN, Fake, corpus, golden, write_bundle
+
+SPLITS = protocol.SPLITS[:3]
+"""The splits of the toy corpora."""
 
 
 def judge(pairs: Pairs, opener: judging.Opener = open_bundle, known: Results | None = None) -> judging.Judge:
@@ -35,11 +51,12 @@ def scores_of(**errors: Any) -> dict[str, float]:
 
 def test_the_truth_has_perfect_scores() -> None:
     found = scores_of()
-    for name in ("pta", "paa", "paa_all", "length_exact", "bleu-1", "papineni-1", "pta_unbiased"):
+    for name in ("pta", "paa", "paa_all", "length_exact", "bleu-1", "papineni-1", "bleu-4_bones"):
         assert found[name] == 1.0, name
     assert found["accuracy"] == pytest.approx(1.0)
     assert found["mse"] == pytest.approx(0.0, abs=1e-12)
     assert found["motion_ratio"] == pytest.approx(1.0)
+    assert found["bone_change"] < 1e-4
     assert 0.0 < found["ms_median"] <= 1000.0
     assert found["ms_mean"] > 0.0
 
@@ -64,6 +81,47 @@ def test_every_error_lowers_its_own_scores() -> None:
     assert np.isnan(silent["velocity_jump"])
 
 
+def test_frames_that_keep_bones_are_scored_beside_those_of_a_system_without_rotations() -> None:
+    pairs = corpus()
+    chosen = protocol.choose(pairs, "random")
+    noise = np.random.default_rng(0).normal(size=(100, 159)) * 0.02
+    system = Fake(pairs)
+
+    def shaken(number: int) -> Prediction:
+        made = protocol.answers(pairs, system)(number)
+        return replace(made, frames=made.frames + noise[: len(made.frames)])
+
+    found = protocol.judge(shaken, pairs, chosen).scores
+    assert {name.removesuffix("_bones") for name in found if name.endswith("_bones")} == set(protocol.BONES)
+    assert found["bone_change"] > 0.1
+    assert found["bone_change_bones"] < 1e-4
+    assert found["accuracy_bones"] != found["accuracy"]
+    on_clips = protocol.judge(ClipAnswers(pairs, ClipMethod("ends", "slerp")), pairs, chosen).scores
+    assert not any(name.endswith("_bones") for name in on_clips), "a method on clips keeps them anyway"
+    assert on_clips["bone_change"] < 1e-4
+
+
+def test_a_fixed_choice_of_many_pairs_is_put_onto_a_skeleton(monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs = corpus()
+    chosen = protocol.choose(pairs, "random", "train")
+    answer = protocol.answers(pairs, Fake(pairs, off=0.01))
+    whole = protocol.judge(answer, pairs, chosen).scores
+    looked_at: list[int] = []
+    view = viewed.Viewer.view
+
+    def spied(self: viewed.Viewer, number: int, *more: Any) -> viewed.PairView:
+        looked_at.append(number)
+        return view(self, number, *more)
+
+    monkeypatch.setattr(viewed.Viewer, "view", spied)
+    monkeypatch.setattr(viewed, "N_VIEWED", 2)
+    some = [protocol.judge(answer, pairs, chosen) for _ in range(2)]
+    assert len(looked_at) == 8, "as it is and with bones kept, of two pairs, twice"
+    assert looked_at[:4] == looked_at[4:]
+    assert {judged.n_pairs for judged in some} == {len(chosen.numbers)}
+    assert some[0].scores["accuracy"] == whole["accuracy"], "of all pairs"
+
+
 def test_the_choice_of_pairs_is_fixed_and_in_the_signature() -> None:
     pairs = corpus()
     whole = protocol.choose(pairs, "random", "train")
@@ -73,7 +131,8 @@ def test_the_choice_of_pairs_is_fixed_and_in_the_signature() -> None:
     assert some == protocol.choose(pairs, "random", "train", limit=4)
     assert some.signature != whole.signature
     assert pairs.head["hash"] in some.signature
-    assert {p.split for p in judge(pairs).protocols()} == set(protocol.SPLITS)
+    assert [p.split for p in judge(pairs).protocols()] == list(SPLITS)
+    assert set(protocol.SPLITS) - set(SPLITS) == {"unseen-both"}, "which this corpus has not"
     assert protocol.choose(pairs, "unseen-signer").numbers == tuple(pairs.split("unseen-signer", "test"))
     with pytest.raises(InputError, match="no split other test"):
         protocol.choose(pairs, "other")
@@ -84,7 +143,7 @@ def test_the_choice_of_pairs_is_fixed_and_in_the_signature() -> None:
 def test_a_bundle_is_judged_only_on_pairs_that_are_new_to_it() -> None:
     pairs = corpus()
     source = {"corpus": pairs.head["hash"], "split": "random"}
-    random, words, signer = (protocol.choose(pairs, split) for split in protocol.SPLITS)
+    random, words, signer = (protocol.choose(pairs, split) for split in SPLITS)
     protocol.check_allowed(source, pairs, random)
     protocol.check_allowed(source, pairs, signer)
     protocol.check_allowed({**source, "split": "unseen-signer"}, pairs, random)
@@ -99,6 +158,16 @@ def test_a_bundle_is_judged_only_on_pairs_that_are_new_to_it() -> None:
         protocol.check_allowed({"corpus": pairs.head["hash"]}, pairs, random)
     with pytest.raises(InputError, match="no split other train"):
         protocol.check_allowed({**source, "split": "other"}, pairs, random)
+
+
+def test_what_was_taught_on_many_words_is_judged_on_a_corpus_whose_truth_can_be_read() -> None:
+    pairs = copy(corpus())
+    source = {"corpus": "another", "split": readable_pairs.TAUGHT}
+    assert not any(protocol.may_judge(source, pairs, protocol.choose(pairs, split)) for split in SPLITS)
+    pairs.truth_kind = readable_pairs.TRUTH
+    assert all(protocol.may_judge(source, pairs, protocol.choose(pairs, split)) for split in SPLITS)
+    other = protocol.choose(pairs, "random")
+    assert not protocol.may_judge({"corpus": "another", "split": "random"}, pairs, other)
 
 
 @pytest.mark.parametrize(
@@ -130,12 +199,9 @@ def test_methods_use_no_more_of_the_truth_than_they_are_given() -> None:
         ClipMethod("ends", "slerp", "positions")
     with pytest.raises(InputError, match="no cutter 'nothing'"):
         ClipMethod("nothing", "slerp")
-    names = [(method.name, method.given) for method in clip_methods.classical_methods()]
-    assert len(set(names)) == len(names) == 20
-    assert kept_frames.HERMITE in names
-    product = [(method.name, method.given) for method in clip_methods.all_clip_methods()][20:]
-    assert len(set(product)) == len(product) == 4
-    assert kept_frames.PRODUCT in product
+    names = [(method.name, method.given) for method in clip_methods.compared_methods()]
+    assert len(set(names)) == len(names) == 4
+    assert set(kept_frames.SHOWN_METHODS) <= set(names)
 
 
 def test_classical_rows_have_the_golden_scores() -> None:
@@ -151,42 +217,21 @@ def test_classical_rows_have_the_golden_scores() -> None:
             assert found[now] == pytest.approx(row[name], rel=1e-6, abs=1e-9), (row["system"], row["told"], name)
 
 
-RIDGES = ("commonest-cut+ridge", "mean-cut+ridge", "true-positions+ridge", "lpt-positions+ridge")
+RIDGES = ("commonest-cut+ridge", "mean-cut+ridge", "true-positions+ridge", "lpt-plus-positions+ridge")
 
 
-def test_a_bundle_without_a_bias_is_judged_with_one_too_and_what_is_known_keeps_its_scores(tmp_path: Path) -> None:
+def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(baselines, "Ridge", partial(baselines.Ridge, fr=1))  # fitted in no time
     pairs = corpus()
-    plain = {"spsn-printed": {"plain_loss": True}}
-    write_bundle(tmp_path / "lpt-printed", pairs, system="lpt-printed", parts=plain)
-    (config,) = bundles.read_all(tmp_path)
-    how = replace(judge(pairs, lambda *_: Fake(pairs, silent=True)), splits=("random",))
-    _, made = how.judgements([], [config], [])
-    found = {row.system: row for row in made.rows}
-    printed, biased = found["lpt-printed"], found["lpt-printed-bias"]
-    assert (printed.treatment, biased.treatment) == (published.AS_PRINTED, published.BIAS_ALONE)
-    assert (printed.score("pta"), biased.score("pta"), biased.score("paa")) == (0.0, 1.0, 1.0)
-    assert biased.token_bias == pytest.approx(1.001)
-    older = replace(printed, viewed={}, scores={**printed.scores, "accuracy": 0.123}, bundle="f" * 12)
-    known = Results().merged([older, biased])
-    halved = {str(printed.bundle): "f" * 12}
-    _, again = replace(how, known=known, published_from=halved).judgements([], [config], [])
-    renewed = {row.system: row for row in again.rows}
-    assert renewed["lpt-printed"].scores == older.scores, "its scores are kept"
-    assert renewed["lpt-printed"].viewed == printed.viewed
-    assert "lpt-printed-bias" not in renewed
-
-
-def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> None:
-    pairs = corpus()
-    folder = write_bundle(tmp_path / "lpt", pairs)
+    folder = write_bundle(tmp_path / "lpt-plus", pairs)
     write_bundle(tmp_path / "other", pairs, scale="cpu")
     config, _ = bundles.read_all(tmp_path)
     assert config.path.parent == folder
     assert bundles.read_all(tmp_path / "nowhere") == []
-    opened: list[tuple[Path, str]] = []
+    opened: list[Path] = []
 
-    def opener(path: Path, decoding: str) -> Fake:
-        opened.append((path, decoding))
+    def opener(path: Path) -> Fake:
+        opened.append(path)
         return Fake(pairs, off=0.001)
 
     cutter, transition = kept_frames.HERMITE[0].split("+")
@@ -194,22 +239,20 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
     made = list(judge(pairs, opener).judgements([method], [config], []))
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [
-        *(("mean-transition", split) for split in protocol.SPLITS if pairs.split(split, "train")),
+        *(("mean-transition", split) for split in SPLITS if pairs.split(split, "train")),
         *(
             (name, split)
-            for split in protocol.SPLITS
+            for split in SPLITS
             for name in ("truth", "signsplice", *(RIDGES if pairs.split(split, "train") else ()))
-            if (name, split) != ("lpt-positions+ridge", "unseen-words")
+            if (name, split) != ("lpt-plus-positions+ridge", "unseen-words")
         ),
-        *((method.name, split) for split in protocol.SPLITS),
-        ("lpt", "random"),
-        ("lpt", "unseen-signer"),
-        ("lpt-one-pass", "random"),
-        ("lpt-one-pass", "unseen-signer"),
+        *((method.name, split) for split in SPLITS),
+        ("lpt-plus", "random"),
+        ("lpt-plus", "unseen-signer"),
     ]
     assert rows[-1].score("paa_train") == 1.0
     assert rows[-1].score("accuracy_valid") == pytest.approx(0.999)
-    assert rows[-1].truth == "partner"
+    assert (rows[-1].truth, rows[-1].taught, rows[-1].condition) == ("partner", "", published.EQUAL)
     assert rows[-1].bundle == bundles.short_hash(config)
     assert rows[-1].fr == 8
     assert rows[-1].score("accuracy") == pytest.approx(0.999)
@@ -217,22 +260,39 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path) -> No
     assert curve.column("pairs") == [320.0, 640.0, 960.0, 1280.0]
     assert curve.column("accuracy") == pytest.approx([0.849, 0.899, 0.949, 0.999])
     for pair in made[-1].kept:
-        assert {name.split("/")[2] for name in pair.made} == {method.name, "lpt"}
-        assert np.allclose(pair.made[kept_frames.label("lpt", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
+        assert {name.split("/")[2] for name in pair.made} == {method.name, "lpt-plus"}
+        assert np.allclose(pair.made[kept_frames.label("lpt-plus", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
     known = Results().merged(rows)
     repeated = list(judge(pairs, opener, known).judgements([method], [config], made[-1].kept))
     assert [judgement.rows for judgement in repeated] == [(), (), (), ()], "known rows are not judged again"
-    positions_of_both_splits = [(folder, "one-by-one")] * 2
-    assert opened == [*positions_of_both_splits, (folder, "one-by-one"), (folder, "parallel")]
+    assert opened == [folder] * 3, "for the positions of two splits, and once to be judged"
     forced = list(replace(judge(pairs, opener, known), again=True).judgements([], [config], made[-1].kept))
-    assert len(forced[1].rows) == 4
+    assert len(forced[1].rows) == 2
+
+
+def test_a_row_tells_what_a_bundle_was_taught_on_and_by_which_loss(tmp_path: Path) -> None:
+    pairs = copy(corpus())
+    pairs.truth_kind = readable_pairs.TRUTH
+    write_bundle(tmp_path / "many", pairs, corpus="another", split=readable_pairs.TAUGHT)
+    plain = {"spsn-printed": {"plain_loss": True}, "tfgn": {"plain_loss": False}}
+    write_bundle(tmp_path / "plain", pairs, system="lptransformer-printed", parts=plain)
+    how = replace(judge(pairs, lambda _: Fake(pairs)), splits=("random",))
+    _, many, printed = how.judgements([], bundles.read_all(tmp_path), [])
+    assert [(row.taught, row.corpus, row.condition) for row in (*many.rows, *printed.rows)] == [
+        ("another", pairs.head["hash"], published.EQUAL),
+        ("", pairs.head["hash"], published.AS_PRINTED),
+    ]
+    (row,) = many.rows
+    assert "accuracy" in row.scores
+    assert "paa_train" not in row.scores, "it learned from none of these pairs"
+    assert {name for pair in many.kept for name in pair.made} == set(), "figures show what was taught here"
 
 
 def test_a_bundle_of_another_corpus_stops_the_judging(tmp_path: Path) -> None:
-    write_bundle(tmp_path / "lpt", corpus(), corpus="other")
-    with pytest.raises(InputError, match="lpt: trained on corpus other"):
+    write_bundle(tmp_path / "lpt-plus", corpus(), corpus="other")
+    with pytest.raises(InputError, match="lpt-plus: trained on corpus other"):
         list(judge(corpus()).judgements([], bundles.read_all(tmp_path), []))
-    shutil.rmtree(tmp_path / "lpt")
+    shutil.rmtree(tmp_path / "lpt-plus")
     folder = write_bundle(tmp_path / "bare", corpus(), seed=1)
     contents = json.loads((folder / "bundle.json").read_text())
     del contents["optimiser"]

@@ -9,29 +9,74 @@ from pathlib import Path
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import results
-from signsplice_paper.report import write
+from signsplice_paper import published, report
+from signsplice_paper.results import Results
+from toys import DOCS, committed_results, of_rows, row
 
-RESEARCH = Path(__file__).resolve().parents[1]
+TEMPLATE = """
+Version {{version}}, corpus {{corpus}}, results {{results}}: LSTM has {{lstm pta 2}}.
+
+#table(columns: 8, {{rows}})
+
+#image("figure4c.svg")
+"""
+DRAWING = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><rect width="9" height="9"/></svg>'
 
 
-def test_the_report_is_a_pdf_of_at_most_four_pages_from_committed_results(tmp_path: Path) -> None:
+def folder_with(tmp_path: Path, template: str | None, drawing: str | None) -> Path:
+    """A folder of results with a template beside it and a drawing in it."""
+    folder = tmp_path / "docs"
+    for path, text in ((tmp_path / "templates" / "report.typ", template), (folder / "figure4c.svg", drawing)):
+        path.parent.mkdir()
+        if text is not None:
+            path.write_text(text)
+    return folder
+
+
+def test_the_report_of_committed_results_is_a_pdf_of_at_most_four_pages(tmp_path: Path) -> None:
     pytest.importorskip("typst")
-    folder = RESEARCH / "docs"
-    write(results.load(folder / results.FILE), folder, "cpu", tmp_path / "report.pdf")
+    found = committed_results()
+    shutil.copytree(DOCS.parent / "templates", tmp_path / "templates")
+    shutil.copytree(DOCS, tmp_path / "docs")
+    report.write(found, tmp_path / "docs", "cpu", tmp_path / "report.pdf")
     data = (tmp_path / "report.pdf").read_bytes()
     assert data.startswith(b"%PDF-")
-    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 4
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 4
 
 
-def test_without_rows_or_template_the_report_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+def test_a_template_becomes_a_pdf(tmp_path: Path) -> None:
     pytest.importorskip("typst")
-    folder = tmp_path / "docs"
-    folder.mkdir()
-    with pytest.raises(InputError, match=r"report\.typ: not there"):
-        write(results.load(folder / results.FILE), folder, "cpu", tmp_path / "report.pdf")
-    shutil.copytree(RESEARCH / "templates", tmp_path / "templates")
-    shutil.copy(RESEARCH / "docs" / "treatments.svg", folder)
-    with pytest.raises(InputError, match="no rows of partner truth"):
-        write(results.load(folder / results.FILE), folder, "cpu", tmp_path / "report.pdf")
+    folder = folder_with(tmp_path, TEMPLATE, DRAWING)
+    report.write(of_rows(row("lstm", condition=published.EQUAL)), folder, "cpu", tmp_path / "report.pdf")
+    assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF-")
+
+
+def test_the_rows_are_the_four_systems_as_printed_and_by_condition() -> None:
+    seeds = [row("lstm", condition=published.EQUAL, seed=seed, scores={"paa": 0.7 + 0.1 * seed}) for seed in range(3)]
+    lines = report._rows(of_rows(*seeds), "cpu").splitlines()
+    assert len(lines) == 3 * len(published.CONDITIONS)
+    lstm = next(k for k, line in enumerate(lines) if "[LSTM]" in line)
+    assert "[printed], [0.881], [0.610], [0.999], [0.784], [-], [-]," in lines[lstm]
+    assert "[as printed], [-], [-], [-], [-], [-], [-]," in lines[lstm + 1], "not trained yet"
+    assert r"[0.800 \ #text(size: 6pt)[0.700 to 0.900]]" in lines[lstm + 2]
+    assert "[LpTransformer], [printed]" in lines[-3]
+    assert "[0.99], [0.0015]," in lines[-3]
+
+
+@pytest.mark.parametrize(
+    ("template", "drawing", "rows", "said"),
+    [
+        (None, DRAWING, True, r"report\.typ: not there"),
+        (TEMPLATE, None, True, r"figure4c\.svg: not there"),
+        (TEMPLATE, DRAWING, False, "no rows"),
+        (TEMPLATE + "{{lstm nothing 3}}", DRAWING, True, "no row of scale cpu has it"),
+    ],
+)
+def test_where_something_lacks_the_report_is_refused_and_nothing_is_written(
+    template: str | None, drawing: str | None, rows: bool, said: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("typst")
+    found = of_rows(row("lstm", condition=published.EQUAL)) if rows else Results()
+    with pytest.raises(InputError, match=said):
+        report.write(found, folder_with(tmp_path, template, drawing), "cpu", tmp_path / "report.pdf")
     assert not (tmp_path / "report.pdf").exists()

@@ -20,7 +20,7 @@ from signsplice_workshop.train.bundles import write_bundle
 
 Array = NDArray[Any]
 RUNS = {"positions": "spsn", "frames": "generator", "concurrent": True, "n_fed": 159, "most_frames": 6}
-CONFIG: dict[str, Any] = {"system": "lpt", "fr": 2, "runs": RUNS}
+CONFIG: dict[str, Any] = {"system": "lpt-plus", "fr": 2, "runs": RUNS}
 
 
 class Fakes(Sessions):
@@ -160,7 +160,7 @@ def written(folder: Path, **changes: Any) -> Path:
 def test_invalid_bundles_and_decodings_are_refused(tmp_path: Path) -> None:
     config = read_config(written(tmp_path))
     assert read_file(tmp_path, config, "spsn.onnx") == b"abc"
-    assert open_bundle(tmp_path).name == "lpt"
+    assert (open_bundle(tmp_path).name, open_bundle(tmp_path).decoding) == ("lpt-plus", "parallel")
     (tmp_path / "spsn.onnx").write_bytes(b"abd")
     with pytest.raises(InputError, match=r"is not the file that bundle\.json lists"):
         open_bundle(tmp_path).predict(np.zeros((6, 159)), np.zeros((6, 159)))
@@ -171,15 +171,16 @@ def test_invalid_bundles_and_decodings_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="decoding 'beam', expected one of one-by-one, without-cache, parallel"):
         open_bundle(tmp_path, "beam")
     written(tmp_path, runs={**RUNS, "frames": "filler"})
-    with pytest.raises(InputError, match="lpt makes its frames by 'filler', expected 'generator'"):
+    with pytest.raises(InputError, match="lpt-plus makes its frames by 'filler', expected 'generator'"):
         open_bundle(tmp_path)
     written(tmp_path, runs={**RUNS, "concurrent": False})
     with pytest.raises(InputError, match="it has no parallel decoding"):
         open_bundle(tmp_path, "parallel")
+    assert open_bundle(tmp_path).decoding == "one-by-one", "one pass is taken where the network can"
     (tmp_path / BUNDLE_FILE).write_text(json.dumps({"version": 7}))
     with pytest.raises(InputError, match="version 7, expected 1"):
         open_bundle(tmp_path)
-    (tmp_path / BUNDLE_FILE).write_text(json.dumps({"version": 1, "system": "lpt"}))
+    (tmp_path / BUNDLE_FILE).write_text(json.dumps({"version": 1, "system": "lpt-plus"}))
     with pytest.raises(InputError, match="has no 'runs'"):
         open_bundle(tmp_path)
     (tmp_path / BUNDLE_FILE).write_text("{")

@@ -1,8 +1,9 @@
-"""What `train` and `all` train: in rounds, in limited time, and only what is wanted."""
+"""What `train` and `all` train: what is missing, in limited time, and only what is wanted."""
 
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,41 +11,50 @@ from pathlib import Path
 import pytest
 
 from signsplice.errors import InputError
+from signsplice_paper import plan
 from signsplice_paper.cli import training
 from signsplice_paper.cli.options import PaperCall, deadline_in
-from signsplice_paper.plan import RIVALS, Run
+from signsplice_paper.plan import Run
 from toys import corpus
 
 
 def fake_training(monkeypatch: pytest.MonkeyPatch, at_most: int = 1000) -> list[list[str]]:
-    """Rounds of trainings, by name; each writes bundles for its first ``at_most`` runs."""
+    """Rounds of trainings, by name; each writes bundles of its first ``at_most`` runs."""
     rounds: list[list[str]] = []
 
     def train(todo: Sequence[Run], call: PaperCall) -> None:
         rounds.append([run.name for run in todo])
-        for number, run in enumerate(todo[:at_most]):
+        for run in todo[:at_most]:
             (call.bundles / run.name).mkdir(parents=True)
-            parts = {"frames": {"scores": {"accuracy": 0.9 - 0.01 * number}}}
-            stored = {"corpus": corpus().head["hash"], "parts": parts}
-            (call.bundles / run.name / "bundle.json").write_text(json.dumps(stored))
+            (call.bundles / run.name / "bundle.json").write_text(json.dumps({"corpus": corpus().head["hash"]}))
 
     monkeypatch.setattr(training, "_train", train)
     return rounds
 
 
-def test_the_best_rival_is_trained_again_once_it_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_plan_has_and_the_folder_lacks_is_trained_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rounds = fake_training(monkeypatch, at_most=3)
+    call = PaperCall("smoke", corpus().folder, tmp_path)
+    planned = [run.name for run in plan.runs("smoke")]
+    assert [run.name for run in training.train_missing(call)] == planned[3:]
+    assert f"trainings are missing: {len(planned) - 3} ({planned[3]}, " in capsys.readouterr().err
+    rounds_later = fake_training(monkeypatch)
+    assert training.train_missing(call) == []
+    assert training.train_missing(call) == []
+    assert (rounds, rounds_later) == ([planned], [planned[3:]]), "the third call finds nothing to train"
+
+
+def test_on_a_corpus_to_teach_on_two_systems_are_trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds = fake_training(monkeypatch)
-    call = PaperCall("cpu", corpus().folder, tmp_path)
-    assert training.train_missing(call) == []
-    assert len(rounds) == 2
-    assert not any("seed1" in name for name in rounds[0])
-    rivals = tuple(f"{system}-cpu" for system in RIVALS)
-    assert [name for name in rounds[1] if name.startswith(rivals)] == [
-        f"{RIVALS[0]}-cpu-adamw-random-seed{seed}" for seed in (1, 2)
-    ]
-    rounds.clear()
-    assert training.train_missing(call) == []
-    assert rounds == []
+    taught = tmp_path / "pairs"
+    shutil.copytree(corpus().folder, taught)
+    head = json.loads((taught / "corpus.json").read_text())
+    head["splits"] = {plan.TAUGHT_SPLIT: {**head["splits"]["random"], "test": []}}
+    (taught / "corpus.json").write_text(json.dumps(head))
+    assert training.train_missing(PaperCall("cpu", taught, tmp_path / "bundles")) == []
+    assert rounds == [[f"{system}-cpu-adamw-many" for system in plan.ON_MANY]]
 
 
 def test_what_time_left_untrained_is_named(

@@ -71,7 +71,7 @@ def test_spans_rebuild_the_output_from_the_words_as_recorded() -> None:
     assert [span["source"] for span in described["spans"][::2]] == [[0, 41], [20, 41], [20, len(THIRD)]]
     assert [(s["pre_frame"], s["post_frame"], s["n_transition"]) for s in described["seams"]] == [(40, 20, 7)] * 2
     assert all(seam["velocity_jump"] > 0.0 and seam["peak_speed_m_s"] > 0.0 for seam in described["seams"])
-    assert described["system"]["name"] == described["cutter"] == described["transition"] == "lpt"
+    assert described["system"]["name"] == described["cutter"] == described["transition"] == "lpt-plus"
     assert (described["system"]["corpus"], described["system"]["token_bias"]) == ("c0ffee", 0.0)
     assert "system" not in report.describe(ss.splice([BEFORE, AFTER]))
 
@@ -110,7 +110,7 @@ def test_a_system_of_one_network_chooses_everything() -> None:
     result = spliced([BEFORE, AFTER], ClipSplicer(fake_system(OneNetworkSystem, graphs, **{**CONFIG, "runs": runs})))
     assert [(s.pre_frame, s.post_frame, s.n_transition) for s in result.seams] == [(30, 20, 4)]
     endless = ClipSplicer(fake_system(OneNetworkSystem, graphs, **{**CONFIG, "runs": {**runs, "most_frames": 3}}))
-    assert "lpt stopped after 3 frames" in spliced([BEFORE, AFTER], endless).seams[0].warnings[0]
+    assert "lpt-plus stopped after 3 frames" in spliced([BEFORE, AFTER], endless).seams[0].warnings[0]
 
 
 def test_all_words_without_a_splice_are_named_at_once() -> None:
@@ -120,15 +120,15 @@ def test_all_words_without_a_splice_are_named_at_once() -> None:
     assert not isinstance(caught.value, InputError), "the work failed, the call was right"
     for text in (
         "2 of 2 seams",
-        "MOTHER -> BOOK: lpt finds no prePosition;",
-        "BOOK -> YES: lpt finds no postPosition;",
+        "MOTHER -> BOOK: lpt-plus finds no prePosition;",
+        "BOOK -> YES: lpt-plus finds no postPosition;",
     ):
         assert text in str(caught.value)
 
 
 def test_a_word_left_before_it_is_entered_is_no_splice() -> None:
     cuts = {len(BEFORE): (40, 30), len(AFTER): (29, 20)}
-    with pytest.raises(SignspliceError, match=r"1 of 2 seams: BOOK -> YES: lpt leaves .* at frame 29, .* at frame 30;"):
+    with pytest.raises(SignspliceError, match=r"1 of 2 seams: BOOK -> YES: lpt-plus leaves .* frame 29, .* frame 30;"):
         spliced(WORDS, by_words(cuts))
     touching = spliced(WORDS, by_words({**cuts, len(AFTER): (30, 20)}))
     assert touching.spans[2].source == (30, 31), "one frame is enough"
@@ -139,7 +139,7 @@ def test_misses_are_filled_by_the_defaults_and_reported() -> None:
     result = spliced(WORDS, system, fill_misses=True)
     (first, second), plain = result.seams, ss.splice([AFTER, THIRD])
     assert (first.pre_frame, first.post_frame, first.n_transition) == (40, 30, 7)
-    assert "lpt leaves the first word at frame 29" in second.warnings[0]
+    assert "lpt-plus leaves the first word at frame 29" in second.warnings[0]
     assert second.warnings[0].endswith("joined by cutter learned, transition learned"), "the seam names the words"
     assert (second.pre_frame, second.post_frame) == (max(plain.seams[0].pre_frame, 30), plain.seams[0].post_frame)
     assert result.bundle is None, "of the system, which is no file here"
@@ -155,7 +155,7 @@ def test_misses_are_filled_by_the_defaults_and_reported() -> None:
             "leave out SpliceOptions.transition_time, SpliceOptions.avoid_collisions",
         ),
         ({"free_hand": "natural", "bundle": "x"}, "leave out SpliceOptions.bundle, SpliceOptions.free_hand"),
-        ({"fps": 60.0}, "SpliceOptions.fps 60, but lpt knows only 30; leave out SpliceOptions.fps"),
+        ({"fps": 60.0}, "SpliceOptions.fps 60, but lpt-plus knows only 30; leave out SpliceOptions.fps"),
     ],
 )
 def test_what_the_system_decides_cannot_be_asked_for(options: dict[str, Any], named: str) -> None:
@@ -164,14 +164,14 @@ def test_what_the_system_decides_cannot_be_asked_for(options: dict[str, Any], na
     with pytest.raises(InputError, match=r"SpliceOptions\.fill_misses goes with SpliceOptions\.system"):
         ss.SpliceOptions(fill_misses=True)
     with pytest.raises(TypeError, match="system is a str, expected what open_clip_splicer"):
-        ss.SpliceOptions(system="out/bundles/lpt")  # type: ignore[arg-type]
+        ss.SpliceOptions(system="out/bundles/lpt-plus")  # type: ignore[arg-type]
 
 
 def test_clips_are_brought_to_the_rate_that_the_system_knows() -> None:
     fast = [resample(clip, 60.0) for clip in (BEFORE, AFTER)]
     result = spliced(fast, splicer())
     assert result.clip.fps == 30.0
-    assert "MOTHER: 60 fps, brought to the 30 that lpt knows" in result.warnings
+    assert "MOTHER: 60 fps, brought to the 30 that lpt-plus knows" in result.warnings
     np.testing.assert_allclose(positions(result.clip)[:31], positions(BEFORE)[:31], atol=1e-6)
 
 
@@ -278,11 +278,15 @@ def test_a_joint_that_jumps_is_named(turned: tuple[int, ...], n_frames: int) -> 
 
 
 def test_a_folder_without_a_system_is_named_in_a_line(tmp_path: Path) -> None:
-    write_bundle(tmp_path / "bundles" / "lpt", CONFIG, {})
+    write_bundle(tmp_path / "bundles" / "lpt-plus", CONFIG, {})
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("text")
-    for name, said in {"bundles": "name one of those in it: lpt", "empty": "`signsplice-paper train-system` makes one",
-                       "file": "makes one", "nosuch": "makes one"}.items():  # fmt: skip
+    for name, said in {
+        "bundles": "name one of those in it: lpt-plus",
+        "empty": "`signsplice-paper train-system` makes one",
+        "file": "makes one",
+        "nosuch": "makes one",
+    }.items():
         call = ["sentence", "HELLO I", "-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path / name)]
         result = CliRunner().invoke(app, call)
         assert isinstance(result.exception, InputError)
@@ -291,13 +295,14 @@ def test_a_folder_without_a_system_is_named_in_a_line(tmp_path: Path) -> None:
 
 
 def test_the_command_line_runs_a_system_whole(tmp_path: Path) -> None:
-    write_bundle(tmp_path / "lpt", CONFIG, {})
+    write_bundle(tmp_path / "lpt-plus", CONFIG, {})
     for clip in (BEFORE, AFTER):
         ss.save(clip, tmp_path / f"{clip.name}.bvh")
     files = [str(tmp_path / f"{clip.name}.bvh") for clip in (BEFORE, AFTER)]
 
     def error(*call: str) -> str:
-        result = CliRunner().invoke(app, [*call, "-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path / "lpt")])
+        places = ["-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path / "lpt-plus")]
+        result = CliRunner().invoke(app, [*call, *places])
         assert isinstance(result.exception, InputError)
         return with_option_names(str(result.exception))
 
@@ -305,6 +310,6 @@ def test_the_command_line_runs_a_system_whole(tmp_path: Path) -> None:
     assert "lists no file spsn.onnx" in error("sentence", "MOTHER BOOK")
     assert "leave out --cutter" in error("splice", *files, "--cutter", "ends")
     assert "leave out --transition-time" in error("sentence", "MOTHER BOOK", "--transition-time", "travel")
-    (tmp_path / "lpt/bundle.json").write_text(json.dumps({"version": 1, "system": "signsplice"}))
+    (tmp_path / "lpt-plus/bundle.json").write_text(json.dumps({"version": 1, "system": "signsplice"}))
     assert "give it as --bundle" in error("splice", *files)
     assert not (tmp_path / "out.bvh").exists()

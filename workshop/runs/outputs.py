@@ -54,7 +54,7 @@ HOMES = {
 }
 """Where documented names lie that ``import signsplice`` does not have; the first module that has the name is used."""
 WORDS = ("HELLO", "DEAF", "NAME", "SIGN", "THANK-YOU", "I", "MOTHER", "BOOK", "FRIEND", "fs-A", "fs-N")
-PAPER_FILES = ("results.json", "frames.npz", "margins.json", "search.json")
+PAPER_FILES = ("results.json", "frames.npz", "search.json")
 VALUES = {
     "suffix": "bvh npz glb vrma",
     "cutter": "learned-fluent ends hand-distance pose-velocity",
@@ -65,7 +65,7 @@ VALUES = {
     "fps": "24 60",
     "tempo": "natural 0.9",
     "kind": "NAME metres fast stray long-arms",
-    "system": "lpt lpt-printed transformer lstm conv-s2s",
+    "system": "lpt-plus lptransformer transformer lstm conv-s2s",
 }
 LINES = ("HELLO I DEAF", "MY NAME fs-ANNA fs-BOB", "BOOK I MOTHER NAME", "I LOVE YOU, FRIEND!")
 OPTIONS: tuple[dict[str, Any], ...] = (

@@ -42,16 +42,14 @@ def result_row(config: PaperConfig) -> ResultRow:
         fr=config.fr,
         n_parameters=config.n_parameters,
         token_bias=bias,
-        treatment=_treatment(config),
+        condition=_condition(config),
         bundle=short_hash(config),
     )
 
 
-def _treatment(config: PaperConfig) -> str:
-    """What its tokens were given."""
-    if not any(part.get("plain_loss") for part in config.stored.get("parts", {}).values()):
-        return published.EQUAL
-    return published.AS_PRINTED if config.system in published.WITH_BIAS else published.BIAS_ALONE
+def _condition(config: PaperConfig) -> str:
+    is_plain = any(part.get("plain_loss") for part in config.stored.get("parts", {}).values())
+    return published.AS_PRINTED if is_plain else published.EQUAL
 
 
 def short_hash(config: PaperConfig) -> str:

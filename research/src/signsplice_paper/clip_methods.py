@@ -1,5 +1,5 @@
-"""Methods that splice the words' own clips, as rows next to the paper's systems: every classical cutter with slerp and
-Hermite, and this project's networks.
+"""Methods that splice the words' own clips, as rows next to the paper's systems: classical ones, and this project's
+networks.
 
 They work on rotations. Forward kinematics turns their frames into numbers, and that time counts as theirs. A
 method either chooses the length of a transition itself or is given the true one, because the paper's Accuracy and MSE
@@ -18,7 +18,6 @@ from pathlib import Path
 from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.splicing.contracts import Cut, gap_at
-from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.durations import RUNNING_S, TravelDuration
 from signsplice.splicing.learned import FLUENT, LearnedCutter
 from signsplice.splicing.learned import NAME as LEARNED
@@ -28,7 +27,6 @@ from signsplice_paper.results import GIVEN
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.measure.collisions import fill
 
-TRANSITIONS = ("slerp", "hermite")
 TRUE_POSITIONS = "true-positions"
 
 
@@ -66,20 +64,6 @@ class ClipMethod:
     def learned(self) -> bool:
         """Whether the method uses a network of this project."""
         return self.cutter == FLUENT or self.transition == LEARNED
-
-    @property
-    def trained_on(self) -> dict[str, str] | None:
-        """The ``corpus`` and ``split`` that the method's networks learned from; None if they never saw a corpus.
-
-        Raises ``InputError`` if they learned from two.
-        """
-        if not self.learned:
-            return None
-        networks = open_learned(self.bundle).networks.values()
-        sources = {tuple(network.trained_on.items()) for network in networks if network.trained_on}
-        if len(sources) > 1:
-            raise InputError(f"{self.bundle}: its networks learned from {len(sources)} splits, expected one")
-        return dict(sources.pop()) if sources else None
 
     @property
     def n_parameters(self) -> int:
@@ -145,24 +129,10 @@ def prediction_of(pairs: Pairs, word: int, cut: Cut, made: Clip) -> Prediction:
     return Prediction(cut.pre, cut.post, pairs.space(word).numbers(made), rotations=made.local_rotations)
 
 
-def classical_methods() -> list[ClipMethod]:
-    """Every classical cutter with every transition, without and with the true length; and both transitions at the true
-    positions.
+def compared_methods() -> list[ClipMethod]:
+    """Methods beside the paper's systems: a classical one given nothing, one given the truth but its frames, and this
+    project's networks.
     """
-    rows = [ClipMethod(c, t, given) for given in ("nothing", "length") for c in CUTTERS for t in TRANSITIONS]
-    rows += [ClipMethod(TRUE_POSITIONS, t, given) for given in GIVEN[2:] for t in TRANSITIONS]
-    return rows
-
-
-def product_methods(bundle: str | Path | None = None) -> list[ClipMethod]:
-    """Methods with the networks of this project: both networks, the cutter with a classical transition, and the
-    transition at the true positions.
-    """
-    rows = [(FLUENT, LEARNED, "nothing"), (FLUENT, "hermite", "nothing")]
-    rows += [(TRUE_POSITIONS, LEARNED, given) for given in GIVEN[2:]]
-    return [ClipMethod(*row, bundle) for row in rows]
-
-
-def all_clip_methods() -> list[ClipMethod]:
-    """All classical methods, and the product's where the networks that ship can be read."""
-    return classical_methods() + (product_methods() if choose().bundle is not None else [])
+    rows = [("pose-velocity", "hermite", "nothing"), (TRUE_POSITIONS, "hermite", "positions and length")]
+    rows += [(FLUENT, LEARNED, "nothing"), (TRUE_POSITIONS, LEARNED, "positions and length")]
+    return [ClipMethod(*row) for row in rows]

@@ -17,9 +17,10 @@ from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import read_json
 
 FILE = "curve.json"
-VERSION = 1
-COLUMNS = ("pairs", "core_minutes", "accuracy", "mse")
-"""The numbers of a point: pairs seen and processor minutes of all parts together, and the two scores."""
+VERSION = 2
+COLUMNS = ("pairs", "core_minutes", "accuracy", "mse", "paa_train", "paa_test")
+"""The numbers of a point: pairs seen and processor minutes of all parts together, Accuracy and MSE on validation pairs,
+and the share of taught and of test pairs whose positions are both exact."""
 MOST_DIFFERENCE = 0.002
 """Largest difference between the Accuracy of the last point and that of the exported bundle on the same pairs."""
 
@@ -31,14 +32,14 @@ class Curve:
     - system: the system's name
     - split: the split whose training part it learned from
     - scale: smoke, cpu or paper
-    - optimiser: adamw, sgd or sgd-momentum
+    - optimiser: adamw or sgd
     - fr: frames that Culling keeps on each side, None without Culling
     - seed: the training's seed
     - points: the numbers of each point, named by ``columns``; None where one is not known
     - columns: ``COLUMNS``
     - bundle: first digits of the bundle's sha256
     - corpus: hash of the corpus
-    - n_pairs: number of validation pairs
+    - n_pairs: number of pairs of each kind
     """
 
     system: str

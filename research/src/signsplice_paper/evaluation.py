@@ -2,41 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
-from signsplice.errors import InputError
-from signsplice.splicing.learned import SYSTEM
-from signsplice_paper import bundles, clip_methods, kept_frames, margins, results
-from signsplice_paper.clip_methods import ClipMethod
+from signsplice_paper import bundles, clip_methods, kept_frames, results
 from signsplice_paper.configs import PaperConfig
 from signsplice_paper.judging import Judge
 from signsplice_paper.plan import Choice, Run
 from signsplice_paper.results import Results
 
 Warn = Callable[[str], object]
-
-
-def corpus_trained_methods(configs: Iterable[PaperConfig], warn: Warn) -> list[ClipMethod]:
-    """Methods of this project's networks that were trained on a corpus of pairs.
-
-    A bundle that cannot be judged, or a second one of the same split, is skipped with a warning.
-    """
-    by_source: dict[tuple[str, ...], list[ClipMethod]] = {}
-    for config in configs:
-        if config.system != SYSTEM or not any(network.trained_on for network in config.networks.values()):
-            continue
-        bundle = config.path.parent
-        try:
-            methods = clip_methods.product_methods(bundle)
-            source = tuple((methods[0].trained_on or {}).values())
-            if source in by_source:
-                raise InputError(f"{bundle}: trained on {' '.join(source)} like another bundle; move one away")
-            by_source[source] = methods
-        except InputError as error:
-            warn(f"not judged: {error}")
-    return [method for methods in by_source.values() for method in methods]
 
 
 def _run(config: PaperConfig) -> Run:
@@ -55,15 +30,10 @@ def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, 
     """
     configs = bundles.read_all(folder)
     chosen = [config for config in configs if config.scale == scale and choice.allows(_run(config))]
-    named = bool(choice.systems or choice.optimisers or choice.seeds or choice.frs)
+    named = bool(choice.systems or choice.optimisers or choice.seeds)
     if not chosen:
         warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
-    methods = [] if named else [*clip_methods.all_clip_methods(), *corpus_trained_methods(configs, warn)]
-    halved = {bundles.short_hash(c): c.stored["halved"]["bundle"][:12] for c in chosen if "halved" in c.stored}
-    numbers = sorted({number for p in judge.protocols() for number in p.numbers})
-    judge = replace(
-        judge, margins=margins.of_pairs(out / margins.FILE, judge.pairs, numbers, warn), published_from=halved
-    )
+    methods = [] if named else clip_methods.compared_methods()
     known, n_rows = judge.known, 0
     for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
         n_rows += len(judgement.rows)

@@ -12,7 +12,6 @@ from typing import Any
 from signsplice.errors import InputError
 from signsplice_paper import (
     baselines,
-    bias,
     bundles,
     curve,
     kept_frames,
@@ -30,7 +29,7 @@ from signsplice_paper.kept_frames import KeptFrames
 from signsplice_paper.mean_transition import NAME as MEAN_TRANSITION
 from signsplice_paper.mean_transition import MeanAnswers
 from signsplice_paper.protocol import Answer, Protocol
-from signsplice_paper.results import CLASSICAL, CORPUS_TRAINED, FITTED, MEAN, SHIPPED, ResultRow, Results
+from signsplice_paper.results import CLASSICAL, FITTED, MEAN, SHIPPED, ResultRow, Results
 from signsplice_paper.systems import open_bundle
 from signsplice_workshop.corpora.pairs import Pairs
 
@@ -39,8 +38,8 @@ ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] 
 Scores = dict[str, float]
 MoreScores = Callable[[str], Scores]
 """A split -> scores on other pairs of it than the test part."""
-Opener = Callable[[Path, str], Any]
-"""A bundle's folder and a decoding -> the system."""
+Opener = Callable[[Path], Any]
+"""A bundle's folder -> the system."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +67,6 @@ class Judge:
     - limit: largest number of pairs of a split, None for all
     - splits: those that are judged, all if none is named
     - again: whether to judge known rows again
-    - margins: how near the true cuts are to other frames, by pair, as far as known
-    - published_from: short hash of a published bundle -> that of the bundle with 32-bit weights
     - judged_in: commit, versions and machine, read once: a later commit is not that of the code in memory
     """
 
@@ -80,13 +77,12 @@ class Judge:
     limit: int | None = None
     again: bool = False
     splits: tuple[str, ...] = ()
-    margins: Mapping[int, float] = field(default_factory=dict)
-    published_from: Mapping[str, str] = field(default_factory=dict)
     judged_in: Mapping[str, Any] = field(default_factory=environment)
 
     def protocols(self) -> list[Protocol]:
         """The test part of every split that has pairs in it. Raises ``InputError`` if none has."""
-        splits = [split for split in protocol.SPLITS if self.pairs.split(split, "test")]
+        known = [split for split in protocol.SPLITS if split in self.pairs.head["splits"]]
+        splits = [split for split in known if self.pairs.split(split, "test")]
         if not splits:
             raise InputError(f"{self.pairs.folder}: no pair to test in any split; make a corpus of more words")
         return [protocol.choose(self.pairs, split, limit=self.limit) for split in splits]
@@ -122,24 +118,21 @@ class Judge:
         return Judgement(tuple(rows), (), ())
 
     def judge_method(self, method: ClipMethod, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
-        """Judge a method on clips. One whose networks learned from the corpus is judged only where that is allowed."""
-        answer, source = ClipAnswers(self.pairs, method), method.trained_on
-        allowed = [p for p in protocols if source is None or protocol.may_judge(source, self.pairs, p)]
-        scale, bundle = CLASSICAL, method.parts.bundle
-        if method.learned:
-            scale = SHIPPED if source is None else CORPUS_TRAINED
+        """Judge a method on clips, whose networks never saw a corpus of pairs."""
+        answer = ClipAnswers(self.pairs, method)
+        bundle = method.parts.bundle
+        scale = SHIPPED if method.learned else CLASSICAL
         row = ResultRow(method.name, "", scale, given=method.given, bundle=bundle and bundle[:12])
-        shown = source is None and (method.name, method.given) in kept_frames.SHOWN_METHODS
+        shown = (method.name, method.given) in kept_frames.SHOWN_METHODS
         label = kept_frames.label(method.name, scale, "", method.given) if shown else ""
-        more = None if source is None else partial(self._other_pairs, answer)
-        rows, kept = self._rows(row, label, answer, allowed, kept, answer.prepare, more)
+        rows, kept = self._rows(row, label, answer, protocols, kept, answer.prepare)
         return Judgement(tuple(rows), (), tuple(kept))
 
     def judge_baselines(self, protocols: Sequence[Protocol], configs: Sequence[PaperConfig]) -> Judgement:
         """Judge the truth, this project's default, and ridge regression at the commonest and mean cuts, at the true
         ones, and at those of LPT+, where ``configs`` have it.
         """
-        improved = [config for config in configs if config.system == published.IMPROVED and not config.seed]
+        improved = [config for config in configs if config.system == published.LPT_PLUS and not config.seed]
         rows: list[ResultRow] = []
         for p in protocols:
             truth = ResultRow("truth", "", CLASSICAL, given="positions and length")
@@ -155,8 +148,8 @@ class Judge:
                 "true-positions": lambda number: tuple(self.pairs.index[number, 2:4].tolist()),
             }
             for config in improved:
-                if config.fr == published.BEST_FR and protocol.may_judge(config.stored, self.pairs, p):
-                    cuts["lpt-positions"] = _LazySystem(self, config.path.parent, "one-by-one").positions
+                if config.corpus == p.corpus and protocol.may_judge(config.stored, self.pairs, p):
+                    cuts["lpt-plus-positions"] = _LazySystem(self, config.path.parent).positions
             for name, positions in cuts.items():
                 given = "positions" if name == "true-positions" else "nothing"
                 row = ResultRow(f"{name}+ridge", "", FITTED, given=given, n_parameters=ridge.n_parameters)
@@ -164,42 +157,21 @@ class Judge:
         return Judgement(tuple(rows), (), ())
 
     def judge_bundle(self, config: PaperConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
-        """Judge a bundle; a second time with all frames made in one pass, where its network can, and with a bias of
-        its tokens, where it has none.
-
-        Raises ``InputError`` if no protocol allows it.
-        """
+        """Judge a bundle. Raises ``InputError`` if no protocol allows it."""
         folder = config.path.parent
         allowed = [p for p in protocols if protocol.may_judge(config.stored, self.pairs, p)]
         if not allowed:
             protocol.check_allowed(config.stored, self.pairs, protocols[0], folder.name)
         row = bundles.result_row(config)
-        best_fr = row.fr in (None, published.BEST_FR)
-        shown = best_fr and not row.seed  # figures 6 and 7 show seed 0
+        elsewhere = row.corpus != allowed[0].corpus
+        row = replace(row, taught=row.corpus if elsewhere else "")
+        shown = row.fr in (None, published.BEST_FR) and not row.seed and not elsewhere  # figures 6 and 7 show seed 0
         label = kept_frames.label(row.system, row.scale, row.optimiser) if shown else ""
-        system = _LazySystem(self, folder, "one-by-one")
-        rows, kept = self._rows(row, label, system, allowed, kept, more=partial(self._other_pairs, system))
-        if best_fr and row.system in published.IN_ONE_PASS:
-            one_pass = replace(row, system=published.IN_ONE_PASS[row.system])
-            system = _LazySystem(self, folder, "parallel")
-            rows += self._rows(one_pass, "", system, allowed, kept, more=partial(self._other_pairs, system))[0]
-        if row.system in published.WITH_BIAS:
-            biased = replace(row, system=published.WITH_BIAS[row.system], treatment=published.BIAS_ALONE)
-            rows += self._with_bias(biased, folder, str(config.split), allowed)
+        system = _LazySystem(self, folder)
+        more = None if elsewhere else partial(self._other_pairs, system)
+        rows, kept = self._rows(row, label, system, allowed, kept, more=more)
         known = curve.load(folder, row.bundle or "")
         return Judgement(tuple(rows), () if known is None else (known,), tuple(kept))
-
-    def _with_bias(self, like: ResultRow, folder: Path, split: str, protocols: Sequence[Protocol]) -> list[ResultRow]:
-        """New rows of a system with the bias that its validation pairs need."""
-        wanted = [p for p in protocols if self._old(like, p) is None or self.again]
-        if not wanted:
-            return []
-        plain = self.opener(folder, "one-by-one")
-        chosen = bias.token_bias(plain, self.pairs, split)
-        biased = replace(self, opener=lambda *_: plain.with_bias(chosen))
-        system = _LazySystem(biased, folder, "one-by-one")
-        like = replace(like, token_bias=chosen)
-        return self._rows(like, "", system, wanted, [], more=partial(self._other_pairs, system))[0]
 
     def _rows(
         self,
@@ -212,8 +184,7 @@ class Judge:
         more: MoreScores | None = None,
     ) -> tuple[list[ResultRow], list[KeptFrames]]:
         """New rows on some protocols, and the kept frames with those for the random split under ``label``, if any.
-        ``more``: scores on other pairs of a split. A known row without what a viewer sees keeps its scores and gets
-        that.
+        ``more``: scores on other pairs of a split.
         """
         rows = []
         shared = {
@@ -224,25 +195,21 @@ class Judge:
         for p in protocols:
             row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **shared)
             old = None if self.again else self._old(like, p)
-            if old is not None and old.viewed and all(not label or label in pair.made for pair in kept):
+            if old is not None and all(not label or label in pair.made for pair in kept):
                 continue
             if prepare is not None:
                 prepare(p.numbers)
             with self.progress(f"{like.system}, {p.split}") as advance:
                 judged = protocol.judge(answer, self.pairs, p, advance)
-            if old is None:
-                scores = judged.scores | pair_samples.by_margin(judged.off, self.margins)
-                scores |= {} if more is None else more(p.split)
-                old = replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs)
-            viewed_id = f"{results.viewed_id()} {self.judged_in.get('commit', '')}"
-            rows.append(replace(old, viewed=results.finite(judged.viewed), viewed_id=viewed_id))
+            scores = judged.scores | ({} if more is None else more(p.split))
+            rows.append(replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs))
             if p.split == "random" and label:
                 kept = kept_frames.with_answers(kept, label, answer, self.pairs)
         return rows, kept
 
     def _other_pairs(self, answer: Any, split: str) -> Scores:
         """``paa_train`` and ``accuracy_valid`` of a system on a split."""
-        taught, valid = pair_samples.taught(self.pairs, split), pair_samples.validation(self.pairs, split)
+        taught, valid = pair_samples.sample(self.pairs, split, "train"), pair_samples.validation(self.pairs, split)
         if isinstance(answer, ClipAnswers):
             answer.prepare([*taught, *valid])
         found = answer.positions if isinstance(answer, _LazySystem) else lambda k: (answer(k).pre, answer(k).post)
@@ -252,26 +219,24 @@ class Judge:
         }
 
     def _old(self, like: ResultRow, p: Protocol) -> ResultRow | None:
-        """The known row that was judged on the same bundle, or on that which it was published from, by the same
-        protocol and metrics.
-        """
+        """The known row that was judged on the same bundle by the same protocol and metrics."""
         row = replace(like, split=p.split, part=p.part)
         old = next((known for known in self.known.rows if known.key == row.key), None)
         if old is None or (old.protocol, old.metrics_id) != (p.signature, results.signature_id()):
             return None
-        return old if old.bundle in (row.bundle, self.published_from.get(row.bundle or "", "")) else None
+        return old if old.bundle == row.bundle else None
 
 
 class _LazySystem:
     """The answers of a bundle, which is opened for the first pair."""
 
-    def __init__(self, judge: Judge, folder: Path, decoding: str) -> None:
-        self.judge, self.folder, self.decoding = judge, folder, decoding
+    def __init__(self, judge: Judge, folder: Path) -> None:
+        self.judge, self.folder = judge, folder
 
     @cached_property
     def system(self) -> Any:
         """The opened bundle."""
-        return self.judge.opener(self.folder, self.decoding)
+        return self.judge.opener(self.folder)
 
     def __call__(self, number: int) -> Any:
         return protocol.answers(self.judge.pairs, self.system)(number)

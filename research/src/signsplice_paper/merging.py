@@ -21,7 +21,7 @@ def merge(folders: Sequence[Path], out: Path) -> tuple[int, Results]:
     for folder in folders:
         if not (folder / results.FILE).is_file():
             raise InputError(
-                f"{folder / results.FILE}: not there; expected a folder that `signsplice paper` wrote into"
+                f"{folder / results.FILE}: not there; expected a folder that `signsplice-paper judge` wrote into"
             )
         added = results.load(folder / results.FILE)
         signatures = {**known.signatures, **added.signatures}

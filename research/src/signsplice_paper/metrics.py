@@ -48,7 +48,6 @@ SIGNATURES = {
     "pta": "pta|eq:22|both-tokens|of:all",
     "paa": "paa|eq:23|both-exact|of:predicted",
     "paa_all": "paa|eq:23|both-exact|of:all",
-    "unbiased": "pta,paa|as-above|without-token-bias",
     "within": "within|both-positions|frames:1,2|of:predicted",
     "positions_off": "positions-off|frames|mean:pre,post,pairs|of:predicted",
     "lengths": "length|off:mean|exact:share|ratio:predicted/true",
@@ -65,7 +64,6 @@ class PairScore:
     - mse: eq. 20, by the cost of a frame
     - ngrams: counts for BLEU, by tolerance
     - off: errors of pre and post, frames; None if a token is missing
-    - off_unbiased: the same without the bias of the tokens
     - n_predicted: number of predicted frames
     - n_true: number of true frames
     - motion: metrics beyond the paper's
@@ -75,7 +73,6 @@ class PairScore:
     mse: dict[float, float]
     ngrams: dict[float, bleu.NGrams]
     off: tuple[int, int] | None
-    off_unbiased: tuple[int, int] | None
     n_predicted: int
     n_true: int
     motion: extra_metrics.PairMotion
@@ -126,7 +123,6 @@ def score(
         mse={cost: squared_error(prediction.frames, frames, cost) for cost in FRAME_COSTS},
         ngrams=bleu.count(prediction.frames, frames, tolerances),
         off=positions_off(found, (pre, post)),
-        off_unbiased=positions_off(prediction.unbiased or found, (pre, post)),
         n_predicted=len(prediction.frames),
         n_true=len(frames),
         motion=extra_metrics.pair_motion(prediction, true, words, layout),
@@ -146,8 +142,7 @@ def summary(scores: Sequence[PairScore]) -> dict[str, float]:
     - accuracy_equal, mse_equal: the same over pairs of equal lengths alone
     - bleu-1 .. bleu-4: the paper's BLEU at ``bleu.TOLERANCE``; bleu-n@t at tolerance t
     - papineni-1 .. papineni-4: Papineni's, in the same way
-    - pta, paa, paa_all and others of the positions, see ``position_scores``; pta_unbiased, paa_unbiased,
-      paa_all_unbiased without the bias of the tokens
+    - pta, paa, paa_all and others of the positions, see ``position_scores``
     - length_off: mean error of the transition's length, frames
     - length_exact: fraction of exact lengths
     - length_ratio: number of predicted frames over that of true frames
@@ -169,8 +164,6 @@ def summary(scores: Sequence[PairScore]) -> dict[str, float]:
     }
     out |= {f"mse@{cost:g}": _mean([s.mse[cost] for s in scores]) for cost in FRAME_COSTS}
     out |= position_scores([s.off for s in scores])
-    unbiased = position_scores([s.off_unbiased for s in scores])
-    out |= {f"{name}_unbiased": unbiased[name] for name in ("pta", "paa", "paa_all")}
     for tolerance in scores[0].ngrams:
         counts = [s.ngrams[tolerance] for s in scores]
         for kind, values in (("bleu", bleu.mean(counts)), ("papineni", bleu.corpus(counts).bleu)):

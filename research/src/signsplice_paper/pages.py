@@ -1,134 +1,98 @@
-"""The tables as pages: the main lines and columns on one Markdown page, all of them as CSV, and LaTeX where asked."""
+"""The pages of a folder of results: the table as CSV, and either pages whose figures a template takes from
+results.json, or the tables alone.
+
+``templates/NAME.md`` beside a folder of results becomes ``NAME.md`` in it. Between double braces stands what is looked
+up:
+
+    {{lptransformer accuracy 3}}              the mean over the seeds, three digits
+    {{lptransformer pta,paa 3}}               two cells of a table
+    {{lptransformer accuracy 3 spread}}       with the least and the largest of the seeds
+    {{lpt-plus@unseen-words paa 3}}           another split than random
+    {{lpt-plus@unseen-words* paa 3}}          taught on many words and bodies
+    {{lptransformer-printed~sgd pta 3}}       by SGD
+    {{transformer/lptransformer ms_median 1}} the ratio of the two scores
+    {{table random}}                          a split's table
+    {{table unseen-words lptransformer lpt-plus}}    of these systems
+    {{splits lptransformer lpt-plus*}}        lines by split: both positions exact, in brackets within one frame
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+import re
 from pathlib import Path
 
+from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice_paper import frame_errors, layout, published, tables
-from signsplice_paper.layout import Table
+from signsplice_paper import layout, tables
 from signsplice_paper.protocol import SPLITS
-from signsplice_paper.results import FILE, Results
+from signsplice_paper.results import Results
+from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, line, written
 
-_COMPARED = tuple(published.name(system) for system in (*published.RIVALS, published.PRINTED, published.IMPROVED))
-_ABLATIONS = (*published.ABLATIONS, published.PRINTED, *published.IMPROVED_ABLATIONS, published.IMPROVED)
-_MEAN = published.name("mean-transition")
-OTHER_TRUTH = "word"
-"""Subfolder with the results of the other truth: it has the CSV alone, beside the pages and claims of its parent."""
-PAGE = "tables.md"
+TEMPLATES = "templates"
+"""Folder of templates, beside that of the results."""
+TABLE, PAGE = "table.csv", "tables.md"
+_FIGURE = re.compile(r"\{\{([^{}]+)\}\}")
+_HEAD = "<!-- Made from templates/{name} and results.json by `signsplice-paper tables`: change that. -->\n"
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Tables of one CSV, and what of them stands on the page.
-
-    - tables: those of a split
-    - names: first cells of the lines that the page shows, None for all
-    - heads: its columns, None for all
-    - n_tables: how many of the first split's tables it shows
+def write(found: Results, folder: Path, scale: str) -> list[Path]:
+    """Write the table as CSV, and the pages of the templates beside a folder of results, or where there are none the
+    page of tables; the paths written.
     """
-
-    tables: Callable[[Results, str, str], list[Table]]
-    names: tuple[str, ...] | None = None
-    heads: tuple[str, ...] | None = None
-    n_tables: int = 1
-
-
-_SPLICING = ("BLEU-1", "BLEU-4", "PTA", "PAA", "Accuracy", "MSE", "ms a pair")
-_TABLE_2 = "table2"
-_METHODS = (
-    *("truth", "assembled", "signsplice", "learned-fluent+learned", "pose-velocity+hermite", "true-positions+hermite"),
-    *("commonest-cut+ridge", "lpt-positions+ridge", "true-positions+ridge"),
-)
-_GROUPS = {
-    "table1": _Group(tables.table_1, (*_COMPARED, _MEAN), _SPLICING),
-    _TABLE_2: _Group(
-        lambda results, scale, split: tables.table_2(results, scale) if split == SPLITS[0] else [], n_tables=0
-    ),
-    "treatments": _Group(tables.table_treatments, n_tables=0),
-    "table3": _Group(tables.table_3, tuple(map(published.name, _ABLATIONS)), _SPLICING[1:]),
-    "fr": _Group(tables.table_fr, n_tables=0),
-    "classical": _Group(
-        tables.table_classical,
-        (*_COMPARED, *_METHODS),
-        ("Accuracy", "BLEU-4", *tables.viewed_titles()),
-        n_tables=2,
-    ),
-    frame_errors.PAGE: _Group(frame_errors.table, n_tables=0),
-}
-
-
-def made(results: Results, scale: str) -> dict[str, list[Table]]:
-    """The tables by CSV, each for every split that was judged; none if there is no row."""
-    splits = SPLITS if results.rows else ()
-    return {
-        name: [
-            replace(table, split="" if name == _TABLE_2 else split)
-            for split in splits
-            for table in group.tables(results, scale, split)
-        ]
-        for name, group in _GROUPS.items()
-    }
-
-
-def write(results: Results, folder: Path, scale: str, latex: bool = False) -> list[Path]:
-    """Write the page and the CSVs, and ``.tex`` files if ``latex`` says so; the paths written."""
-    found = {name: every for name, every in made(results, scale).items() if every}
-    missing = missing_rows(results, scale)
-    texts = {f"{name}.csv": layout.as_csv(every) for name, every in found.items()}
-    if found and not is_of_other_truth(folder):
-        texts[PAGE] = _page(found, missing)
-    if latex:
-        note = f"\n\n\\par {layout.escape(missing)}\n"
-        texts |= {f"{name}.tex": "\n".join(map(layout.latex, every)).rstrip() + note for name, every in found.items()}
+    texts = {TABLE: tables.as_csv(found, scale)}
+    templates = sorted((folder.resolve().parent / TEMPLATES).glob("*.md"))
+    for path in templates:
+        texts[path.name] = _HEAD.format(name=path.name) + filled(path.read_text(encoding="utf-8"), found, scale)
+    if not templates:
+        texts[PAGE] = tables.page(found, scale)
     for name, text in texts.items():
-        put(folder / name, text)
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     return [folder / name for name in texts]
 
 
-def _page(found: dict[str, list[Table]], missing: str) -> str:
-    """The main lines and columns of the first split of all tables; what they were judged by stands once at the end."""
-    texts = [
-        "# Tables",
-        "Test pairs; of several seeds the mean. All lines, columns, ranges and splits: "
-        + ", ".join(f"[{name}.csv]({name}.csv)" for name in found)
-        + ".",
-    ]
-    for name, every in found.items():
-        group = _GROUPS[name]
-        shown = [
-            layout.selected(table, group.names, group.heads)
-            for table in [table for table in every if table.split == every[0].split][: group.n_tables]
-        ]
-        if name == "table1":  # the paper's own lines stand beside the treatments
-            shown = [replace(one, rows=tuple(row for row in one.rows if row[1] != tables.PRINTED)) for one in shown]
-        if group.n_tables > 1:  # systems that stand in several tables: with the seeds of the first
-            first = {row[0]: row for row in reversed(shown[0].rows)}
-            shown[0] = replace(shown[0], rows=tuple(row for row in shown[0].rows if first[row[0]] is row))
-        for table in shown:
-            body = layout.markdown(replace(table, notes=()))
-            texts.append(body.replace(f"**{table.caption}**", f"## {table.caption}", 1).rstrip())
-    judged = next((every[0].notes for every in found.values() if every[0].split), ())
-    return "\n\n".join([*texts, "## How they were judged", *layout.paragraphs((*judged, missing))]) + "\n"
+def filled(text: str, found: Results, scale: str) -> str:
+    """A template with its figures. Raises ``InputError`` for one that no row has."""
+    return _FIGURE.sub(lambda asked: _figure(asked[1], found, scale), text)
 
 
-def is_of_other_truth(folder: Path) -> bool:
-    """Whether a folder of results is the subfolder of the other truth."""
-    whole = folder.resolve()
-    return whole.name == OTHER_TRUTH and (whole.parent / FILE).exists()
+def _figure(asked: str, found: Results, scale: str) -> str:
+    words = asked.split()
+    if words[0] == "table" and len(words) > 1:
+        table = tables.table(found, scale, words[1], words[2:] or None)
+        if table is None:
+            raise InputError(f"{{{{{asked}}}}}: no row of scale {scale}")
+        return "\n".join(layout.markdown(table).splitlines()[2:]).rstrip()
+    if words[0] == "splits" and len(words) > 1:
+        return "\n".join(_by_split(asked, found, scale) for asked in words[1:])
+    if len(words) not in (3, 4) or words[3:] not in ([], ["spread"]) or not (words[2] == SHORT or words[2].isdecimal()):
+        raise InputError(f"{{{{{asked}}}}}: expected SYSTEM SCORE DIGITS [spread], table SPLIT or splits SYSTEM")
+    systems, scores, places = words[:3]
+    digits = SHORT if places == SHORT else int(places)
+    of = [_line(system, found, scale) for system in systems.split("/")]
+    cells = []
+    for score in scores.split(","):
+        values = [one.score(score) for one in of]
+        if any(map(math.isnan, values)):
+            raise InputError(f"{{{{{asked}}}}}: no row of scale {scale} has it")
+        ratio = values[0] if len(values) == 1 else values[0] / values[1]
+        cells.append(of[0].cell(score, digits) if words[3:] else written(ratio, digits))
+    return " | ".join(cells)
 
 
-def missing_rows(results: Results, scale: str) -> str:
-    """What has no row at all, in a sentence."""
-    judged = {row.split for row in results.rows}
-    missing = [f"split {split}" for split in SPLITS if split not in judged]
-    missing += [f"scale {other}" for other in ("cpu", "paper") if not results.find(scale=other)]
-    return f"Without any row yet: {', '.join(missing)}." if missing else "Every split and scale has rows."
+def _by_split(asked: str, found: Results, scale: str) -> str:
+    system, star = asked.removesuffix("*"), "*" if asked.endswith("*") else ""
+    of = [_line(f"{system}@{split}{star}", found, scale) for split in SPLITS]
+    known = next((one for one in of if one.rows), None)
+    if known is None:
+        raise InputError(f"{{{{splits {asked}}}}}: no row of scale {scale}")
+    cells = [f"{written(one.score('paa_all'), 3)} ({written(one.score('within_1'), 3)})" for one in of]
+    return f"| {known.system}, {known.condition} | {known.taught} | {' | '.join(cells)} |"
 
 
-def put(path: Path, text: str) -> None:
-    """Write a text atomically."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+def _line(asked: str, found: Results, scale: str) -> TableLine:
+    taught = ON_MANY if asked.endswith("*") else HERE
+    system, _, split = asked.removesuffix("*").partition("@")
+    system, _, optimiser = system.partition("~")
+    return line(found, scale, system, split or "random", taught, optimiser or "adamw")

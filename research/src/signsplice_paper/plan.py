@@ -1,46 +1,29 @@
-"""The trainings that the paper's tables and figures need, in order of importance, and the folder of each bundle.
-
-One plan serves a corpus of either truth: the trainings of the other truth are the same, with another corpus, another
-folder of bundles and another folder of results.
-"""
+"""The trainings that the paper's tables and figures need, in order of importance, and the folder of each bundle."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from signsplice.splicing.bundle import BUNDLE_FILE
 from signsplice_paper import published
+from signsplice_workshop.corpora import readable_pairs
 
 SCALES = ("smoke", "small", "cpu", "paper")
-SHARED_TRAINING = {"unseen-signer": "random"}
-"""Splits that have the training part of another split."""
-SWEEP = (2, 4, 6, 8, 10, 12, 16)
-"""Values of fr; the paper prints only the results for 6 and 8."""
-SWEEP_SMOKE = (4, 8)
-
+TAUGHT_SPLIT = readable_pairs.TAUGHT
 RIVALS = tuple(reversed(published.RIVALS))  # the cheapest to train first
 """The systems that the paper compares LpTransformer with."""
-TABLE_1 = (published.PRINTED, published.IMPROVED, *RIVALS)
-PAPER = (*TABLE_1, *published.ABLATIONS)
-"""Tables 1 and 3: the paper's systems as printed, its ablations, and the improved system."""
-TREATED = ("lpt-printed-equal", "lstm-plain", "transformer-plain", "conv-s2s-plain")
-"""The four systems in the treatment that they lack in ``PAPER`` (``published.TREATED``)."""
-SEEDED = (published.PRINTED, published.IMPROVED)
-"""Systems that are trained with further seeds, beside the best rival, and for every fr: there they share their parts
-that see fr frames.
-"""
+TABLE_1 = (published.LPTRANSFORMER, published.LPT_PLUS, *RIVALS)
+SEEDED = (*TABLE_1, *(by[published.AS_PRINTED] for by in published.CONDITIONS.values()))
+"""Systems that are trained with further seeds."""
 SEEDS = (1, 2)
-BY_SGD = {
-    "smoke": ("lpt-printed",),
-    "small": (),
-    "cpu": ("lpt-printed",),
-    "paper": ("lpt-printed", "lpt", *RIVALS),
-}
-"""Systems that are trained by SGD too, as in the paper. It needs many times the steps of AdamW."""
+ON_MANY = (published.LPTRANSFORMER, published.LPT_PLUS)
+"""Systems that are taught on a corpus to teach on, too."""
+SEARCHED = (published.LPTRANSFORMER, *RIVALS)
+"""Systems whose rates and widths are searched."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +32,7 @@ class Run:
 
     - system: name of the system
     - scale: one of ``SCALES``
-    - optimiser: adamw, sgd or sgd-momentum
+    - optimiser: adamw or sgd
     - split: the split whose training part it learns from
     - fr: frames that Culling keeps on each side, None for the default
     - seed: of weights, batches and noise
@@ -75,92 +58,53 @@ class Choice:
     """Which systems are trained and judged; an empty field allows all.
 
     - systems, optimisers, seeds: those of the trainings
-    - splits: splits that are judged, and trained on
-    - frs: frames that Culling keeps, ``published.BEST_FR`` for the default and for systems without Culling
+    - splits: splits that are judged
     """
 
     systems: tuple[str, ...] = ()
     optimisers: tuple[str, ...] = ()
     splits: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
-    frs: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         """The options that make this choice."""
         named = (("system", self.systems), ("optimiser", self.optimisers), ("split", self.splits),
-                 ("seed", self.seeds), ("fr", self.frs))  # fmt: skip
+                 ("seed", self.seeds))  # fmt: skip
         return " ".join(f"--{option} {value}" for option, values in named for value in values)
 
     def allows(self, run: Run) -> bool:
-        """Whether a run is wanted: what it trains is judged on one of the splits."""
-        feeding = tuple(_trained_on(split) for split in self.splits)
+        """Whether a training is wanted."""
         asked: tuple[tuple[tuple[object, ...], object], ...] = (
             (self.systems, run.system),
             (self.optimisers, run.optimiser),
-            (feeding, _trained_on(run.split)),
             (self.seeds, run.seed),
-            (self.frs, published.BEST_FR if run.fr is None else run.fr),
         )
         return all(not allowed or value in allowed for allowed, value in asked)
 
 
-def _trained_on(split: str) -> str:
-    return SHARED_TRAINING.get(split, split)
+def runs(scale: str, choice: Choice | None = None, splits: Collection[str] = ("random",)) -> list[Run]:
+    """Every training that the tables of a scale need, the most important first; at scale ``small`` those of table 1.
 
-
-def runs(scale: str, choice: Choice | None = None, rival: str | None = None) -> list[Run]:
-    """Every training that the tables and figures of a scale need, the most important first; at scale ``small`` those of
-    table 1 on the random split alone.
-
-    1. On the random split by AdamW: the systems of tables 1 and 3. At scale ``paper`` those of ``BY_SGD`` after them.
-    2. The same systems on unseen words; at scale ``smoke`` only those of table 1.
-    3. Seeds 1 and 2 of the systems in ``SEEDED`` and of ``rival``, the best rival, or of those that the choice names
-       together with seeds; at scale ``smoke`` seed 1. While the best rival is not known (None), and all rivals are
-       wanted, the list ends before them.
-    4. LpTransformer for every fr with seed 0, and with seeds 1 and 2 where the choice names them, values of fr and
-       systems; the four systems in the treatment that they lack; LpTransformer by SGD with momentum; and SGD: of the
-       systems in ``BY_SGD``, or of those that the choice names together with SGD.
+    splits: those of the corpus. On one to teach on, the systems of ``ON_MANY``. On any other, on the random split,
+    which has the training part of all: the systems of table 1; the four systems as printed; ablations; by SGD, as in
+    the paper, LpTransformer as printed, or the systems that the choice names together with SGD; and further seeds, at
+    scale ``smoke`` one.
     """
     wanted, smoke = choice or Choice(), scale == "smoke"
-    if scale == "small":
-        return [run for run in (Run(system, scale, "adamw", "random") for system in TABLE_1) if wanted.allows(run)]
-    by_sgd = wanted.systems if "sgd" in wanted.optimisers and wanted.systems else BY_SGD[scale]
-    sgd = [Run(system, scale, "sgd", "random") for system in by_sgd]
-    first = [Run(system, scale, "adamw", "random") for system in PAPER]
-    first += sgd if scale == "paper" else []
-    first += [Run(system, scale, "adamw", "unseen-words") for system in (TABLE_1 if smoke else PAPER)]
-    chosen = [run for run in first if wanted.allows(run)]
-    if rival is None and {Run(system, scale, "adamw", "random") for system in RIVALS} <= set(chosen):
-        return chosen
-    seeded = (*SEEDED, *(() if rival is None else (rival,)))
-    if wanted.seeds and wanted.systems:
-        seeded = wanted.systems
-    last = [
-        Run(system, scale, "adamw", "random", seed=seed) for seed in SEEDS[: 1 if smoke else None] for system in seeded
-    ]
-    sweep = [fr for fr in (SWEEP_SMOKE if smoke else SWEEP) if fr != published.BEST_FR]
-    again = [seed for seed in SEEDS if wanted.systems and wanted.frs and seed in wanted.seeds]
-    last += [
-        Run(system, scale, "adamw", "random", fr, seed) for seed in (0, *again) for fr in sweep for system in SEEDED
-    ]
-    last += [] if smoke else [Run(system, scale, "adamw", "random") for system in TREATED]
-    last += [] if smoke else [Run(published.PRINTED, scale, "sgd-momentum", "random")]
-    last += sgd if scale != "paper" else []
-    return chosen + [run for run in last if wanted.allows(run)]
-
-
-def best_rival(bundles: Path, scale: str) -> str | None:
-    """The rival with the best Accuracy on validation pairs of the random split, with seed 0; None as long as one of
-    them is not trained. Test pairs do not decide what is trained further.
-    """
-    scores = {}
-    for system in RIVALS:
-        stored = _stored(bundles / Run(system, scale, "adamw", "random").name)
-        if stored is None:
-            return None
-        parts = stored.get("parts", {}).values()
-        scores[system] = max((part.get("scores", {}).get("accuracy", 0.0) for part in parts), default=0.0)
-    return max(scores, key=lambda system: scores[system])
+    if TAUGHT_SPLIT in splits:
+        planned = [Run(system, scale, "adamw", TAUGHT_SPLIT) for system in ON_MANY]
+    else:
+        systems = TABLE_1 if scale == "small" else (*SEEDED, *published.ABLATIONS)
+        planned = [Run(system, scale, "adamw", "random") for system in systems]
+        if scale != "small":
+            by_sgd = wanted.systems if "sgd" in wanted.optimisers and wanted.systems else (published.PRINTED,)
+            planned += [Run(system, scale, "sgd", "random") for system in by_sgd]
+            planned += [
+                Run(system, scale, "adamw", "random", seed=seed)
+                for seed in SEEDS[: 1 if smoke else None]
+                for system in (ON_MANY if smoke else SEEDED)
+            ]
+    return [run for run in planned if wanted.allows(run)]
 
 
 def missing(planned: Sequence[Run], bundles: Path, corpus: str | None = None) -> list[Run]:

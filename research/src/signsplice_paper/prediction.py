@@ -18,14 +18,12 @@ class Prediction:
     - pre: last kept frame of the word before, None if the system emitted no such token
     - post: first kept frame of the word after, None if the system emitted no such token
     - frames: the transition (n, 159); n = 0 if the system could make none
-    - unbiased: pre and post without the bias of the tokens; None if there is no bias
     - rotations: the transition's local rotations (n, J, 4), of methods on clips; None where only the numbers are known
     """
 
     pre: int | None
     post: int | None
     frames: FloatArray
-    unbiased: tuple[int | None, int | None] | None = None
     rotations: FloatArray | None = None
 
 

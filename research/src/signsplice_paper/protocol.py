@@ -1,7 +1,8 @@
 """Which pairs are judged and how: the test part of a split of one corpus, one pair at a time, timed.
 
-A bundle may be judged only if it was trained on the same corpus and on the training part of the split, so that it never
-saw a pair on which it is judged. ``unseen-signer`` has the training part of ``random``: one bundle serves both.
+A bundle may be judged only if it was trained on the same corpus and on the training part of the split, or on a corpus
+to teach on, whose words and signers are in no corpus to judge on: so it never saw a pair on which it is judged. Where
+all splits have one training part, one bundle serves all.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from signsplice.motion import FloatArray
 from signsplice.signer.signer import stream
 from signsplice_paper import extra_metrics, metrics, viewed
 from signsplice_paper.prediction import Prediction, System
+from signsplice_workshop.corpora import readable_pairs
 from signsplice_workshop.corpora.pairs import Pairs
 
 Answer = Callable[[int], Prediction]
@@ -25,7 +27,10 @@ Answer = Callable[[int], Prediction]
 Positions = tuple[int | None, int | None]
 Progress = Callable[[int, int], None]
 
-SPLITS = ("random", "unseen-words", "unseen-signer")
+SPLITS = ("random", "unseen-words", "unseen-signer", "unseen-both")
+BONES = ("accuracy", "mse", "bleu-4", "joint_jumps", "bone_change")
+"""Scores of which there is a second one, ``..._bones``, of frames that keep the skeleton's bones, of the same pairs as
+``viewed``."""
 WARM_UP = 3
 """Untimed calls before the first timed one, because first calls allocate."""
 
@@ -60,17 +65,14 @@ class Protocol:
 class Judged:
     """A system's scores.
 
-    - scores: by name, with ``ms_mean`` and ``ms_median`` of the time per pair, and ``frames_ms``, how long the true
-      transition takes to be seen
+    - scores: by name: those of ``metrics``; of at most ``viewed.N_VIEWED`` pairs those of ``viewed``, and for systems
+      that give positions alone those of ``BONES`` with bones kept; ``ms_mean`` and ``ms_median`` of the time per pair,
+      and ``frames_ms``, how long the true transition takes to be seen
     - n_pairs: number of pairs judged
-    - off: errors of the positions by pair, None where a token is missing
-    - viewed: scores of ``viewed``
     """
 
     scores: dict[str, float]
     n_pairs: int
-    off: dict[int, tuple[int, int] | None]
-    viewed: dict[str, float]
 
 
 def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = None) -> Protocol:
@@ -93,6 +95,8 @@ def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protoco
 
     trained_on: the ``corpus`` and ``split`` that it was trained on.
     """
+    if trained_on.get("split") == readable_pairs.TAUGHT and pairs.truth_kind == readable_pairs.TRUTH:
+        return
     if trained_on.get("corpus") != protocol.corpus:
         raise InputError(
             f"{name}: trained on corpus {trained_on.get('corpus')}, judged on {protocol.corpus}; "
@@ -149,10 +153,14 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
     Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
     """
     layouts: dict[int, extra_metrics.NumberLayout] = {}
-    viewer, views = viewed.Viewer(pairs), []
+    viewer = viewed.Viewer(pairs)
+    order = stream("viewed", len(protocol.numbers)).permutation(len(protocol.numbers))[: viewed.N_VIEWED]
+    looked_at = {protocol.numbers[k] for k in order.tolist()}
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
-    scores, seconds = [], []
+    scores: dict[str, list[metrics.PairScore]] = {"": [], "_bones": []}
+    views: dict[str, list[viewed.PairView]] = {"": [], "_bones": []}
+    seconds = []
     for done, number in enumerate(protocol.numbers, 1):
         p, q = pairs.index[number, :2].tolist()
         before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
@@ -165,14 +173,21 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
             layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), pairs.spaces[signer])
         pre, post, frames = pairs.truth(number)
         truth = (pre, post, frames.astype(np.float64))
-        scores.append(metrics.score(prediction, truth, (before, after), layouts[signer]))
-        views.append(viewer.view(number, prediction, layouts[signer]))
+        scores[""].append(metrics.score(prediction, truth, (before, after), layouts[signer]))
+        if number in looked_at:
+            views[""].append(viewer.view(number, prediction))
+            if prediction.rotations is None:
+                kept = viewer.with_bones(number, prediction)
+                scores["_bones"].append(metrics.score(kept, truth, (before, after), layouts[signer]))
+                views["_bones"].append(viewer.view(number, kept))
         if progress is not None:
             progress(done, len(protocol.numbers))
-    summary = metrics.summary(scores)
+    summary = metrics.summary(scores[""]) | viewed.summary(views[""])
+    if scores["_bones"]:
+        with_bones = metrics.summary(scores["_bones"]) | viewed.summary(views["_bones"])
+        summary |= {f"{name}_bones": with_bones[name] for name in BONES}
     times = _milliseconds(seconds) | {"frames_ms": 1e3 * summary["n_frames"] / protocol.fps}
-    off = dict(zip(protocol.numbers, (score.off for score in scores), strict=True))
-    return Judged(summary | times, len(scores), off, viewed.summary(views))
+    return Judged(summary | times, len(seconds))
 
 
 def accuracy(answer: Answer, pairs: Pairs, numbers: Sequence[int]) -> float:

@@ -1,6 +1,7 @@
-"""results.json, version 2: every measured row with the recipe that made it, and the curve of every training.
+"""results.json, version 3: every measured row with the recipe that made it, and the curve of every training.
 
-A row's key is what was judged and where: system, what it was given, scale, optimiser, fr, seed, split and part. A new
+A row's key is what was judged and where: system, what it was given, what it was taught on, scale, optimiser, fr, seed,
+split and part. A new
 row replaces the row of the same key. A table holds only rows whose signatures agree.
 """
 
@@ -19,15 +20,14 @@ from signsplice.formats.reading import read_bytes
 from signsplice_paper import curve, metrics, viewed
 from signsplice_paper.curve import Curve
 
-VERSION = 2
+VERSION = 3
 FILE = "results.json"
-_OTHER_VERSION = "version 1 is of signsplice 0.3, whose BLEU is another; choose another --out, and judge again"
-CLASSICAL, SHIPPED, CORPUS_TRAINED, MEAN, FITTED = "classical", "own", "taught", "mean", "fitted"
-"""Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, its
-networks trained on the split's training part, as the paper's systems are, the mean transition of that part, and what is
-fitted to it in closed form.
+_OTHER_VERSION = "earlier ones are of corpora that are no longer judged; choose another --out, and judge again"
+CLASSICAL, SHIPPED, MEAN, FITTED = "classical", "own", "mean", "fitted"
+"""Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, the
+mean transition of a split's training part, and what is fitted to that part in closed form.
 """
-CLIP_SCALES = (CLASSICAL, FITTED, SHIPPED, CORPUS_TRAINED)
+SIGNATURES = {**metrics.SIGNATURES, **viewed.SIGNATURES}
 GIVEN = ("nothing", "length", "positions", "positions and length")
 """What a method on clips may be given of the truth."""
 
@@ -38,8 +38,9 @@ class ResultRow:
 
     - system: the system's or method's name
     - split: the split that is judged
-    - scale: smoke, cpu or paper; for methods on clips one of ``CLIP_SCALES``; ``MEAN`` for the mean transition
-    - optimiser: adamw, sgd or sgd-momentum, empty for methods on clips
+    - scale: smoke, cpu or paper; ``CLASSICAL``, ``SHIPPED``, ``FITTED`` or ``MEAN`` for other rows
+    - taught: hash of the corpus that it learned from, where that is another than the one judged on; else empty
+    - optimiser: adamw or sgd, empty for methods on clips
     - part: the part of the split that is judged
     - fr: frames that Culling keeps on each side, None without Culling
     - seed: the training's seed, None for methods on clips
@@ -54,11 +55,8 @@ class ResultRow:
     - protocol: signature of the protocol
     - metrics_id: ``signature_id`` of the metrics
     - n_pairs: number of pairs judged
-    - treatment: of its tokens, one of ``published.AS_PRINTED``, ``BIAS_ALONE``, ``EQUAL``; empty for methods without
+    - condition: one of ``published.AS_PRINTED`` and ``EQUAL``; empty for methods on clips
     - scores: by name, None where there was nothing to count
-    - viewed: what a viewer sees (``viewed``), by name; empty where it was not measured
-    - viewed_id: ``viewed_id`` of these, with the commit that measured them: they may be younger than the scores, and of
-      the published form of the bundle
     - commit: git revision of the code
     - versions: of Python and packages
     - machine: processor and number of cores
@@ -67,6 +65,7 @@ class ResultRow:
     system: str
     split: str
     scale: str = CLASSICAL
+    taught: str = ""
     optimiser: str = ""
     part: str = "test"
     fr: int | None = None
@@ -82,10 +81,8 @@ class ResultRow:
     protocol: str = ""
     metrics_id: str = ""
     n_pairs: int = 0
-    treatment: str = ""
+    condition: str = ""
     scores: Mapping[str, float | None] = field(default_factory=dict)
-    viewed: Mapping[str, float | None] = field(default_factory=dict)
-    viewed_id: str = ""
     commit: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     machine: str = ""
@@ -93,12 +90,12 @@ class ResultRow:
     @property
     def key(self) -> tuple[object, ...]:
         """Identifies the row: a row of the same key replaces it."""
-        method = (self.system, self.given, self.scale, self.optimiser, self.fr, self.seed)
+        method = (self.system, self.given, self.taught, self.scale, self.optimiser, self.fr, self.seed)
         return (*method, self.split, self.part)
 
     def score(self, name: str) -> float:
         """A score by name, NaN if it is missing."""
-        value = self.scores.get(name, self.viewed.get(name))
+        value = self.scores.get(name)
         return float("nan") if value is None else value
 
 
@@ -119,8 +116,8 @@ class Results:
         """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
         by_key = {row.key: row for row in (*self.rows, *rows)}
         by_curve = {c.key: c for c in (*self.curves, *curves)}
-        named = {key for row in by_key.values() for key in (row.metrics_id, row.viewed_id.partition(" ")[0])}
-        known = {**self.signatures, signature_id(): metrics.SIGNATURES, viewed_id(): viewed.SIGNATURES}
+        named = {row.metrics_id for row in by_key.values()}
+        known = {**self.signatures, signature_id(): SIGNATURES}
         return Results(
             tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
             tuple(sorted(by_curve.values(), key=lambda c: _order(c.key))),
@@ -133,17 +130,8 @@ class Results:
 
 
 def signature_id() -> str:
-    """A short hash of the current signatures of all metrics."""
-    return _short_hash(metrics.SIGNATURES)
-
-
-def viewed_id() -> str:
-    """A short hash of the current signatures of what a viewer sees."""
-    return _short_hash(viewed.SIGNATURES)
-
-
-def _short_hash(signatures: Mapping[str, str]) -> str:
-    text = json.dumps(signatures, sort_keys=True)
+    """A short hash of the current signatures of all scores."""
+    text = json.dumps(SIGNATURES, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

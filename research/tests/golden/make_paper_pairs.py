@@ -22,10 +22,12 @@ sys.path.insert(0, str(HERE.parent))
 
 import reference  # noqa: E402
 from signsplice.signer import notation  # noqa: E402
-from signsplice_paper import clip_methods  # noqa: E402
+from signsplice.splicing.cutters import CUTTERS  # noqa: E402
+from signsplice_paper.clip_methods import TRUE_POSITIONS, ClipAnswers, ClipMethod  # noqa: E402
 from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs  # noqa: E402
 
 GLOSSES = ("HELLO", "DEAF")
+TRANSITIONS = ("slerp", "hermite")
 TOLERANCE = 1e-4
 SIGMA, LAMBDA = math.sqrt(0.002), math.sqrt(159 * 0.002)
 
@@ -41,12 +43,19 @@ def main() -> None:
         arrays = {path.stem: np.load(path) for path in sorted(folder.glob("*.npy"))}
         np.savez_compressed(HERE / "paper_pairs.npz", head=np.array(json.dumps(head)), **arrays)
         pairs = Pairs(folder)
-        rows = [score(pairs, method, numbers) for method in clip_methods.classical_methods()]
+        rows = [score(pairs, method, numbers) for method in methods()]
     (HERE / "paper_rows.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
-def score(pairs: Pairs, method: clip_methods.ClipMethod, numbers: list[int]) -> dict[str, object]:
-    answer = clip_methods.ClipAnswers(pairs, method)
+def methods() -> list[ClipMethod]:
+    """Every classical cutter with both transitions, without and with the true length; then the true positions."""
+    rows = [(c, t, given) for given in ("nothing", "length") for c in CUTTERS for t in TRANSITIONS]
+    rows += [(TRUE_POSITIONS, t, given) for given in ("positions", "positions and length") for t in TRANSITIONS]
+    return [ClipMethod(*row) for row in rows]
+
+
+def score(pairs: Pairs, method: ClipMethod, numbers: list[int]) -> dict[str, object]:
+    answer = ClipAnswers(pairs, method)
     made = [answer(k) for k in numbers]
     true = [pairs.truth(k) for k in numbers]
     both = [(p.frames, t[2].astype(np.float64)) for p, t in zip(made, true, strict=True)]

@@ -7,34 +7,40 @@ from functools import cache
 
 import torch
 
+from signsplice_paper.train import training
 from signsplice_paper.train.networks.convs2s import ConvS2SConfig
 from signsplice_paper.train.networks.lstm import LstmConfig
 from signsplice_paper.train.networks.spsn import SpsnConfig
 from signsplice_paper.train.networks.tfgn import TransformerConfig
-from signsplice_paper.train.networks.word_spsn import WordSpsnConfig
+from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig
 from signsplice_paper.train.pairs_data import PairsData
-from signsplice_paper.train.scales import Config, SystemPart, task
+from signsplice_paper.train.scales import AS_PRINTED, Config, SystemPart, task
 from signsplice_paper.train.words_data import words_of_split
 from signsplice_workshop.train.prefetch import Dataset
 from signsplice_workshop.train.tasks import Task
 from training_toys import corpus
 
 FR = 3
+SPACE = corpus().spaces[0]
 _T = TransformerConfig(32, 2, 1, 1, 48, 0.0)
+
+
+def _of_corpus(config: WordSpsnConfig) -> Config:
+    """The sizes with what is measured of the corpus's skeleton."""
+    return training.on_skeleton(SystemPart("spsn-words", config, None, 10, 8, 1e-2), corpus()).config
+
 
 CONFIGS: dict[str, tuple[Config, int | None]] = {
     "spsn": (SpsnConfig(32, dropout=0.0), None),
-    "spsn-printed": (SpsnConfig(32, "printed", 0.0, steps=False, summary=False), None),
-    "spsn-printed-wa": (SpsnConfig(32, "none", 0.0, steps=False, summary=False), None),
-    "spsn-words": (WordSpsnConfig(24, 16, 0.0, corpus().spaces[0].parents), None),
+    "spsn-wa": (SpsnConfig(32, attention=False, dropout=0.0), None),
+    "spsn-words": (_of_corpus(WordSpsnConfig(24, 16, 0.0)), None),
     "tfgn": (_T, FR),
     "tfgn-wc": (replace(_T, marks=True), None),
     "transformer": (replace(_T, tokens=True, steps=True), None),
     "conv-s2s": (ConvS2SConfig(24, 3, 2, 0.0), None),
     "lstm": (LstmConfig(32), None),
 }
-CONFIGS |= {f"{name}-plain": CONFIGS[name] for name in ("conv-s2s", "lstm", "transformer")}
-CONFIGS["spsn-printed-weighted"] = CONFIGS["spsn-printed"]
+CONFIGS |= {f"{name}{AS_PRINTED}": CONFIGS[name] for name in ("spsn", "conv-s2s", "lstm", "transformer")}
 GENERATORS = ("tfgn", "tfgn-wc", "transformer", "conv-s2s", "lstm")
 
 
@@ -48,8 +54,11 @@ def toy(name: str, seed: int = 0) -> Task:
     """A part's task with fresh weights."""
     torch.manual_seed(seed)
     config, fr = CONFIGS[name]
-    part = SystemPart(name, config, fr, 10, 8, 1e-2)
-    return task(part, data().normaliser(), seed)
+    part = SystemPart(name, config, fr, 10, 8, 1e-2, name.endswith(AS_PRINTED))
+    made = task(part, data().normaliser(), seed)
+    if isinstance(made.network, WordSpsn):
+        made.network.fit_measures(words_of_split(corpus(), "random", "train").words)
+    return made
 
 
 def part_toy(name: str) -> tuple[Task, Dataset, Dataset]:

@@ -17,7 +17,7 @@ pytest.importorskip("torch")
 import torch
 
 from signsplice.errors import InputError
-from signsplice_paper import bundles, curve
+from signsplice_paper import bundles, curve, pair_samples, protocol
 from signsplice_paper.configs import PaperConfig, read_config
 from signsplice_paper.systems.splicers import OneNetworkSystem, PaperSystem, TwoNetworkSystem
 from signsplice_paper.train import curves, scales
@@ -26,10 +26,11 @@ from signsplice_paper.train.scales import SYSTEMS, SystemPart
 from signsplice_paper.train.stopping import PaperLoop
 from signsplice_paper.train.tasks import MOST_FRAMES
 from signsplice_workshop.train.loop import train
-from system_toys import CONFIGS, data, toy
+from system_toys import CONFIGS, part_toy, toy
 from training_toys import ALONE, corpus
 
-BIASES = {"lpt": 0.5, "lpt-printed": 0.0}
+TAUGHT = "lptransformer"
+"""A system whose curves are tested."""
 
 
 class TorchGraphs:
@@ -63,7 +64,8 @@ def one_at_a_time(config: PaperConfig, tasks: list[Any]) -> PaperSystem:
     """A system as the exported one runs."""
     assert config.runs is not None
     kind = OneNetworkSystem if len(tasks) == 1 else TwoNetworkSystem
-    return kind(config, config.runs, TorchGraphs(tasks), "one-by-one")  # type: ignore[arg-type]
+    decoding = "parallel" if config.runs.concurrent else "one-by-one"
+    return kind(config, config.runs, TorchGraphs(tasks), decoding)  # type: ignore[arg-type]
 
 
 def bundle(folder: Path, system: str, tasks: list[Any], **more: Any) -> PaperConfig:
@@ -75,9 +77,9 @@ def bundle(folder: Path, system: str, tasks: list[Any], **more: Any) -> PaperCon
         "parts": {name: {"steps": 6, "batch": 4} for name in SYSTEMS[system]},
         "normaliser": {"mean": [0.0] * 159},
         "runs": {
-            "positions": "encoder" if len(tasks) == 1 else "spsn", "frames": "generator", "concurrent": False,
-            "n_fed": 159, "marked": tasks[-1].network.marked, "most_frames": MOST_FRAMES,
-            "token_bias": BIASES.get(system, 0.5),
+            "positions": "encoder" if len(tasks) == 1 else "spsn", "frames": "generator", "n_fed": 159,
+            "concurrent": tasks[-1].network.concurrent, "marked": tasks[-1].network.marked, "most_frames": MOST_FRAMES,
+            "token_bias": 0.0 if system.endswith("-printed") else 0.5,
         },
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
@@ -99,17 +101,18 @@ def test_batches_predict_as_single_pairs_do(system: str, tmp_path: Path) -> None
         assert (prediction.pre, prediction.post) == (expected.pre, expected.post)
         assert prediction.frames.shape == expected.frames.shape
         assert np.allclose(prediction.frames, expected.frames, atol=1e-5)
+    assert many.positions(pairs) == [(prediction.pre, prediction.post) for prediction in found]
 
 
-def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = "lpt") -> PaperConfig:
-    """A bundle of toys that were trained for six steps, with a snapshot after every second."""
+def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = TAUGHT) -> tuple[PaperConfig, PaperSystem]:
+    """A bundle and the system of toys that were trained for six steps, with a snapshot after every second."""
     tasks = []
     for name in SYSTEMS[system]:
         folder = tmp_path / "parts" / f"{name}-smoke-abc"
-        task = toy(name)
-        loop = PaperLoop(6, 4, 1e-2, 0, every=2 if name == "spsn" else 3, n_judged=4, snapshots=True)
+        task, taught, valid = part_toy(name)
+        loop = PaperLoop(6, 4, 1e-2, 0, every=3 if name == "tfgn" else 2, n_judged=4, snapshots=True)
         folder.mkdir(parents=True)
-        train(task, loop, data("train", CONFIGS[name][1]), data("valid", CONFIGS[name][1]), folder, "r", ALONE)
+        train(task, loop, taught, valid, folder, "r", ALONE)
         tasks.append(task)
     config = bundle(tmp_path / "bundles" / system, system, tasks)
     for name in SYSTEMS[system]:
@@ -117,16 +120,20 @@ def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = "lpt"
         (config.path.parent / f"{name}.jsonl").write_bytes(log)
     toys = {name: SystemPart(name, CONFIGS[name][0], CONFIGS[name][1], 6, 4, 1e-2) for name in SYSTEMS[system]}
     monkeypatch.setattr(scales, "parts", lambda *_: tuple(toys.values()))
-    monkeypatch.setattr(curves, "open_bundle", lambda _: one_at_a_time(config, tasks))
-    return config
+    made = one_at_a_time(config, tasks)
+    monkeypatch.setattr(curves, "open_bundle", lambda _: made)
+    return config, made
 
 
 def judge(tmp_path: Path) -> curves.CurveJudge:
     return curves.CurveJudge(corpus(), tmp_path / "parts", torch.device("cpu"), lambda _: nullcontext(None))
 
 
-def test_a_curve_ends_at_the_score_of_the_exported_bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = trained(tmp_path, monkeypatch)
+@pytest.mark.parametrize("system", [TAUGHT, "lpt-plus"])
+def test_a_curve_ends_at_the_score_of_the_exported_bundle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str
+) -> None:
+    config, exported = trained(tmp_path, monkeypatch, system)
     config.stored["config"]["tfgn"]["counter"] = False  # as earlier versions stored it
     lines: list[str] = []
     (path,) = judge(tmp_path).write([config], False, lines.append)
@@ -137,6 +144,11 @@ def test_a_curve_ends_at_the_score_of_the_exported_bundle(tmp_path: Path, monkey
     minutes = made.column("core_minutes")
     assert None not in minutes
     assert minutes == sorted(minutes, key=lambda m: m or 0.0)
+    for score, part in (("paa_train", "train"), ("paa_test", "test")):
+        sample = pair_samples.sample(corpus(), "random", part, made.n_pairs)
+        positions = protocol.positions(corpus(), exported)
+        exact = [positions(k) == tuple(corpus().index[k, 2:4].tolist()) for k in sample]
+        assert made.column(score)[-1] == pytest.approx(np.mean(exact), abs=1e-6)
     assert curve.difference(made, curves.judged_bundle(config, corpus())) < curve.MOST_DIFFERENCE
     assert made.n_pairs == len(corpus().split("random", "valid"))
     stamp = os.stat(path).st_mtime_ns
@@ -145,7 +157,7 @@ def test_a_curve_ends_at_the_score_of_the_exported_bundle(tmp_path: Path, monkey
 
 
 def test_a_curve_of_other_weights_than_the_bundle_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = trained(tmp_path, monkeypatch)
+    config, _ = trained(tmp_path, monkeypatch)
     monkeypatch.setattr(curves, "judged_bundle", lambda *_: 0.123456)
     lines: list[str] = []
     assert list(judge(tmp_path).write([config], False, lines.append)) == []
@@ -155,18 +167,27 @@ def test_a_curve_of_other_weights_than_the_bundle_is_refused(tmp_path: Path, mon
 
 
 def test_bundles_without_snapshots_are_named_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = trained(tmp_path, monkeypatch)
+    config, _ = trained(tmp_path, monkeypatch)
     (config.path.parent / "tfgn.jsonl").write_text('{"step": 6, "loss": 1.0}\n')  # of another training
-    other = bundle(tmp_path / "bundles" / "elsewhere", "lpt", [toy("spsn"), toy("tfgn")])
-    unseen = bundle(tmp_path / "bundles" / "unseen", "lpt", [toy("spsn"), toy("tfgn")], split="unseen-words")
+    other = bundle(tmp_path / "bundles" / "elsewhere", TAUGHT, [toy("spsn"), toy("tfgn")])
+    unseen = bundle(tmp_path / "bundles" / "unseen", TAUGHT, [toy("spsn"), toy("tfgn")], split="unseen-words")
     lines: list[str] = []
     assert list(judge(tmp_path).write([config, other, unseen], False, lines.append)) == []
     assert len(lines) == 1
-    assert "no snapshots of lpt, elsewhere, which get no curve" in lines[0], "and none is wanted of other splits"
+    assert f"no snapshots of {TAUGHT}, elsewhere, which get no curve" in lines[0], "and none is wanted of other splits"
+
+
+def test_a_bundle_of_another_corpus_gets_no_curve_on_this_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config, _ = trained(tmp_path, monkeypatch)
+    stored = {**config.stored, "corpus": "another"}
+    (config.path.parent / "bundle.json").write_text(json.dumps(stored))
+    lines: list[str] = []
+    assert list(judge(tmp_path).write([read_config(config.path.parent)], False, lines.append)) == []
+    assert lines == []
 
 
 def test_a_broken_snapshot_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = trained(tmp_path, monkeypatch)
+    config, _ = trained(tmp_path, monkeypatch)
     broken = next((tmp_path / "parts").glob("tfgn-*/snapshots/*.pt"))
     broken.write_bytes(b"no weights")
     with pytest.raises(InputError, match=rf"{broken.name}: cannot be read as weights"):

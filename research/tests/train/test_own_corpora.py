@@ -54,8 +54,8 @@ def test_a_system_learns_from_clips_of_another_rig(tmp_path: Path) -> None:
     own_words.build(plan, tmp_path / "pairs", lambda _: nullcontext())
     pairs = Pairs(tmp_path / "pairs")
     assert pairs.spaces[0].n_numbers == 135
-    config = training.Training("lpt", "smoke", steps=1, n_judgements=1)
-    part = scales.parts("lpt", "smoke", None, 1, "adamw", "random")[0]
+    config = training.Training("lpt-plus", "smoke", steps=1, n_judgements=1)
+    part = training.on_skeleton(scales.parts("lpt-plus", "smoke", steps=1)[0], pairs)
     (tmp_path / "part").mkdir()
     made = training.trained(part, config, pairs, tmp_path / "part", ONE)
     tokens = made.network(torch.from_numpy(np.array(pairs.word(0)))[None], torch.tensor([9]))
@@ -69,12 +69,12 @@ def test_from_ten_clips_to_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     folders = ["--scale", "smoke", "--pairs", "pairs", "--bundles", "bundles", "--out", "out", "--limit", "3"]
     for call in (
         ["pairs", "build", "clips", "-o", "pairs"],
-        ["all", *folders, "--system", "lpt", "--system", "transformer", "--steps", "2"],
+        ["all", *folders, "--system", "lpt-plus", "--system", "transformer", "--steps", "2"],
         ["evaluate", *folders],
     ):
         result = CliRunner().invoke(app, call, catch_exceptions=False)
         assert result.exit_code == 0, result.output
     rows = json.loads((tmp_path / "out" / "results.json").read_text())["rows"]
-    assert {"lpt", "transformer", "learned-fluent+learned"} <= {row["system"] for row in rows}
+    assert {"lpt-plus", "transformer", "learned-fluent+learned"} <= {row["system"] for row in rows}
     assert {row["split"] for row in rows} == {"random", "unseen-words"}
     assert (tmp_path / "out" / "tables.md").read_text().count("|") > 50

@@ -47,8 +47,8 @@ def test_lstm_is_equations_4_and_5_with_the_previous_cell() -> None:
     np.testing.assert_allclose(last_c[0, 0].detach().numpy(), c, atol=1e-5)
 
 
-def weights(decoded: np.ndarray, encoded: np.ndarray, sharpness: float | None) -> np.ndarray:
-    """Eq. 6 to 8 for each pair of states; as printed without sharpness."""
+def weights(decoded: np.ndarray, encoded: np.ndarray) -> np.ndarray:
+    """Eq. 6 to 8 for each pair of states, as printed."""
     out = np.zeros((len(decoded), len(encoded)))
     for t in range(len(decoded)):
         scores = []
@@ -57,31 +57,27 @@ def weights(decoded: np.ndarray, encoded: np.ndarray, sharpness: float | None) -
             for i in range(decoded.shape[1]):
                 total += (decoded[t, i] - encoded[k, i]) ** 2
             scores.append(total / decoded.shape[1])
-        raised = [math.exp(s if sharpness is None else -sharpness * s) for s in scores]
+        raised = [math.exp(s) for s in scores]
         for k in range(len(encoded)):
-            weight = raised[k] / sum(raised)
-            out[t, k] = 1.0 - weight if sharpness is None else weight
+            out[t, k] = 1.0 - raised[k] / sum(raised)
     return out
 
 
-@pytest.mark.parametrize("sharpness", [None, 2.5])
-def test_attention_is_equations_6_to_9(sharpness: float | None) -> None:
-    decoded, encoded = RNG.normal(size=(4, 5)), RNG.normal(size=(7, 5))
-    scores = spsn.score(tensor(decoded)[None], tensor(encoded)[None])
-    found = (
-        spsn.printed_weights(scores) if sharpness is None else spsn.normalised_weights(scores, torch.tensor(sharpness))
-    )
-    true = weights(decoded, encoded, sharpness)
-    np.testing.assert_allclose(found[0].numpy(), true, atol=1e-5)
-    assert true[0].sum() == pytest.approx(6.0 if sharpness is None else 1.0), "N + M - 1 as printed, or 1"
+def spsn_network(width: int, attention: bool = True) -> spsn.Spsn:
+    torch.manual_seed(0)
+    normaliser = layers.Normaliser(torch.zeros(159), torch.ones(159))
+    return spsn.Spsn(spsn.SpsnConfig(width, attention), normaliser).eval()
 
-    network = spsn.Spsn(
-        spsn.SpsnConfig(5, "printed" if sharpness is None else "normalised"),
-        layers.Normaliser(torch.zeros(159), torch.ones(159)),
-    )
+
+def test_attention_is_equations_6_to_9() -> None:
+    decoded, encoded = RNG.normal(size=(4, 5)), RNG.normal(size=(7, 5))
+    found = spsn.printed_weights(spsn.score(tensor(decoded)[None], tensor(encoded)[None]))
+    true = weights(decoded, encoded)
+    np.testing.assert_allclose(found[0].numpy(), true, atol=1e-5)
+    assert true[0].sum() == pytest.approx(6.0), "N + M - 1"
+
+    network = spsn_network(5)
     with torch.no_grad():
-        if sharpness is not None:
-            network.sharpness.fill_(math.log(sharpness))
         together = network.attend(tensor(decoded)[None], tensor(encoded)[None], None)[0].numpy()
     w_c = network.combine.weight.detach().double().numpy()
     for t in range(4):
@@ -89,10 +85,27 @@ def test_attention_is_equations_6_to_9(sharpness: float | None) -> None:
         np.testing.assert_allclose(together[t], np.tanh(w_c @ np.concatenate([context, decoded[t]])), atol=1e-4)
 
 
-@pytest.mark.parametrize("attention", spsn.ATTENTIONS)
-def test_padding_changes_nothing(attention: str) -> None:
-    torch.manual_seed(0)
-    network = spsn.Spsn(spsn.SpsnConfig(8, attention), layers.Normaliser(torch.zeros(159), torch.ones(159))).eval()
+def test_the_context_starts_no_larger_than_the_state_beside_it() -> None:
+    """Its weights sum to N + M - 1, so that eq. 9 would begin where tanh is flat."""
+    network = spsn_network(64)
+    encoded, decoded = (tensor(RNG.uniform(-0.5, 0.5, size=(1, spsn.USUAL_FRAMES, 64)) + 0.3) for _ in range(2))
+    with torch.no_grad():
+        attended = network.attend(decoded, encoded, None)
+        network.combine.weight[:, :64] *= spsn.USUAL_FRAMES
+        undivided = network.attend(decoded, encoded, None)
+    assert attended.abs().max() < 0.95
+    assert undivided.abs().median() > 0.95
+
+
+def test_without_attention_the_decoders_states_are_classified() -> None:
+    network, decoded = spsn_network(5, attention=False), tensor(RNG.normal(size=(1, 4, 5)))
+    assert network.attend(decoded, tensor(RNG.normal(size=(1, 7, 5))), None) is decoded
+    assert not hasattr(network, "combine")
+
+
+@pytest.mark.parametrize("attention", [True, False])
+def test_padding_changes_nothing(attention: bool) -> None:
+    network = spsn_network(8, attention)
     x = tensor(RNG.normal(size=(1, 9, 159)))
     padded = torch.cat([x, torch.randn(1, 4, 159)], dim=1)
     mask = torch.arange(13)[None] < 9

@@ -24,8 +24,8 @@ def piece(out: Path, seconds: int, **more: str) -> subprocess.Popen[str]:
     """A call of the script at toy size, in a process group of its own."""
     settings = {
         **{"SCALE": "smoke", "OUT": str(out), "PAIRS": str(corpus().folder), "PIECE": str(seconds), "MARGIN": "0"},
-        **{"SYSTEMS": "lpt", "OPTIMISERS": "adamw sgd", "SPLITS": "random", "STEPS": "150", "WORKERS": "1"},
-        **{"JUDGES": "1", "LIMIT": "2", "PYTHON": sys.executable, "OMP_NUM_THREADS": "1", **more},
+        **{"SYSTEMS": "lptransformer-printed", "OPTIMISERS": "adamw sgd", "SPLITS": "random", "STEPS": "150"},
+        **{"WORKERS": "1", "JUDGES": "1", "LIMIT": "2", "PYTHON": sys.executable, "OMP_NUM_THREADS": "1", **more},
     }
     return subprocess.Popen(
         [str(ROOT / "research" / "runs" / "paper-scale.sh")], env=os.environ | settings, stdout=subprocess.PIPE,
@@ -71,4 +71,4 @@ def test_trainings_in_pieces_killed_in_between_end_as_one_that_ran_through(tmp_p
     rows = [json.loads((out / "paper" / "results.json").read_text())["rows"] for out in (whole, elsewhere)]
     kept = [[(row["system"], row["optimiser"], row["steps"], row["scores"]["mse"]) for row in of] for of in rows]
     assert kept[0] == kept[1]
-    assert {row[:3] for row in kept[0]} >= {("lpt", "adamw", 300), ("lpt", "sgd", 300)}
+    assert {row[:3] for row in kept[0]} >= {("lptransformer-printed", method, 300) for method in ("adamw", "sgd")}

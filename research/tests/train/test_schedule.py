@@ -48,7 +48,7 @@ def test_runs_are_trained_one_by_one_until_one_fails(tmp_path: Path, monkeypatch
         tmp_path / "lstm-cpu-adamw-random",
         tmp_path / "parts",
     )
-    assert calls[1][0].split == "unseen-words"
+    assert [call[0].seed for call in calls] == [0, 1]
 
 
 def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +57,7 @@ def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pyt
 
     def make(config: Training, *_: Any) -> None:
         assert config.deadline == 50.0
-        if config.split == "unseen-words":
+        if config.seed == 1:
             raise DeadlineError("time is up")
 
     monkeypatch.setattr(training, "make", make)
@@ -75,11 +75,11 @@ def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pyt
 
 
 def test_a_process_gets_the_options_of_its_run() -> None:
-    (run,) = (run for run in plan.runs("cpu", rival="lstm") if run.fr == 6 and run.system == "lpt")
+    run = Run("lptransformer", "cpu", "adamw", "random", fr=6, seed=2)
     call = schedule.arguments(Schedule([run], Path("p"), Path("b"), steps=5), run)
     assert call[0] == "train-system"
     assert dict(zip(call[1::2], call[2::2], strict=True)) == {
-        **{"--pairs": "p", "--out": "b/lpt-fr6-cpu-adamw-random", "--seed": "0", "--system": "lpt", "--scale": "cpu"},
+        **{"--pairs": "p", "--out": f"b/{run.name}", "--seed": "2", "--system": "lptransformer", "--scale": "cpu"},
         **{"--optimiser": "adamw", "--split": "random", "--fr": "6", "--steps": "5"},
     }
 
@@ -127,7 +127,7 @@ def test_processes_divide_the_cores_and_a_failure_stops_all(monkeypatch: pytest.
     monkeypatch.setattr("signsplice_paper.train.schedule.subprocess.Popen", popen)
     monkeypatch.setattr("signsplice_paper.train.schedule.time.sleep", lambda seconds: None)
     monkeypatch.setattr(os, "cpu_count", lambda: 6)
-    planned = Schedule(plan.runs("smoke", Choice(("lpt-printed", "lstm"))), tmp_path / "p", tmp_path / "b")
+    planned = Schedule(plan.runs("smoke", Choice(("lptransformer-printed", "lstm"))), tmp_path / "p", tmp_path / "b")
     started: list[Run] = []
     schedule.train_side_by_side(planned, 3, lambda number, run: started.append(run))
     assert started == planned.runs

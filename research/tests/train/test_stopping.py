@@ -124,23 +124,20 @@ def test_snapshots_are_the_weights_at_every_validation(tmp_path: Path) -> None:
     assert all(torch.equal(value, last[name]) for name, value in task.state_dict().items())
 
 
-@pytest.mark.parametrize("method", ["sgd", "sgd-momentum"])
-def test_sgd_resumes_exactly_and_without_momentum_has_the_papers_rate(tmp_path: Path, method: str) -> None:
+def test_sgd_resumes_exactly_and_has_the_papers_rate(tmp_path: Path) -> None:
     weights = []
     for folder, untils in (("a", (None,)), ("b", (2, 3, None))):
         (tmp_path / folder).mkdir()
         for until in untils:
             task, data, valid = product_toy("transition")
-            config = PaperLoop(6, 4, 2e-3, seed=1, every=4, until=until, method=method)
+            config = PaperLoop(6, 4, 2e-3, seed=1, every=4, until=until, method="sgd")
             train(task, config, data, valid, tmp_path / folder, "toy", ALONE)
         weights.append(task.state_dict())
     assert all(torch.equal(value, weights[1][name]) for name, value in weights[0].items())
-    if method == "sgd":
-        assert {config.rate_at(step) for step in range(100)} == {1e-3}, "the paper's, to the plateau"
-    else:
-        adamw = PaperLoop(6, 4, 2e-3, seed=1, every=4)
-        assert [config.rate_at(step) for step in range(6)] == [adamw.rate_at(step) for step in range(6)]
+    assert {config.rate_at(step) for step in range(100)} == {1e-3}, "the paper's, to the plateau"
+    assert {group["momentum"] for group in config.optimiser(list(task.parameters())).param_groups} == {0}
     assert stopping.highest_rate("sgd", 0.5) == 1e-3
     assert stopping.highest_rate("adamw", 0.5) == 0.5
-    with pytest.raises(InputError, match="optimiser 'lion', expected one of adamw, sgd"):
-        PaperLoop(1, 1, 1.0, 0, method="lion")
+    for method in ("lion", "sgd-momentum"):
+        with pytest.raises(InputError, match=f"optimiser '{method}', expected one of adamw, sgd$"):
+            PaperLoop(1, 1, 1.0, 0, method=method)

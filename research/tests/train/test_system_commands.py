@@ -43,16 +43,17 @@ def test_a_graph_that_differs_is_refused() -> None:
 
 
 def test_the_command_trains_and_writes_a_bundle_once(tmp_path: Path) -> None:
-    out = tmp_path / "b" / "lpt-smoke"
+    out = tmp_path / "b" / "lptransformer-smoke"
     out.parent.mkdir()
-    call = ["train-system", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
+    call = ["train-system", "--pairs", str(corpus().folder), "--system", "lptransformer", "--scale", "smoke"]
     call += ["--out", str(out), "--steps", "4", "--fr", "3", "--device", "cpu"]
     result = CliRunner().invoke(app, call, catch_exceptions=False)
     assert result.exit_code == 0
-    assert f"{out}: lpt, scale smoke, adamw, random" in result.stdout
+    assert f"{out}: lptransformer, scale smoke, adamw, random" in result.stdout
     config = open_bundle(out).config
     assert config.corpus == corpus().head["hash"]
     assert (config.fr, config.steps, config.optimiser, config.split) == (3, 8, "adamw", "random")
+    assert config.precision == export.FLOAT16
     assert set(config.files) == {"spsn.onnx", "encoder.onnx", "decoder.onnx"}
     assert (out / "tfgn.jsonl").exists()
     before = {path.name: path.read_bytes() for path in out.iterdir()}
@@ -69,14 +70,14 @@ def test_the_command_trains_and_writes_a_bundle_once(tmp_path: Path) -> None:
 
 def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("dear")
-    call = ["train-system", "--pairs", str(corpus().folder), "--system", "lpt", "--scale", "smoke"]
+    call = ["train-system", "--pairs", str(corpus().folder), "--system", "lptransformer", "--scale", "smoke"]
     call += ["--out", str(tmp_path)]
     with pytest.raises(InputError, match="is there already and is no bundle"):
         CliRunner().invoke(app, call, catch_exceptions=False, standalone_mode=False)
 
 
 def test_untrained_systems_are_exported_and_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "SYSTEMS", ("lpt", "lstm"))
+    monkeypatch.setattr(speed, "SYSTEMS", ("lptransformer", "lstm"))
     call = ["speed", "--scale", "smoke", "--limit", "2", "--pairs", str(corpus().folder)]
     result = CliRunner().invoke(app, [*call, "--out", str(tmp_path)], catch_exceptions=False)
     assert result.stdout.splitlines() == [str(tmp_path / f"speed-smoke.{kind}") for kind in ("json", "md")]

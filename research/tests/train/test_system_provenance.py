@@ -20,11 +20,11 @@ from training_toys import ALONE, corpus
 def test_a_paper_bundle_names_its_command_and_its_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "paper_graphs", lambda *_: {})
     pairs = corpus()
-    config = training.Training("lpt-printed-wa", "smoke", steps=0)
+    config = training.Training("lptransformer-wa", "smoke", steps=0)
     training.make(config, pairs, tmp_path / "bundle", tmp_path / "parts", ALONE)
     stored = read_config(tmp_path / "bundle").stored
     assert stored["command"] == [
-        *("signsplice-paper", "train-system", "--pairs", pairs.folder.name, "--system", "lpt-printed-wa"),
+        *("signsplice-paper", "train-system", "--pairs", pairs.folder.name, "--system", "lptransformer-wa"),
         *("--scale", "smoke", "--optimiser", "adamw", "--split", "random", "--steps", "0", "--seed", "0"),
     ]
     assert set(stored["data"]) == {path.name for path in pairs.folder.iterdir()}

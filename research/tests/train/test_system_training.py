@@ -11,21 +11,27 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+import onnx  # noqa: E402
+from onnx import helper, numpy_helper  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice_paper import plan  # noqa: E402
+from signsplice_paper import plan, published  # noqa: E402
+from signsplice_paper.configs import read_config  # noqa: E402
 from signsplice_paper.culling import cull  # noqa: E402
-from signsplice_paper.train import scales  # noqa: E402
+from signsplice_paper.train import scales, training  # noqa: E402
 from signsplice_paper.train.networks.convs2s import ConvS2SConfig  # noqa: E402
 from signsplice_paper.train.networks.spsn import SpsnConfig  # noqa: E402
 from signsplice_paper.train.networks.tfgn import TransformerConfig  # noqa: E402
+from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig  # noqa: E402
 from signsplice_paper.train.pairs_data import PairsData  # noqa: E402
 from signsplice_paper.train.stopping import PaperLoop  # noqa: E402
+from signsplice_paper.train.words_data import words_of_split  # noqa: E402
 from signsplice_workshop.corpora.pairs import Pairs  # noqa: E402
 from signsplice_workshop.train import records  # noqa: E402
+from signsplice_workshop.train.export import FLOAT16  # noqa: E402
 from signsplice_workshop.train.loop import train  # noqa: E402
-from system_toys import CONFIGS, FR, data, toy  # noqa: E402
+from system_toys import CONFIGS, FR, SPACE, data, toy  # noqa: E402
 from training_toys import ALONE, corpus  # noqa: E402
 
 
@@ -55,27 +61,30 @@ def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, 
     assert losses(tmp_path / "b") == losses(tmp_path / "a")
 
 
-@pytest.mark.parametrize("system", ["conv-s2s", "lstm", "transformer"])
-def test_a_rival_as_printed_differs_from_the_rival_in_the_loss_of_its_tokens_alone(system: str) -> None:
-    (plain,), (weighted,) = scales.parts(f"{system}-plain", "smoke"), scales.parts(system, "smoke")
-    assert replace(plain, name=system, plain_loss=False) == weighted
+@pytest.mark.parametrize("system", list(published.CONDITIONS))
+def test_a_system_as_printed_differs_from_equal_treatment_in_the_loss_of_its_tokens_alone(system: str) -> None:
+    by = published.CONDITIONS[system]
+    plain, weighted = (scales.parts(by[condition], "smoke") for condition in (published.AS_PRINTED, published.EQUAL))
+    assert replace(plain[0], name=weighted[0].name, plain_loss=False) == weighted[0]
+    assert plain[1:] == weighted[1:], "the same network for the frames"
     pairs = data("train", None)
     found = {}
-    for part in (plain, weighted):
+    for part in (plain[0], weighted[0]):
         torch.manual_seed(0)
         task = scales.task(part, pairs.normaliser(), 0).eval()
-        batch = pairs.batch([0, 1, 2])
-        found[part.plain_loss] = task(batch).item()
+        found[part.plain_loss] = task(pairs.batch([0, 1, 2])).item()
     assert found[True] < found[False], "no weight of tokens, no pointer term"
-    assert f"{system}-plain" in scales.UNBIASED
 
 
-def test_lptransformer_in_equal_treatment_has_its_sizes_the_weighted_loss_and_a_bias() -> None:
-    printed, equal = scales.parts("lpt-printed", "cpu"), scales.parts("lpt-printed-equal", "cpu")
-    assert printed[1] == equal[1], "the same TFGN"
-    assert replace(equal[0], name=printed[0].name, plain_loss=True) == printed[0]
-    assert not equal[0].plain_loss
-    assert "lpt-printed-equal" not in scales.UNBIASED
+def test_ablations_share_the_parts_of_lptransformer_but_those_that_lack_something() -> None:
+    whole, wa, wc, wac = (scales.parts(name, "cpu") for name in (published.LPTRANSFORMER, *published.ABLATIONS))
+    assert (wa[1], wc[0], wac) == (whole[1], whole[0], (wa[0], wc[1]))
+    assert isinstance(whole[0].config, SpsnConfig)
+    assert replace(wa[0], name="spsn", config=replace(whole[0].config, attention=False)) == replace(
+        whole[0], config=replace(whole[0].config, attention=False)
+    )
+    assert (whole[1].fr, wc[1].fr) == (8, None), "without Culling the whole of both words is read"
+    assert scales.parts(published.LPT_PLUS, "cpu")[1] == whole[1]
 
 
 @pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])
@@ -150,9 +159,11 @@ def test_a_culled_batch_follows_equation_11() -> None:
 
 
 def test_the_paper_scale_has_the_paper_sizes() -> None:
-    spsn, tfgn = scales.parts("lpt", "paper")
-    assert isinstance(spsn.config, SpsnConfig)
-    assert spsn.config.width == 512
+    spsn, tfgn = scales.parts("lptransformer", "paper")
+    assert spsn.config == SpsnConfig(512, attention=True)
+    words = scales.parts("lpt-plus", "paper")[0].config
+    assert isinstance(words, WordSpsnConfig)
+    assert words.width == 512
     config = tfgn.config
     assert isinstance(config, TransformerConfig)
     assert (config.width, config.n_heads, config.n_encoder_layers, config.n_decoder_layers) == (512, 8, 6, 6)
@@ -167,18 +178,48 @@ def test_the_paper_scale_has_the_paper_sizes() -> None:
 
 
 def test_unknown_systems_and_scales_are_refused() -> None:
-    with pytest.raises(InputError, match="no system 'gpt', expected all or one of lpt"):
+    with pytest.raises(InputError, match="no system 'gpt', expected all or one of lptransformer, lpt-plus"):
         scales.parts("gpt", "cpu")
     with pytest.raises(InputError, match="--fr 4, but lstm has no Culling layer"):
         scales.parts("lstm", "cpu", 4)
     with pytest.raises(InputError, match="no scale 'huge'"):
-        scales.parts("lpt", "huge")
+        scales.parts("lpt-plus", "huge")
 
 
-def test_unseen_words_get_fewer_steps_at_cpu_scale_and_sgd_more() -> None:
-    whole, sgd, unseen = (
-        scales.parts("lpt", "cpu", optimiser=optimiser, split=split)[1].steps
-        for optimiser, split in (("adamw", "random"), ("sgd", "random"), ("adamw", "unseen-words"))
-    )
-    assert (sgd, unseen) == (5 * whole, round(0.3 * whole))
-    assert scales.parts("lpt", "cpu", steps=7, optimiser="sgd")[1].steps == 7
+def test_sgd_gets_more_steps_at_cpu_scale() -> None:
+    adamw, sgd = (scales.parts("lpt-plus", "cpu", optimiser=optimiser)[1].steps for optimiser in ("adamw", "sgd"))
+    assert sgd == 5 * adamw
+    assert scales.parts("lpt-plus", "cpu", steps=7, optimiser="sgd")[1].steps == 7
+
+
+def test_the_measures_of_lpt_plus_are_of_the_corpus_s_skeleton_and_fitted_to_its_words(tmp_path: Path) -> None:
+    config = training.Training("lpt-plus", "smoke", steps=1, n_judgements=1)
+    part = training.on_skeleton(scales.parts("lpt-plus", "smoke", steps=1)[0], corpus())
+    assert isinstance(part.config, WordSpsnConfig)
+    named = [[SPACE.joints[joint].rpartition(":")[2] for joint in hand] for hand in part.config.hands]
+    fingers = [f"{side}Hand{finger}3" for side in ("Left", "Right") for finger in ("Index", "Middle", "Ring", "Pinky")]
+    assert named == [["LeftHand", *fingers[:4]], ["RightHand", *fingers[4:]]]
+    made = training.trained(part, config, corpus(), tmp_path, ALONE).network
+    assert isinstance(made, WordSpsn)
+    fitted = WordSpsn(part.config, made.normaliser)
+    fitted.fit_measures(words_of_split(corpus(), "random", "train").words)
+    torch.testing.assert_close((made.mean, made.deviation), (fitted.mean, fitted.deviation))
+    json.dumps(part.facts())
+
+
+def test_an_exported_bundle_has_16_bit_weights_and_a_bias_only_in_equal_treatment(tmp_path: Path) -> None:
+    graph = helper.make_graph([], "g", [], [], [numpy_helper.from_array(np.ones((64, 64), np.float32), "weight")])
+    content = helper.make_model(graph).SerializeToString()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training, "paper_graphs", lambda *_: {"spsn.onnx": content})
+        for system in ("lptransformer", "lptransformer-printed", "lpt-plus"):
+            config = training.Training(system, "smoke", steps=1, n_judgements=1)
+            training.make(config, corpus(), tmp_path / system, tmp_path / "parts", ALONE)
+    stored = {path.name: read_config(path) for path in tmp_path.iterdir() if path.name != "parts"}
+    for path, made in stored.items():
+        assert made.precision == FLOAT16
+        (weights,) = onnx.load(tmp_path / path / "spsn.onnx").graph.initializer
+        assert numpy_helper.to_array(weights).dtype == np.float16
+    assert "token_bias" in stored["lptransformer"].stored["runs"]
+    for name in ("lptransformer-printed", "lpt-plus"):
+        assert "token_bias" not in stored[name].stored["runs"], "as printed it has none, word by word it needs none"

@@ -41,7 +41,7 @@ _JUDGED = (SCALE, PAIRS, BUNDLES, OUT, *CHOICE, LIMIT, AGAIN)
 @click.command("all")
 @takes(*_JUDGED, *TRAINING)
 def everything(**options: Any) -> None:
-    """Train missing systems, judge them, write tables, claims and figures."""
+    """Train missing systems, judge them, write tables and figures."""
     call = PaperCall(**options)
     train_missing(call)
     if not call.time_is_up:
@@ -60,7 +60,7 @@ def judge(**options: Any) -> None:
 @click.command()
 @takes(*_JUDGED)
 def evaluate(**options: Any) -> None:
-    """Judge trained systems and write tables, claims and figures."""
+    """Judge trained systems and write tables and figures."""
     call = PaperCall(**options)
     _judge(call)
     write_all(call)
@@ -110,7 +110,7 @@ def predict(bundle: Path, pairs: Path, split: str, output: Path) -> None:
 @click.command()
 @takes(_SOURCES, SCALE, OUT)
 def merge(sources: tuple[str, ...], **options: Any) -> None:
-    """Add results that were judged elsewhere, and write tables, claims and figures."""
+    """Add results that were judged elsewhere, and write tables and figures."""
     from signsplice_paper import merging
 
     call = PaperCall(**options)

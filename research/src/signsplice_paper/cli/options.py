@@ -23,8 +23,8 @@ _only = partial(option, multiple=True)
 _folder = partial(option, metavar="DIR", type=click.Path(path_type=Path))
 
 SCALES = click.Choice(("smoke", "small", "cpu", "paper"))
-SPLITS = click.Choice(("random", "unseen-words", "unseen-signer"))
-OPTIMISERS = click.Choice(("adamw", "sgd", "sgd-momentum"))
+SPLITS = click.Choice(("random", "unseen-words", "unseen-signer", "unseen-both"))
+OPTIMISERS = click.Choice(("adamw", "sgd"))
 
 SCALE = option("--scale", type=SCALES, default="cpu", help="How large the systems are and how long they are trained.")
 PAIRS = _folder("--pairs", default="out/pairs", help="Corpus of pairs.")
@@ -36,7 +36,6 @@ CHOICE = (
     _only("--optimiser", "optimisers", type=OPTIMISERS, help="Only these."),
     _only("--split", "splits", type=SPLITS, help="Only these."),
     _only("--seed", "seeds", type=int, metavar="N", help="Only these."),
-    _only("--fr", "frs", type=int, metavar="N", help="Only these; 8 is that of all tables but one."),
 )
 TRAINING = (
     option("--minutes", type=float, metavar="M", help="Stop training after M minutes; the same call continues."),
@@ -64,7 +63,7 @@ class PaperCall:
 
     - scale: smoke, small, cpu or paper
     - pairs, bundles, out: folders of the corpus, of the trained systems and of the results
-    - systems, optimisers, splits, seeds, frs: what to train or judge, empty for all
+    - systems, optimisers, splits, seeds: what to train or judge, empty for all
     - minutes: after which no training goes on, None for no end
     - steps: of every part, None for those of the scale
     - workers: trainings at once
@@ -80,7 +79,6 @@ class PaperCall:
     optimisers: tuple[str, ...] = ()
     splits: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
-    frs: tuple[int, ...] = ()
     minutes: float | None = None
     steps: int | None = None
     workers: int = 1
@@ -105,7 +103,7 @@ class PaperCall:
         """What to train or judge."""
         from signsplice_paper.plan import Choice
 
-        return Choice(self.systems, self.optimisers, self.splits, self.seeds, self.frs)
+        return Choice(self.systems, self.optimisers, self.splits, self.seeds)
 
     @property
     def time_is_up(self) -> bool:

@@ -14,14 +14,12 @@ from signsplice_paper.cli.options import OUT, SCALE, PaperCall, option, takes
 if TYPE_CHECKING:
     from signsplice_paper.results import Results
 
-_LATEX = option("--latex", is_flag=True, help="Write the tables as LaTeX too.")
-
 
 @click.command()
-@takes(SCALE, OUT, _LATEX)
-def tables(latex: bool, **options: Any) -> None:
-    """Write all tables, claims and figures from results.json, without corpus or networks."""
-    write_all(PaperCall(**options), latex)
+@takes(SCALE, OUT)
+def tables(**options: Any) -> None:
+    """Write the table, its pages and all figures from results.json, without corpus or networks."""
+    write_all(PaperCall(**options))
 
 
 @click.command()
@@ -44,15 +42,14 @@ def report(output: Path, **options: Any) -> None:
     print(output)
 
 
-def write_all(call: PaperCall, latex: bool = False) -> None:
-    """Write all tables, claims and figures; without matplotlib a warning takes the figures' place."""
-    from signsplice_paper import page_template, pages
+def write_all(call: PaperCall) -> None:
+    """Write the table, its pages and all figures; without matplotlib a warning takes the figures' place."""
+    from signsplice_paper import pages
 
     known = _results(call)
-    written = pages.write(known, call.out, call.scale, latex) + page_template.write(known, call.out, call.scale)
-    if not written:
-        raise InputError(f"{call.out}: no row of scale {call.scale} for tables")
-    for path in written:
+    if not known.rows:
+        raise InputError(f"{call.out}: no row for tables")
+    for path in pages.write(known, call.out, call.scale):
         print(path)
     _write_figures(known, call, required=False)
 

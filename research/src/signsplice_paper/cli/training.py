@@ -19,7 +19,6 @@ from signsplice_paper.cli.options import (
     OUT,
     PAIRS,
     SCALE,
-    SPLITS,
     SYSTEM,
     TRAINING,
     PaperCall,
@@ -60,9 +59,9 @@ def search(**options: Any) -> None:
     from signsplice_paper import plan
     from signsplice_paper.train import search as searching
 
-    made = searching.SearchPlan(call.pairs, call.bundles / "search", call.scale, call.steps or searching.STEPS)
+    made = searching.SearchPlan(call.pairs, call.bundles / "search", call.scale)
     searching.run(
-        made, call.systems or plan.PAPER, out, call.workers, lambda line: click.echo(line, err=True), call.deadline
+        made, call.systems or plan.SEARCHED, out, call.workers, lambda line: click.echo(line, err=True), call.deadline
     )
     for name in (searching.FILE, searching.PAGE):
         if (out / name).is_file():
@@ -72,10 +71,12 @@ def search(**options: Any) -> None:
 @click.command("train-system")
 @takes(
     option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `pairs build` or `synth pairs`."),
-    option("--system", required=True, metavar="NAME|all", help="lpt, lstm, ..., or all: a folder in --out each."),
+    option(
+        "--system", required=True, metavar="NAME|all", help="lptransformer, lstm, ..., or all: a folder in --out each."
+    ),
     SCALE,
     option("--optimiser", type=OPTIMISERS, default="adamw", help="sgd: as in the paper, rate 1e-3, no momentum."),
-    option("--split", type=SPLITS, default="random", help="Which pairs are trained on."),
+    option("--split", default="random", help="Which pairs are trained on; many, in a corpus to teach on."),
     option("--out", required=True, metavar="DIR", help="Folder for the bundle."),
     option("--parts", metavar="DIR", help="Checkpoints, shared by systems of the same parts.  [default: beside --out]"),
     option("--steps", type=int, metavar="N", help="Steps of every part, in place of the scale's."),
@@ -133,31 +134,19 @@ def train_system(
 
 
 @click.command()
-@click.argument("bundles", nargs=-1, required=True, metavar="BUNDLE ...")
-@takes(
-    option("-o", "--output", required=True, metavar="DIR", help="Folder of the published bundles, and their page."),
-    option("--pairs", required=True, metavar="DIR", help="Corpus of pairs that they learned from."),
-    option("--limit", type=int, default=200, metavar="N", help="Test pairs on which both forms are compared."),
-)
-def publish(bundles: tuple[str, ...], output: str, pairs: str, limit: int) -> None:
-    """Write trained systems with 16-bit weights, each into a folder of its name, and a page that lists them; needs the
-    extra `train`. The page tells how far they choose as before.
-    """
-    if limit < 1:
-        raise InputError(f"--limit {limit}, expected at least 1")
-    check_extra()
-    from signsplice_paper.train import publishing
-    from signsplice_workshop.corpora.pairs import Pairs
+@click.argument("bundles", nargs=-1, required=True, metavar="BUNDLE ...", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, metavar="DIR", type=click.Path(path_type=Path), help="Folder for them.")
+def publish(bundles: tuple[Path, ...], output: Path) -> None:
+    """Copy trained systems without their logs, each into a folder of its name, and write a page that lists them."""
+    from signsplice_paper import published_bundles
 
-    for line in publishing.publish([Path(name) for name in bundles], Path(output), Pairs(pairs), limit):
-        print(line)
+    for folder in published_bundles.publish(bundles, output):
+        print(folder)
 
 
 def train_missing(call: PaperCall) -> list[Run]:
-    """Train what the plan has and the bundles lack, until time is up; returns what is still missing.
-
-    The plan is asked again after every round, because the best rival is known only when all are trained. Raises
-    ``InputError`` for a choice that fits nothing in it.
+    """Train what the plan has and the bundles lack, until time is up; returns what is still missing. Raises
+    ``InputError`` for a choice that fits nothing in the plan.
     """
     from signsplice_paper import plan
     from signsplice_workshop.corpora.pairs import Pairs
@@ -165,17 +154,16 @@ def train_missing(call: PaperCall) -> list[Run]:
     corpus = Pairs(call.pairs)
 
     def missing() -> list[Run]:
-        planned = plan.runs(call.scale, call.choice, plan.best_rival(call.bundles, call.scale))
+        planned = plan.runs(call.scale, call.choice, corpus.head["splits"])
         if not planned:
             raise InputError(
                 f"{call.choice}: nothing planned at scale {call.scale} fits; "
                 "`signsplice-paper train-system` trains any system"
             )
-        todo = plan.missing(planned, call.bundles, str(corpus.head["hash"]))
-        return [run for run in todo if corpus.split(run.split, "train")]  # few words: a split may be empty
+        return plan.missing(planned, call.bundles, str(corpus.head["hash"]))
 
     todo = missing()
-    while todo and not call.time_is_up:
+    if todo and not call.time_is_up:
         _train(todo, call)
         todo = missing()
     if todo:

@@ -12,11 +12,12 @@ from signsplice_paper.systems.splicers import DECODINGS, OneNetworkSystem, Paper
 __all__ = ["DECODINGS", "OneNetworkSystem", "PaperSystem", "TwoNetworkSystem", "open_bundle"]
 
 
-def open_bundle(folder: str | Path, decoding: str = "one-by-one") -> PaperSystem:
+def open_bundle(folder: str | Path, decoding: str | None = None) -> PaperSystem:
     """The trained system in a folder; its graphs are read and checked on first use.
 
-    decoding: "one-by-one" feeds every frame back, with a cache; "without-cache" reads all earlier frames again for each
-    new one, with the same result; "parallel" makes all frames in one pass, if the network can.
+    decoding: "parallel" makes all frames in one pass, if the network can; "one-by-one" feeds every frame back, with a
+    cache; "without-cache" reads all earlier frames again for each new one, with the same result. None for one pass
+    where the network can.
 
     Raises ``InputError`` for a folder without a bundle, for a bundle whose frames are made by no generator, and for a
     decoding that the network does not have.
@@ -24,11 +25,13 @@ def open_bundle(folder: str | Path, decoding: str = "one-by-one") -> PaperSystem
     folder = Path(folder)
     config = read_config(folder)
     config.require("system", "runs", "fr")
-    if decoding not in DECODINGS:
+    if decoding not in (None, *DECODINGS):
         raise InputError(f"decoding {decoding!r}, expected one of {', '.join(DECODINGS)}")
     if config.runs is not None and config.runs.frames != "generator":
         raise InputError(f"{folder}: {config.system} makes its frames by {config.runs.frames!r}, expected 'generator'")
     if config.runs is None or (decoding == "parallel" and not config.runs.concurrent):
         raise InputError(f"{folder}: {config.system} makes its frames one by one; it has no parallel decoding")
+    if decoding is None:
+        decoding = "parallel" if config.runs.concurrent else "one-by-one"
     kind = OneNetworkSystem if config.runs.positions == "encoder" else TwoNetworkSystem
     return kind(config, config.runs, Sessions(folder, config), decoding)

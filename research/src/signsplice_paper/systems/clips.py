@@ -152,7 +152,7 @@ def clip_of_numbers(space: NumberSpace, frames: FloatArray, before: Clip, after:
     return replace(made, root_positions=made.root_positions + shift)
 
 
-def open_clip_splicer(folder: str | Path, decoding: str = "one-by-one") -> ClipSplicer:
+def open_clip_splicer(folder: str | Path, decoding: str | None = None) -> ClipSplicer:
     """The trained system in a folder, for clips. Raises ``InputError`` for a folder without one."""
     system = open_bundle(folder, decoding)
     system.config.require("fps")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,19 +50,13 @@ class PaperSystem(ABC):
         """Number of parameters of all networks."""
         return self.config.n_parameters or 0
 
-    def with_bias(self, bias: float) -> PaperSystem:
-        """The same system with another bias of its tokens."""
-        made = copy(self)
-        made.token_bias = bias
-        return made
-
     @abstractmethod
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
         """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
 
     def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
         """The positions pre and post alone, None for a token that is not emitted."""
-        return self._both_positions(self.tokens(before, after), len(before))[0]
+        return splice_position(self.tokens(before, after), len(before), self.token_bias)
 
     @abstractmethod
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
@@ -75,13 +68,6 @@ class PaperSystem(ABC):
     @abstractmethod
     def tokens(self, before: FloatArray, after: FloatArray) -> Array:
         """The logits (N + M, 3) of the tokens."""
-
-    def _both_positions(
-        self, logits: Array, n_before: int
-    ) -> tuple[tuple[int | None, int | None], tuple[int | None, int | None] | None]:
-        """The positions with the bias of the tokens, and without it; None without a bias."""
-        unbiased = splice_position(logits, n_before) if self.token_bias else None
-        return splice_position(logits, n_before, self.token_bias), unbiased
 
     def _decode(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> FloatArray:
         """Transition frames (n, 159) that the decoder makes from the encoder's outputs; with ``n_frames``, as many,
@@ -117,10 +103,10 @@ class TwoNetworkSystem(PaperSystem):
 
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
         """The splice. Without Culling, frames are made even if a position is missing."""
-        (pre, post), unbiased = self._both_positions(self.tokens(before, after), len(before))
+        pre, post = self.positions(before, after)
         if self.fr is not None and (pre is None or post is None):
-            return Prediction(pre, post, np.zeros((0, self.n_numbers)), unbiased)
-        return Prediction(pre, post, self._frames(before, after, pre, post), unbiased)
+            return Prediction(pre, post, np.zeros((0, self.n_numbers)))
+        return Prediction(pre, post, self._frames(before, after, pre, post))
 
     def tokens(self, before: FloatArray, after: FloatArray) -> Array:
         """The logits (N + M, 3) of the tokens."""
@@ -162,8 +148,8 @@ class OneNetworkSystem(PaperSystem):
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
         """The splice."""
         encoded = self._encode(before, after)
-        (pre, post), unbiased = self._both_positions(encoded["tokens"][0], len(before))
-        return Prediction(pre, post, self._decode(encoded), unbiased)
+        pre, post = splice_position(encoded["tokens"][0], len(before), self.token_bias)
+        return Prediction(pre, post, self._decode(encoded))
 
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
         """The frames of a prediction with a fixed outcome; the positions do not affect them."""

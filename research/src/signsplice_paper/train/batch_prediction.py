@@ -1,13 +1,13 @@
-"""Predictions of a whole system for many pairs at once, by torch: positions, Culling there, frames one by one.
+"""Predictions of a whole system for many pairs at once, by torch: positions, Culling there, and frames.
 
 They are those of the exported system (``systems``), which is made for one pair at a time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -26,6 +26,7 @@ Frames = NDArray[np.float32]
 Words = tuple[Frames, Frames]
 """The frames (N, K) and (M, K) of the two words of a pair."""
 Positions = tuple[int | None, int | None]
+Answer = TypeVar("Answer")
 BATCH = 64
 
 
@@ -42,15 +43,29 @@ class BatchPredictor:
     fr: int | None
     token_bias: float
 
-    @torch.no_grad()
     def predict(self, pairs: Sequence[Words]) -> list[Prediction]:
-        """The predictions, in order. Pairs of similar length are computed together."""
+        """The predictions, in order."""
+        return self._in_batches(self._batch, pairs)
+
+    def positions(self, pairs: Sequence[Words]) -> list[Positions]:
+        """The positions alone, in order."""
+        return self._in_batches(self._positions_of, pairs)
+
+    @torch.no_grad()
+    def _in_batches(self, answer: Callable[[Sequence[Words]], list[Answer]], pairs: Sequence[Words]) -> list[Answer]:
+        """Answers for pairs, in order. Pairs of similar length are computed together."""
         order = np.argsort([len(before) + len(after) for before, after in pairs], kind="stable").tolist()
-        found: dict[int, Prediction] = {}
+        found: dict[int, Answer] = {}
         for first in range(0, len(order), BATCH):
             chosen = order[first : first + BATCH]
-            found |= zip(chosen, self._batch([pairs[k] for k in chosen]), strict=True)
+            found |= zip(chosen, answer([pairs[k] for k in chosen]), strict=True)
         return [found[k] for k in range(len(pairs))]
+
+    def _positions_of(self, pairs: Sequence[Words]) -> list[Positions]:
+        x, mask, n_before = self._whole(pairs)
+        network: Any = self.networks[0]
+        one = len(self.networks) == 1
+        return self._positions(network.encode(x, mask, n_before).tokens if one else network(x, n_before, mask), pairs)
 
     def _batch(self, pairs: Sequence[Words]) -> list[Prediction]:
         x, mask, n_before = self._whole(pairs)
@@ -58,12 +73,13 @@ class BatchPredictor:
         if len(self.networks) == 1:
             encoded = frames_by.encode(x, mask, n_before)
             positions = self._positions(encoded.tokens, pairs)
-            made = generate(frames_by, encoded, len(pairs), MOST_FRAMES)
+            made = generate(frames_by, encoded, len(pairs), MOST_FRAMES, parallel=frames_by.concurrent)
             return [_prediction(p, frames) for p, frames in zip(positions, made, strict=True)]
         positions = self._positions(self.networks[0](x, n_before, mask), pairs)
         if self.fr is None:
             marks = self._marks(pairs, positions, x.shape[1]) if frames_by.marked else None
-            made = generate(frames_by, frames_by.encode(x, mask, n_before, marks), len(pairs), MOST_FRAMES)
+            encoded = frames_by.encode(x, mask, n_before, marks)
+            made = generate(frames_by, encoded, len(pairs), MOST_FRAMES, parallel=frames_by.concurrent)
             return [_prediction(p, frames) for p, frames in zip(positions, made, strict=True)]
         return self._culled(pairs, positions)
 
@@ -86,7 +102,8 @@ class BatchPredictor:
         """The transitions (n, K) of culled frames (B, 2 fr, K)."""
         network: Any = self.networks[-1]
         n_before = torch.full((len(x),), self.fr or 0, device=x.device)
-        return generate(network, network.encode(x, mask, n_before), len(x), MOST_FRAMES)
+        encoded = network.encode(x, mask, n_before)
+        return generate(network, encoded, len(x), MOST_FRAMES, parallel=network.concurrent)
 
     def _whole(self, pairs: Sequence[Words]) -> tuple[Tensor, Tensor, Tensor]:
         """X (B, S, K) of each pair, False at its padding (B, S), and the number of frames of the first word (B,)."""

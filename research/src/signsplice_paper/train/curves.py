@@ -1,8 +1,9 @@
 """Validation curves of whole systems through their own positions, from the snapshots of their parts' weights.
 
 The parts of a system are trained one after another. A point of the curve takes all of them after the same fraction of
-their training: the positions are those that SPSN finds then, Culling is done there, and frames are made one by one. The
-pairs are those that the training loop validates on. The last point is compared with the exported bundle.
+their training: the positions are those that SPSN finds then, Culling is done there, and frames are made. The pairs are
+those that the training loop validates on, and as many of those that taught, and of the test, which decide nothing. The
+last point is compared with the exported bundle.
 """
 
 from __future__ import annotations
@@ -88,7 +89,9 @@ class CurveJudge:
         without: list[str] = []
         for config in configs:
             folder = config.path.parent
-            if config.split != SPLIT or (not again and curve.load(folder, bundles.short_hash(config)) is not None):
+            if (config.split, config.corpus) != (SPLIT, self.pairs.head["hash"]):
+                continue
+            if not again and curve.load(folder, bundles.short_hash(config)) is not None:
                 continue
             parts = trained_parts(config, self.parts)
             if not parts:
@@ -141,6 +144,7 @@ def measure(
     row = bundles.result_row(config)
     numbers = pair_samples.validation(pairs, config.split or "")
     words, truths = _words(pairs, numbers), [_truth(pairs, number) for number in numbers]
+    samples = [pair_samples.sample(pairs, config.split or "", part, len(numbers)) for part in ("train", "test")]
     tasks = [_task(config, part, pairs).to(device).eval() for part in parts]
     bias = 0.0 if config.runs is None else config.runs.token_bias
     system = BatchPredictor([task.network for task in tasks], config.fr, bias)
@@ -153,7 +157,8 @@ def measure(
         minutes = [part.core_minutes(at) for part, at in zip(parts, steps, strict=True)]
         seen = float(sum(part.batch * at for part, at in zip(parts, steps, strict=True)))
         spent = None if None in minutes else round(sum(m for m in minutes if m is not None), 4)
-        points.append((seen, spent, *(round(score, 6) for score in _scores(system.predict(words), truths))))
+        scores = (*_scores(system.predict(words), truths), *(_exact(system, pairs, sample) for sample in samples))
+        points.append((seen, spent, *(round(score, 6) for score in scores)))
         if progress is not None:
             progress(done, len(fewest.snapshots))
     return Curve(
@@ -175,6 +180,13 @@ def _scores(predictions: Sequence[Prediction], truths: Sequence[np.ndarray[Any, 
         float(np.mean([accuracy(made.frames, true) for made, true in both])),
         float(np.mean([squared_error(made.frames, true) for made, true in both])),
     )
+
+
+def _exact(system: BatchPredictor, pairs: Pairs, numbers: Sequence[int]) -> float:
+    """The share of pairs whose positions are both exact."""
+    found = system.positions(_words(pairs, numbers))
+    true = pairs.index[list(numbers), 2:4].tolist()
+    return float(np.mean([list(one) == both for one, both in zip(found, true, strict=True)]))
 
 
 def _words(pairs: Pairs, numbers: Sequence[int]) -> list[Words]:

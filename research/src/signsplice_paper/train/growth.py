@@ -1,6 +1,6 @@
 """How positions of unseen words and signers grow with the words and bodies that are taught.
 
-    python -m signsplice_paper.train.growth JUDGED TAUGHT OUT.csv [--cell 60x10020] [--steps 10000]
+    python -m signsplice_paper.train.growth JUDGED TAUGHT OUT.csv [--cell 60x10020] [--system LPT+]
 
 Trains LpTransformer's SPSN (equal treatment) and LPT+'s, word by word, for each cell of words and bodies that OUT
 lacks, and scores them on the four tests of the judged corpus. A cell that was interrupted is trained again.
@@ -12,7 +12,7 @@ import argparse
 import csv
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +21,14 @@ from torch import Tensor, nn
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.signer.signer import stream
+from signsplice_paper import published
 from signsplice_paper.figures import plotting
 from signsplice_paper.style import plot_options
 from signsplice_paper.train.losses import token_loss
-from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
-from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig, position_loss
+from signsplice_paper.train.networks.word_spsn import WordSpsn, position_loss
+from signsplice_paper.train.scales import SystemPart, network_of, parts
 from signsplice_paper.train.tasks import positions
+from signsplice_paper.train.training import on_skeleton
 from signsplice_paper.train.words_data import WordsData, words_with_cards
 from signsplice_workshop.corpora.pairs import Pairs
 
@@ -34,10 +36,9 @@ KNOWN = 100
 CELLS = ((1, KNOWN), (1, 167), (20, 1000), (60, 1020), (20, 3340), (60, 10020))
 """Bodies and words. The first are the known words of the judged corpus; the rest pseudo-signs, other ones by each
 body."""
-RATE, WARM_UP, WEIGHT_DECAY = 3e-3, 0.05, 1e-2
-PAIRS_A_STEP, WORDS_A_STEP = 16, 24
-WORD_STEPS = 0.8
-"""Steps of the word-wise network for one of SPSN: equal processor time on the machine that this was run on."""
+WARM_UP, WEIGHT_DECAY = 0.05, 1e-2
+SYSTEMS = {"LPT+": published.LPT_PLUS, "LpTransformer": published.LPTRANSFORMER}
+"""Systems by name, whose networks for positions are trained with the sizes, steps and rates of scale cpu."""
 COLUMNS = ("corpus", "taught", "system", "bodies", "words", "steps", "minutes", "test", "pairs")
 SCORES = ("pre", "post", "exact", "within one")
 
@@ -54,13 +55,13 @@ def words_of(judged: Pairs, taught: Pairs, bodies: int, words: int) -> WordsData
     return words_with_cards(taught, [row[: words // bodies] for row in by_signer[:bodies]])
 
 
-def pair_batch(data: WordsData, step: int, seed: int) -> tuple[Tensor, ...]:
-    """x, n_before, mask, pre and post of ``PAIRS_A_STEP`` pairs, as SPSN reads them."""
+def pair_batch(data: WordsData, step: int, size: int, seed: int) -> tuple[Tensor, ...]:
+    """x, n_before, mask, pre and post of ``size`` pairs, as SPSN reads them."""
     xs: list[Tensor] = []
     before: list[int] = []
     cuts: list[tuple[int, int]] = []
     rng = stream("pairs", seed, step)
-    while len(xs) < PAIRS_A_STEP:
+    while len(xs) < size:
         p, q = data.rows(int(rng.integers(2**40)), 2, seed).tolist()
         cut = data.cut(p, q)
         if cut is not None:
@@ -73,14 +74,14 @@ def pair_batch(data: WordsData, step: int, seed: int) -> tuple[Tensor, ...]:
     return pad_sequence(xs, batch_first=True), n_before, mask, pre, post + n_before
 
 
-def train(network: nn.Module, loss_of: Callable[[int], Tensor], steps: int) -> float:
+def train(network: nn.Module, loss_of: Callable[[int], Tensor], steps: int, highest: float) -> float:
     """Train by AdamW with a rate that rises and falls along half a cosine; processor minutes."""
-    optimiser = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=highest, weight_decay=WEIGHT_DECAY)
     start = time.process_time()
     network.train()
     for step in range(steps):
         done = step / steps
-        rate = RATE * min(1.0, (done + 1e-3) / WARM_UP) * 0.5 * (1.0 + math.cos(math.pi * done))
+        rate = highest * min(1.0, (done + 1e-3) / WARM_UP) * 0.5 * (1.0 + math.cos(math.pi * done))
         for group in optimiser.param_groups:
             group["lr"] = rate
         loss = loss_of(step)
@@ -111,26 +112,21 @@ def guess(network: nn.Module, pairs: Pairs, numbers: list[int]) -> np.ndarray:
     return torch.cat(rows).numpy()
 
 
-def systems(
-    data: WordsData, parents: Sequence[int], seed: int, steps: int
-) -> Iterator[tuple[str, nn.Module, Callable[[int], Tensor], int]]:
-    """Each system with its loss and its steps."""
+def network_and_loss(part: SystemPart, data: WordsData, seed: int = 0) -> tuple[nn.Module, Callable[[int], Tensor]]:
+    """A network for positions, untrained, and its loss at a step."""
     torch.manual_seed(seed)
-    words = WordSpsn(WordSpsnConfig(parents=parents), data.normaliser())
+    network = network_of(part.config, data.normaliser())
+    if isinstance(network, WordSpsn):
+        network.fit_measures(data.words)
 
-    def word_loss(step: int) -> Tensor:
-        batch = data.batch(data.rows(step, WORDS_A_STEP, seed))
-        return position_loss(words.pair_scores(batch.x, batch.mask), batch.cuts, batch.taught)
+    def loss(step: int) -> Tensor:
+        if isinstance(network, WordSpsn):
+            batch = data.batch(data.rows(step, part.batch, seed))
+            return position_loss(network.pair_scores(batch.x, batch.mask), batch.cuts, batch.taught)
+        x, n_before, mask, pre, post = pair_batch(data, step, part.batch, seed)
+        return token_loss(network(x, n_before, mask), pre, post, mask)
 
-    yield "LPT+", words, word_loss, round(WORD_STEPS * steps)
-    torch.manual_seed(seed)
-    spsn = Spsn(SpsnConfig(64, "printed", steps=False, summary=False), data.normaliser())
-
-    def pair_loss(step: int) -> Tensor:
-        x, n_before, mask, pre, post = pair_batch(data, step, seed)
-        return token_loss(spsn(x, n_before, mask), pre, post, mask)
-
-    yield "LpTransformer", spsn, pair_loss, steps
+    return network, loss
 
 
 TESTS = {
@@ -139,7 +135,6 @@ TESTS = {
     "unseen-signer": "the 100 words, other signers",
     "unseen-both": "other words, other signers",
 }
-STYLES = {"LPT+": "lpt", "LpTransformer": "lpt-printed"}
 
 
 def draw(rows: list[dict[str, str]], out: Path) -> None:
@@ -149,7 +144,7 @@ def draw(rows: list[dict[str, str]], out: Path) -> None:
     cells = dict.fromkeys((row["bodies"], row["words"]) for row in rows)
     ticks = {cell: k for k, cell in enumerate(cells)}
     for axis, (test, title) in zip(axes, TESTS.items(), strict=True):
-        for system, of in STYLES.items():
+        for system, of in SYSTEMS.items():
             mine = [row for row in rows if (row["system"], row["test"]) == (system, test)]
             at = [ticks[row["bodies"], row["words"]] for row in mine]
             axis.plot(at, [float(row["exact"]) for row in mine], label=system, **plot_options(of))
@@ -171,7 +166,7 @@ def main() -> None:
     parser.add_argument("judged"), parser.add_argument("taught"), parser.add_argument("out", type=Path)
     parser.add_argument("--cell", help="bodies x words, such as 60x10020; all if left out")
     parser.add_argument("--system", help="LPT+ or LpTransformer; both if left out")
-    parser.add_argument("--steps", type=int, default=10_000)
+    parser.add_argument("--steps", type=int, help="in place of those of scale cpu")
     given = parser.parse_args()
     torch.set_num_threads(1)
     judged, taught = Pairs(given.judged), Pairs(given.taught)
@@ -185,18 +180,20 @@ def main() -> None:
             raise SystemExit(f"{given.out}: has rows of another corpus; name another file")
         done = {(row["taught"], row["system"], row["bodies"], row["words"], row["steps"]) for row in rows}
         data = words_of(judged, taught, bodies, words)
-        for name, network, loss_of, steps in systems(data, judged.spaces[0].parents, 0, given.steps):
-            if (corpora[1], name, str(bodies), str(words), str(steps)) in done or given.system not in (None, name):
+        for name, system in SYSTEMS.items():
+            part = on_skeleton(parts(system, "cpu", steps=given.steps)[0], judged)
+            if (corpora[1], name, str(bodies), str(words), str(part.steps)) in done or given.system not in (None, name):
                 continue
             print(f"{name}, {bodies} bodies, {words} words", flush=True)
-            minutes = train(network, loss_of, steps)
+            network, loss_of = network_and_loss(part, data)
+            minutes = train(network, loss_of, part.steps, part.rate)
             lines = []
             for test in judged.head["splits"]:
                 numbers = judged.split(test, "test")
                 errors = np.abs(guess(network, judged, numbers) - judged.index[numbers, 2:4])
                 scores = ((errors[:, 0] == 0), (errors[:, 1] == 0), (errors == 0).all(1), (errors <= 1).all(1))
                 rates = [f"{score.mean():.3f}" for score in scores]
-                cell = (*corpora, name, bodies, words, steps, f"{minutes:.1f}")
+                cell = (*corpora, name, bodies, words, part.steps, f"{minutes:.1f}")
                 lines.append((*cell, test, len(numbers), *rates))
                 print("  ", *lines[-1][7:], flush=True)
             new = not given.out.exists()

@@ -4,8 +4,8 @@ The parts of a system are trained separately: a splice position is a choice, so 
 through Culling to SPSN, and joint training would equal separate training. LpTransformer and its ablations share parts,
 so that comparing them compares designs, not random initial weights.
 
-smoke: everything in minutes, to test the pipeline. small: half the width of cpu and a fifth of its steps, for table 1
-on ten to thirty words of one's own. cpu: smaller networks, some hours on two cores. paper: the sizes of the paper (512
+smoke: everything in minutes, to test the pipeline. small: fewer layers than cpu and a fifth of its steps, for table 1
+on ten to thirty words of one's own. cpu: small networks, some hours on two cores. paper: the sizes of the paper (512
 units everywhere, 6 + 6 and 20 + 20 layers, 8 heads), which need a GPU.
 """
 
@@ -25,46 +25,34 @@ from signsplice_paper.train.networks.spsn import Spsn, SpsnConfig
 from signsplice_paper.train.networks.tfgn import Transformer, TransformerConfig
 from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig
 from signsplice_paper.train.tasks import FrameTask, TokenTask, WordTask
+from signsplice_workshop.corpora.readable_pairs import TAUGHT
 from signsplice_workshop.train.tasks import Task
 
 FR = BEST_FR
 """Frames that Culling keeps on each side: the paper's choice after its sweep."""
 
 SYSTEMS: dict[str, tuple[str, ...]] = {
-    "lpt": ("spsn", "tfgn"),
-    "lpt-words": ("spsn-words", "tfgn"),
-    "lpt-printed": ("spsn-printed", "tfgn"),
-    "lpt-printed-wa": ("spsn-printed-wa", "tfgn"),
-    "lpt-printed-wc": ("spsn-printed", "tfgn-wc"),
-    "lpt-printed-wac": ("spsn-printed-wa", "tfgn-wc"),
+    "lptransformer": ("spsn", "tfgn"),
+    "lpt-plus": ("spsn-words", "tfgn"),
     "conv-s2s": ("conv-s2s",),
     "lstm": ("lstm",),
     "transformer": ("transformer",),
-    "lpt-printed-equal": ("spsn-printed-weighted", "tfgn"),
-    "conv-s2s-plain": ("conv-s2s-plain",),
-    "lstm-plain": ("lstm-plain",),
-    "transformer-plain": ("transformer-plain",),
+    "lptransformer-printed": ("spsn-printed", "tfgn"),
+    "conv-s2s-printed": ("conv-s2s-printed",),
+    "lstm-printed": ("lstm-printed",),
+    "transformer-printed": ("transformer-printed",),
+    "lptransformer-wa": ("spsn-wa", "tfgn"),
+    "lptransformer-wc": ("spsn", "tfgn-wc"),
+    "lptransformer-wac": ("spsn-wa", "tfgn-wc"),
 }
-"""System -> its parts: the one for positions, if it is separate, then the one for frames. ``lpt-printed`` follows the
-print; ``lpt`` has this project's additions to SPSN. ``lpt-printed-equal`` is ``lpt-printed`` with the token loss and
-the bias that all others have; the ``-plain`` ones are the rivals without either (``published.TREATED``).
+"""System -> its parts: the one for positions, if it is separate, then the one for frames. The ``-printed`` ones learn
+positions by plain cross-entropy, and have no bias of the tokens: both are additions of ours (``published.CONDITIONS``).
 """
-UNBIASED = (
-    *("lpt-printed", "lpt-printed-wa", "lpt-printed-wc", "lpt-printed-wac"),
-    *("conv-s2s-plain", "lstm-plain", "transformer-plain"),
-)
-"""Systems that emit tokens as printed, without the bias chosen on validation pairs, which is an addition too."""
 
 CULLED = ("tfgn",)
 """Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
-_PLAIN_LOSS = ("spsn-printed", "spsn-printed-wa", "conv-s2s-plain", "lstm-plain", "transformer-plain")
-_SAME_SIZES = {
-    "spsn-printed-weighted": "spsn-printed",
-    "conv-s2s-plain": "conv-s2s",
-    "lstm-plain": "lstm",
-    "transformer-plain": "transformer",
-}
-"""Parts that differ from another in the loss alone."""
+AS_PRINTED = "-printed"
+"""End of the name of parts that differ from another in the loss alone."""
 
 Config = SpsnConfig | WordSpsnConfig | TransformerConfig | ConvS2SConfig | LstmConfig
 
@@ -99,36 +87,35 @@ def _transformer(scale: str) -> TransformerConfig:
     sizes = {
         "smoke": TransformerConfig(32, 2, 1, 1, 64, 0.0),
         "small": TransformerConfig(64, 4, 2, 2, 256, 0.0),
-        "cpu": TransformerConfig(128, 8, 3, 3, 512, 0.0),
+        "cpu": TransformerConfig(64, 8, 3, 3, 256, 0.0),
         "paper": TransformerConfig(),
     }
     return sizes[scale]
 
 
 def _config(name: str, scale: str) -> Config:
-    width = {"smoke": 32, "small": 64, "cpu": 128, "paper": 512}[scale]
+    width = {"smoke": 32, "small": 64, "cpu": 64, "paper": 512}[scale]
     dropout = 0.0 if scale == "smoke" else 0.1
     t = _transformer(scale)
     whole = replace(t, inner=t.inner // 2) if scale in ("small", "cpu") else t
     configs: dict[str, Config] = {
         "spsn": SpsnConfig(width, dropout=dropout),
         "spsn-words": WordSpsnConfig(width, width, dropout),
-        "spsn-printed": SpsnConfig(width, "printed", dropout, steps=False, summary=False),
-        "spsn-printed-wa": SpsnConfig(width, "none", dropout, steps=False, summary=False),
+        "spsn-wa": SpsnConfig(width, attention=False, dropout=dropout),
         "tfgn": t,
         "tfgn-wc": replace(whole, marks=True),
         "transformer": replace(whole, tokens=True, steps=True),
         "conv-s2s": _convolutions(scale),
         "lstm": LstmConfig(width),
     }
-    return configs[_SAME_SIZES.get(name, name)]
+    return configs[name.removesuffix(AS_PRINTED)]
 
 
 def _convolutions(scale: str) -> ConvS2SConfig:
     sizes = {
         "smoke": ConvS2SConfig(16, 3, 3, 0.0),
         "small": ConvS2SConfig(32, 10, 10, 0.0),
-        "cpu": ConvS2SConfig(64, 20, 20, 0.0),
+        "cpu": ConvS2SConfig(32, 20, 20, 0.0),
         "paper": ConvS2SConfig(),
     }
     return sizes[scale]
@@ -148,34 +135,31 @@ class _PartSchedule:
     rate: float = 1e-3
 
 
-_SPSN = _PartSchedule((60, 3500, 60_000), 32, 3e-3)
 _SCHEDULES = {
-    "spsn": _SPSN,
-    "spsn-words": _PartSchedule((60, 8000, 60_000), 24, 3e-3),
-    "spsn-printed": _SPSN,
-    "spsn-printed-wa": _SPSN,
-    "tfgn": _PartSchedule((60, 4000, 60_000)),
-    "tfgn-wc": _PartSchedule((60, 1700, 60_000), 32),
-    "transformer": _PartSchedule((60, 3000, 60_000), 32),
-    "conv-s2s": _PartSchedule((60, 1500, 60_000), 32, 2.1e-3),
-    "conv-s2s-plain": _PartSchedule((60, 1500, 60_000), 32, 7e-4),  # by 2.1e-3 it diverges after 205 steps
-    "lstm": _PartSchedule((60, 6000, 60_000), 32, 3e-3),
+    "spsn": _PartSchedule((60, 10_000, 60_000), 16, 3e-3),
+    "spsn-words": _PartSchedule((60, 4000, 60_000), 24, 3e-3),
+    "spsn-wa": _PartSchedule((60, 10_000, 60_000), 16, 3e-3),
+    "tfgn": _PartSchedule((60, 3000, 60_000), rate=2e-3),
+    "tfgn-wc": _PartSchedule((60, 1200, 60_000), 32, 2e-3),
+    "transformer": _PartSchedule((60, 3000, 60_000), 32, 3e-3),
+    "conv-s2s": _PartSchedule((60, 1000, 60_000), 32, 2.1e-3),
+    "conv-s2s-printed": _PartSchedule((60, 1000, 60_000), 32, 7e-4),  # by 2.1e-3 it diverged
+    "lstm": _PartSchedule((60, 10_000, 60_000), 32, 3e-3),
 }
-"""At cpu scale every system is trained for about 25 minutes of one core, half of them for each of two parts. Their
+"""At cpu scale every system is trained for about 10 minutes of one core, two thirds of them for SPSN. Their
 steps differ in cost several times over.
 """
 
 SMALL = 0.2
 """Scale small's steps over those of scale cpu, from which it has batches and rates."""
-STEP_FRACTIONS = {("small", "adamw"): SMALL, ("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", "unseen-words"): 0.3}
+STEP_FRACTIONS = {("small", "adamw"): SMALL, ("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", TAUGHT): 3.0}
 """Multiples of the steps. SGD is trained until validation stops improving, which takes many times AdamW's steps; for it
-these are a limit. The split of unseen words leaves three fifths of the pairs to learn from, over which half as many
-passes are made.
+these are a limit. A corpus to teach on has a hundred times as many words.
 """
 SGD_PATIENCE = 4
 """Validations in a row, a fortieth of the limit apart, that have to improve the loss for SGD to go on."""
-MOST_SGD_CPU_S = {"cpu": 3600.0}
-"""Processor seconds that SGD has for a part: two core-hours for a system of two."""
+MOST_SGD_CPU_S = {"cpu": 400.0}
+"""Processor seconds that SGD has for a part, about AdamW's."""
 
 
 def parts(
@@ -212,9 +196,11 @@ def parts(
             round(fraction * schedule.steps[column]) if steps is None else steps,
             (16, schedule.batch, 64)[column],
             (1e-2, schedule.rate, 3e-4)[column],
-            name in _PLAIN_LOSS,
+            name.endswith(AS_PRINTED),
         )
-        for name, schedule in ((name, _SCHEDULES.get(name) or _SCHEDULES[_SAME_SIZES[name]]) for name in names)
+        for name, schedule in (
+            (name, _SCHEDULES.get(name) or _SCHEDULES[name.removesuffix(AS_PRINTED)]) for name in names
+        )
     )
 
 

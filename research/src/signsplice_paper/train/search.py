@@ -1,7 +1,7 @@
-"""Search of learning rates and widths: every part of the paper's systems, shortly trained with each, on validation.
+"""Search of learning rates and widths: parts of the paper's systems, shortly trained with each, on validation.
 
-Rates and widths are chosen on validation pairs, at a thousand steps with one seed; test pairs are not read. Each
-variant has the whole schedule of its steps, with warm-up and decay.
+Rates and widths are chosen on validation pairs with one seed; test pairs are not read. Every variant has the same
+processor time, as many steps as fit into it, and the whole schedule of these, with warm-up and decay.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import read_json
 from signsplice_paper.layout import Table, markdown
 from signsplice_paper.train import training
-from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts
+from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts, task
 from signsplice_paper.train.stopping import SNAPSHOTS, DeadlineError
 from signsplice_paper.train.training import Training
 from signsplice_workshop.corpora.pairs import Pairs
@@ -30,12 +30,13 @@ from signsplice_workshop.corpora.pool import Pool
 from signsplice_workshop.train import checkpoint, processes, records
 
 FILE, PAGE = "search.json", "search.md"
-VERSION = 1
+VERSION = 2
 RATES = (1 / 3, 1.0, 3.0)
 """Learning rates that are tried, as multiples of the scale's."""
-WIDTHS = (1.0, 1.5)
+WIDTHS = (0.5, 1.0)
 """Widths that are tried, likewise."""
-STEPS = 1000
+MINUTES = 2.0
+_TIMED_STEPS = 10
 JUDGED = ("accuracy", "paa")
 """Scores whose mean decides, those of them that a part has."""
 _N_JUDGEMENTS = 4
@@ -48,14 +49,14 @@ class SearchPlan:
     - pairs: folder of the corpus
     - folder: for checkpoints
     - scale: whose rates and widths are varied
-    - steps: of every training
+    - minutes: of a processor for every training
     - seed: of every training
     """
 
     pairs: Path
     folder: Path
     scale: str
-    steps: int = STEPS
+    minutes: float = MINUTES
     seed: int = 0
 
 
@@ -68,6 +69,7 @@ class SearchRow:
     - learning_rate, units: the values themselves
     - scores: last scores on validation pairs
     - n_parameters: of the network
+    - steps: that fitted into the time
     - cpu_s: processor seconds
     """
 
@@ -78,6 +80,7 @@ class SearchRow:
     units: int
     scores: dict[str, float]
     n_parameters: int
+    steps: int
     cpu_s: float
 
     @property
@@ -116,23 +119,23 @@ def run(
 ) -> list[SearchRow]:  # fmt: skip
     """Train what ``out``/search.json does not hold yet, and write it and its page after every training.
 
-    Trainings that ``deadline`` (of ``time.monotonic``) interrupts are continued by the next call. Raises
+    Trainings that ``deadline`` (of ``time.monotonic``) interrupts are begun anew by the next call. Raises
     ``InputError`` where the file holds a search of another corpus, scale or length.
     """
     signature = {
-        "corpus": Pairs(plan.pairs).head["hash"], "scale": plan.scale, "split": "random", "steps": plan.steps,
+        "corpus": Pairs(plan.pairs).head["hash"], "scale": plan.scale, "split": "random", "minutes": plan.minutes,
         "seed": plan.seed,
     }  # fmt: skip
     rows = read(out / FILE, signature)
     done = {(row.part, row.rate, row.width) for row in rows}
     owners: dict[str, str] = {}  # part -> the first system that has it
     for system in systems:
-        for part in parts(system, plan.scale, steps=plan.steps):
+        for part in parts(system, plan.scale):
             owners.setdefault(part.name, system)
     jobs = [
         (plan, owners[part.name], part.name, rate, width, workers, deadline)
         for system in systems
-        for part in parts(system, plan.scale, steps=plan.steps)
+        for part in parts(system, plan.scale)
         if owners[part.name] == system
         for rate, width, _ in variants(part)
         if (part.name, rate, width) not in done
@@ -159,17 +162,17 @@ def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) ->
         return None
     if workers > 1:
         torch.set_num_threads(max(1, (os.cpu_count() or 1) // workers))
-    part = next(part for part in parts(system, plan.scale, steps=plan.steps) if part.name == name)
+    part = next(part for part in parts(system, plan.scale) if part.name == name)
     part = next(made for r, w, made in variants(part) if (r, w) == (rate, width))
     pairs = Pairs(plan.pairs)
-    config = Training(
-        system, plan.scale, seed=plan.seed, steps=plan.steps, n_judgements=_N_JUDGEMENTS, deadline=deadline
-    )
+    part = training.on_skeleton(part, pairs)
+    config = Training(system, plan.scale, seed=plan.seed, n_judgements=_N_JUDGEMENTS, deadline=deadline)
+    part = replace(part, steps=_steps_within(part, config, pairs, 60.0 * plan.minutes))
     folder = training.part_folder(plan.folder, part, config, pairs)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with processes.joined() as process, processes.only_one(folder, process):
-            task = training.trained(part, config, pairs, folder, process)
+            made = training.trained(part, config, pairs, folder, process)
     except DeadlineError:
         return None
     lines = records.lines(folder / records.LOG_FILE)
@@ -178,8 +181,20 @@ def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) ->
     spent = max((line.get("cpu_s", 0.0) for line in lines), default=0.0)
     (folder / checkpoint.NAME).unlink(missing_ok=True)
     shutil.rmtree(folder / SNAPSHOTS, ignore_errors=True)
-    n_parameters = sum(p.numel() for p in task.network.parameters())
-    return SearchRow(name, rate, width, part.rate, units_of(part.config), scores, n_parameters, round(spent, 1))
+    n_parameters = sum(p.numel() for p in made.network.parameters())
+    units = units_of(part.config)
+    return SearchRow(name, rate, width, part.rate, units, scores, n_parameters, part.steps, round(spent, 1))
+
+
+def _steps_within(part: SystemPart, config: Training, pairs: Pairs, cpu_s: float) -> int:
+    """How many steps of a part fit into so many processor seconds, from a few of them."""
+    data = training.data_of(part, pairs, config.split, "train")
+    made = task(part, data.normaliser(), config.seed)
+    for step in range(_TIMED_STEPS + 1):
+        if step == 1:  # the first allocates
+            start = time.process_time()
+        made(data.batch(data.rows(step, part.batch, config.seed), step)).backward()
+    return max(1, round(cpu_s * _TIMED_STEPS / (time.process_time() - start)))
 
 
 def read(path: Path, signature: dict[str, Any] | None = None) -> list[SearchRow]:
@@ -219,8 +234,8 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
         chosen = f"{best.learning_rate:.2g}, {best.units} units" if whole else "-"
         lines.append((name, *cells, chosen, f"{best.score - has[0].score:.3f}" if whole and has else "-"))
     table = Table(
-        f"Validation score by learning rate and width: scale {signature['scale']}, {signature['steps']} steps, seed "
-        f"{signature['seed']}",
+        f"Validation score by learning rate and width: scale {signature['scale']}, {signature['minutes']:g} processor "
+        f"minutes each, seed {signature['seed']}",
         "search",
         ("part", *head, "best", "above the scale's"),
         tuple(lines),
@@ -228,7 +243,7 @@ def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
             "Score: PAA for parts that find positions, Accuracy for those that make frames, the mean of both for those "
             "that do both, on 256 validation pairs of the random split. Rates and widths: multiples of those that the "
             "scale then had; the last column: the best score less that with those of now. One seed: a few hundredths "
-            "mean nothing.",
+            "mean nothing. -: not trained.",
             f"Corpus {signature['corpus']}. `signsplice-paper search`",
         ),
     )

@@ -23,12 +23,9 @@ from signsplice_workshop.train.loop import LoopConfig
 from signsplice_workshop.train.processes import Processes
 from signsplice_workshop.train.tasks import Task
 
-OPTIMISERS = ("adamw", "sgd", "sgd-momentum")
+OPTIMISERS = ("adamw", "sgd")
 SGD_RATE = 1e-3
 """The paper's initial rate. It names no later one: this stays as it is until validation stops improving."""
-MOMENTUM = 0.9
-MOMENTUM_TIMES = 100.0
-"""SGD with momentum has AdamW's steps and schedule, and this many times its rate; other rates were not tried."""
 SNAPSHOTS = "snapshots"
 """Folder of the weights at every validation, beside the checkpoint."""
 PLATEAU, STEPS, TIME = "plateau", "steps", "time"
@@ -41,7 +38,7 @@ LOSS = "valid_loss"
 
 def highest_rate(method: str, rate: float) -> float:
     """The highest learning rate of an optimiser, where AdamW has ``rate``."""
-    return {"sgd": SGD_RATE, "sgd-momentum": MOMENTUM_TIMES * rate}.get(method, rate)
+    return SGD_RATE if method == "sgd" else rate
 
 
 class DeadlineError(SignspliceError):
@@ -72,10 +69,10 @@ class PaperLoop(LoopConfig):
             raise InputError(f"optimiser {self.method!r}, expected one of {', '.join(OPTIMISERS)}")
 
     def optimiser(self, weights: list[nn.Parameter]) -> torch.optim.Optimizer:
-        """SGD, with or without momentum, or AdamW."""
+        """SGD without momentum, or AdamW."""
         if self.method == "adamw":
             return super().optimiser(weights)
-        return torch.optim.SGD(weights, lr=SGD_RATE, momentum=0.0 if self.method == "sgd" else MOMENTUM)
+        return torch.optim.SGD(weights, lr=SGD_RATE)
 
     def rate_at(self, step: int) -> float:
         """The learning rate of a step, which counts from 0."""

@@ -16,21 +16,21 @@ import torch
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing_folder
 from signsplice.formats.reading import read_bytes
+from signsplice.rig.info import rig_info
 from signsplice.splicing.runtime import onnxruntime
-from signsplice_paper.plan import SHARED_TRAINING
 from signsplice_paper.train import stopping
 from signsplice_paper.train.graphs import paper_graphs
 from signsplice_paper.train.networks.generator import Generator
-from signsplice_paper.train.networks.word_spsn import WordSpsnConfig
+from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig
 from signsplice_paper.train.pairs_data import PairsData
-from signsplice_paper.train.scales import MOST_SGD_CPU_S, SGD_PATIENCE, UNBIASED, SystemPart, parts, task
+from signsplice_paper.train.scales import MOST_SGD_CPU_S, SGD_PATIENCE, SystemPart, parts, task
 from signsplice_paper.train.stopping import PaperLoop, highest_rate
 from signsplice_paper.train.tasks import MOST_FRAMES, token_bias
 from signsplice_paper.train.words_data import WordsData, words_of_split
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.train import checkpoint, records
 from signsplice_workshop.train.bundles import write_bundle
-from signsplice_workshop.train.export import check_bundle_folder
+from signsplice_workshop.train.export import FLOAT16, check_bundle_folder, halved
 from signsplice_workshop.train.loop import ProgressCallback, train
 from signsplice_workshop.train.prefetch import prefetched
 from signsplice_workshop.train.processes import Processes, only_one
@@ -48,7 +48,7 @@ class Training:
 
     - system: one of ``scales.SYSTEMS``
     - scale: one of ``scales.SCALES``
-    - optimiser: adamw, sgd or sgd-momentum
+    - optimiser: adamw or sgd
     - split: the split whose training part is learned from
     - seed: of weights, batches and noise
     - fr: frames that Culling keeps on each side, None for the default
@@ -110,9 +110,18 @@ def make(
 
 def on_skeleton(part: SystemPart, pairs: Pairs) -> SystemPart:
     """The part for the joints of a corpus."""
-    if isinstance(part.config, WordSpsnConfig):
-        return replace(part, config=replace(part.config, parents=pairs.spaces[0].parents))
-    return part
+    if not isinstance(part.config, WordSpsnConfig):
+        return part
+    space, skeleton = pairs.spaces[0], pairs.skeletons[0]
+    roles, place = rig_info(skeleton).roles.joints, {name: k for k, name in enumerate(space.joints)}
+    hands = []
+    for side in ("left", "right"):
+        joints = (f"{side}Hand", *(f"{side}{finger}Distal" for finger in ("Index", "Middle", "Ring", "Little")))
+        names = [skeleton.names[roles[role]] for role in joints if role in roles]
+        hands.append(tuple(place[name] for name in names if name in place))
+        if not hands[-1]:
+            raise InputError(f"{pairs.folder}: its numbers hold no {side} wrist, which {part.name} needs")
+    return replace(part, config=replace(part.config, parents=space.parents, hands=tuple(hands)))
 
 
 def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:
@@ -121,7 +130,7 @@ def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:
         "part": part.name,
         **part.facts(),
         "optimiser": training.optimiser,
-        "split": SHARED_TRAINING.get(training.split, training.split),
+        "split": training.split,
         "seed": training.seed,
         "corpus": pairs.head["hash"],
     }
@@ -131,8 +140,7 @@ def recipe(part: SystemPart, training: Training, pairs: Pairs) -> str:
 def part_folder(shared: Path, part: SystemPart, training: Training, pairs: Pairs) -> Path:
     """The folder of a part's checkpoint and log."""
     fr = "" if part.fr is None else f"-fr{part.fr}"
-    split = SHARED_TRAINING.get(training.split, training.split)
-    name = f"{part.name}{fr}-{training.scale}-{training.optimiser}-{split}-seed{training.seed}"
+    name = f"{part.name}{fr}-{training.scale}-{training.optimiser}-{training.split}-seed{training.seed}"
     return shared / f"{name}-{recipe(part, training, pairs)}"
 
 
@@ -146,7 +154,7 @@ def trained(
     until: int | None = None,
 ) -> Task:
     """A part's trained task; ``until``: the step to stop at."""
-    data, valid = (_data(part, pairs, training.split, name) for name in ("train", "valid"))
+    data, valid = (data_of(part, pairs, training.split, name) for name in ("train", "valid"))
     if not len(data):
         raise InputError(f"{pairs.folder}: no pair in {training.split} train; make a corpus of more words")
     by_sgd = training.optimiser == "sgd"
@@ -154,6 +162,9 @@ def trained(
     most_cpu_s = MOST_SGD_CPU_S.get(training.scale) if by_sgd and training.steps is None else None
     torch.manual_seed(training.seed)
     made = task(part, data.normaliser(), training.seed)
+    if isinstance(made.network, WordSpsn):
+        assert isinstance(data, WordsData)
+        made.network.fit_measures(data.words)
     loop = PaperLoop(
         steps=part.steps,
         batch=part.batch,
@@ -175,7 +186,7 @@ def trained(
     return made
 
 
-def _data(part: SystemPart, pairs: Pairs, split: str, name: str) -> PairsData | WordsData:
+def data_of(part: SystemPart, pairs: Pairs, split: str, name: str) -> PairsData | WordsData:
     """What a part learns from: pairs, or words of which all pairs are taught at once."""
     if isinstance(part.config, WordSpsnConfig):
         return words_of_split(pairs, split, name)
@@ -189,7 +200,7 @@ def _write(
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
         files |= _exported(part, made, folder)
     contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, folders)
-    if training.steps != 0 and training.system not in UNBIASED and not isinstance(chosen[0].config, WordSpsnConfig):
+    if training.steps != 0 and not chosen[0].plain_loss and not isinstance(chosen[0].config, WordSpsnConfig):
         contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
     logged = {
         f"{part.name}.jsonl": read_bytes(folder / records.LOG_FILE)
@@ -237,11 +248,11 @@ def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[s
 
 
 def _exported(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
-    """A part's graphs; graphs next to its checkpoint are reused if they are newer."""
+    """A part's graphs, with 16-bit weights; graphs next to its checkpoint are reused if they are newer."""
     kept = folder / GRAPHS
     if kept.is_dir() and kept.stat().st_mtime_ns > (folder / checkpoint.NAME).stat().st_mtime_ns:
         return {path.name: read_bytes(path) for path in sorted(kept.iterdir())}
-    files = paper_graphs(made.network, part.fr)
+    files = {name: halved(content) for name, content in paper_graphs(made.network, part.fr).items()}
     with replacing_folder(kept) as graphs:
         for name, content in files.items():
             (graphs / name).write_bytes(content)
@@ -265,6 +276,7 @@ def facts(
     ]
     return {
         "system": training.system,
+        "precision": FLOAT16,
         "config": {part.name: part.facts()["config"] for part in chosen},
         "scale": training.scale,
         "optimiser": training.optimiser,

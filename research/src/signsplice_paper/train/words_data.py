@@ -18,7 +18,7 @@ from torch.nn.utils.rnn import pad_sequence
 from signsplice.signer.signer import stream
 from signsplice_paper.train.networks.layers import Normaliser
 from signsplice_paper.train.pairs_data import DEVIATION_FLOOR
-from signsplice_workshop.corpora import readable
+from signsplice_workshop.corpora import readable, readable_pairs
 from signsplice_workshop.corpora.pairs import Pairs
 
 Cuts = Callable[[int, int], tuple[int, int] | None]
@@ -91,13 +91,18 @@ class WordsData:
 
 
 def words_of_split(pairs: Pairs, split: str, part: str) -> WordsData:
-    """The words of a part of a split, with the cuts of its pairs."""
+    """The words of a part of a split, with the cuts of its pairs; in a corpus to teach on, with those of any two words
+    of a signer.
+    """
     index = pairs.index[pairs.split(split, part)].tolist()
     cuts = {(p, q): (pre, post) for p, q, pre, post, _, _ in index}
     signers: dict[int, set[int]] = {}
     for p, q in cuts:
         signers.setdefault(pairs.signer(p), set()).update((p, q))
-    return WordsData(pairs, [sorted(signers[k]) for k in sorted(signers)], lambda p, q: cuts.get((p, q)))
+    words = [sorted(signers[k]) for k in sorted(signers)]
+    if split == readable_pairs.TAUGHT:
+        return words_with_cards(pairs, words)
+    return WordsData(pairs, words, lambda p, q: cuts.get((p, q)))
 
 
 def words_with_cards(

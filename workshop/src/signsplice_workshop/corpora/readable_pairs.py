@@ -32,6 +32,9 @@ from signsplice_workshop.corpora.readable import Card
 from signsplice_workshop.corpora.touches import seen_events
 
 VERSION = 4
+"""Raise it where the constants below or ``readable`` change: a corpus's hash is of the rest of its recipe."""
+TRUTH, TAUGHT = "events", "many"
+"""The truth of these corpora, and the only split of one to teach on."""
 TAKES = 4
 """Takes of a word that are made until one can be read."""
 FIRST_SIGNER, FIRST_TAUGHT, SIGNERS_A_SEED = 500, 600, 100_000
@@ -287,7 +290,7 @@ def _merge(recipe: Recipe, jobs: Sequence[_Job], made: Path) -> None:
         "hash": hash_recipe(recipe),
         "seed": recipe.seed,
         "fps": readable.FPS,
-        "truth": "events",
+        "truth": TRUTH,
         "extent": EXTENT,
         "signers": [asdict(job.signer) for job in jobs],
         "first_words": first_words,
@@ -307,7 +310,7 @@ def _splits(
     if isinstance(recipe, TaughtCorpus):
         last = recipe.n_signers - min(VALID_SIGNERS, recipe.n_signers - 1)
         taught = {"train": np.flatnonzero(signer < last), "valid": np.flatnonzero(signer >= last)}
-        return {"many": {**{part: numbers.tolist() for part, numbers in taught.items()}, "test": []}}
+        return {TAUGHT: {**{part: numbers.tolist() for part, numbers in taught.items()}, "test": []}}
     known = np.array([row["known"] for row in rows])[table[:, 0]]
     order = stream("splits", recipe.seed, recipe.n_known).permutation(np.flatnonzero((signer == 0) & known)).tolist()
     a, b = round(0.8 * len(order)), round(0.9 * len(order))

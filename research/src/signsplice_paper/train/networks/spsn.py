@@ -5,11 +5,8 @@ LSTM has C_t = F_t * C_{t-1} + I_t * C~_t, which torch computes). The decoder's 
 of the encoder (eq. 6), the weights form the context (eq. 7-9), and each frame is classified as {none, prePositionToken,
 postPositionToken} (our reading of eq. 9 and 10).
 
-The paper does not specify what the decoder receives from the encoder besides attention. The network that follows the
-print starts its decoder from the encoder's last state H_{N+M} through a learned linear layer (Bahdanau et al. 2015).
-Two additions of ours can be switched off one by one. ``steps``: it reads the differences between frames beside the
-frames. ``summary``: the linear layer reads the states at the ends of both words, H_N and H_{N+M}, and also makes a
-summary that the decoder reads with every frame (Cho et al. 2014).
+The paper does not specify what the decoder receives from the encoder besides attention. Here it starts from the
+encoder's last state H_{N+M} through a learned linear layer (Bahdanau et al. 2015).
 """
 
 from __future__ import annotations
@@ -19,13 +16,15 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from signsplice_paper.train.networks.layers import Normaliser, with_deltas
+from signsplice_paper.train.networks.layers import Normaliser
 from signsplice_paper.train.networks.recurrent import Lstm
 
 NONE, PRE, POST = 0, 1, 2
 """The classes of a frame."""
 
-ATTENTIONS = ("normalised", "printed", "none")
+USUAL_FRAMES = 150
+"""Frames of two words. The printed weights (eq. 7, 8) sum to N + M - 1 in place of 1, so that the context would
+saturate eq. 9 from the start; the half of W_c that reads it begins smaller by this."""
 
 
 @dataclass(frozen=True)
@@ -33,23 +32,13 @@ class SpsnConfig:
     """Sizes and design of SPSN.
 
     - width: of states and embeddings
-    - attention: "printed" is a = 1 - softmax(score), whose weights sum to N + M - 1; "normalised" is
-      softmax(-sharpness * score) with a learned sharpness, which starts at the square root of the width; "none" is the
-      ablation WA
+    - attention: whether it has any; without is the ablation WA
     - dropout: probability
-    - steps: whether it reads differences between frames too, or only frames, as printed
-    - summary: whether the decoder reads a summary of both words with every frame
     """
 
     width: int = 512
-    attention: str = "normalised"
+    attention: bool = True
     dropout: float = 0.1
-    steps: bool = True
-    summary: bool = True
-
-    def __post_init__(self) -> None:
-        if self.attention not in ATTENTIONS:
-            raise ValueError(f"attention {self.attention!r}, expected one of {', '.join(ATTENTIONS)}")
 
 
 def score(decoded: Tensor, encoded: Tensor) -> Tensor:
@@ -68,14 +57,6 @@ def printed_weights(scores: Tensor, mask: Tensor | None = None) -> Tensor:
         return 1.0 - scores.softmax(-1)
     weights = 1.0 - scores.masked_fill(~mask[:, None], -torch.inf).softmax(-1)
     return weights * mask[:, None]
-
-
-def normalised_weights(scores: Tensor, sharpness: Tensor, mask: Tensor | None = None) -> Tensor:
-    """Weights softmax(-sharpness * score) (B, T, S): similar states weigh more, as in eq. 7; the weights sum to 1."""
-    scores = -sharpness * scores
-    if mask is not None:
-        scores = scores.masked_fill(~mask[:, None], -torch.inf)
-    return scores.softmax(-1)
 
 
 def admissible(logits: Tensor, n_before: Tensor) -> Tensor:
@@ -109,13 +90,13 @@ class Spsn(nn.Module):
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width = config.width
-        self.embedding = nn.Linear((1 + config.steps) * normaliser.n_numbers, width)
-        self.encoder, self.decoder = Lstm(width, width), Lstm((1 + config.summary) * width, width)
-        self.bridge = nn.Linear(2 * width, 3 * width) if config.summary else nn.Linear(width, 2 * width)
-        if config.attention != "none":
+        self.embedding = nn.Linear(normaliser.n_numbers, width)
+        self.encoder, self.decoder = Lstm(width, width), Lstm(width, width)
+        self.bridge = nn.Linear(width, 2 * width)
+        if config.attention:
             self.combine = nn.Linear(2 * width, width, bias=False)
-        self.sharpness = nn.Parameter(torch.tensor(0.5).mul(torch.tensor(float(width)).log()))
-        self.sharpness.requires_grad_(config.attention == "normalised")
+            with torch.no_grad():
+                self.combine.weight[:, :width] /= USUAL_FRAMES
         self.out = nn.Linear(width, 3)
         self.dropout = nn.Dropout(config.dropout)
 
@@ -124,25 +105,16 @@ class Spsn(nn.Module):
 
         n_before (B,): N. mask (B, S): False at padding, which follows X.
         """
-        x = self.normaliser(x)
-        x = self.embedding(with_deltas(x, n_before) if self.config.steps else x)
+        x = self.embedding(self.normaliser(x))
         encoded = self.dropout(self.encoder(x)[0])  # (B, S, D)
-        if self.config.summary:
-            hidden, cell, summary = self.bridge(word_ends(encoded, n_before, mask)).chunk(3, dim=-1)
-            x = torch.cat([x, summary.tanh()[:, None].expand(-1, x.shape[1], -1)], dim=-1)  # (B, S, 2 D)
-        else:
-            hidden, cell = self.bridge(last_states(encoded, mask)).chunk(2, dim=-1)
+        hidden, cell = self.bridge(last_states(encoded, mask)).chunk(2, dim=-1)
         start = hidden.tanh()[None].contiguous(), cell[None].contiguous()
         decoded, _ = self.decoder(x, start)  # (B, S, D)
         return admissible(self.out(self.attend(self.dropout(decoded), encoded, mask)), n_before)
 
     def attend(self, decoded: Tensor, encoded: Tensor, mask: Tensor | None) -> Tensor:
         """H~ (B, T, D) = tanh(W_c [C_t, H_t]) with C_t = a_t H (eq. 9); the decoder's states without attention."""
-        if self.config.attention == "none":
+        if not self.config.attention:
             return decoded
-        scores = score(decoded, encoded)
-        if self.config.attention == "printed":
-            weights = printed_weights(scores, mask)
-        else:
-            weights = normalised_weights(scores, self.sharpness.exp(), mask)
+        weights = printed_weights(score(decoded, encoded), mask)
         return torch.tanh(self.combine(torch.cat([weights @ encoded, decoded], dim=-1)))

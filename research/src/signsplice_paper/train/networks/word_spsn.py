@@ -5,16 +5,15 @@ partner. Here two LSTM layers run both ways over each word. Four weighted means 
 make its summary. The score of a frame as the last one kept before a partner is a bilinear form of the frame's state and
 the partner's summary, and so for the first one kept after. A softmax over the word's own frames follows: there are no
 tokens and no "none". One step on W words teaches up to W * W pairs.
-Besides frames it reads what decides where a hand rests, and in which shape: steps, speeds and distances.
+Besides frames it reads what decides where a hand rests, and in which shape: steps, speeds, and measures of joints.
 
 Shapes: W words, T frames, K numbers, D width, S size of a summary.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import torch
 from torch import Tensor, nn
@@ -26,12 +25,18 @@ from signsplice_paper.train.networks.recurrent import Lstm
 STEP = 5e-4
 """Step of a number from frame to frame, 1 mm on the standard body, from which on steps are read as logarithms: hands at
 rest move less, hands on their way up to 60 times as much."""
-NEAREST, USUAL = 5e-3, 2.0
-"""Distances are read as 2 (log(distance + ``NEAREST``) + ``USUAL``), which is about 0 for 29 cm."""
 BENT = 3
-"""A joint's distance to the joint so many above it shows how far the joints between are bent."""
-BRANCHES = 3
-"""Joints with so many children, as hips, chest and hands, are watched like those without any."""
+"""How far a chain of so many bones reaches, over its length, shows how far it is bent, whatever the body's size."""
+NEAREST, SLOWEST = 5e-3, 2e-4
+"""Distances and speeds of hands are read as logarithms from these on: 11 mm, and .4 mm a frame."""
+FINE = (0.05, 0.04, 1 / 6, 0.5)
+"""Units of what is read finely of each hand: mean reach of its fingers, height of the wrist, logarithm of its nearest
+gap to the rest of the body, and of its speed."""
+WAVES = (1.0, 2.0, 4.0, 8.0)
+"""Frequencies, in radians a unit, of the sines and cosines that show fine values, as codes of positions do: a network
+that reads a number alone is slow to learn where it passes a limit."""
+DEVIATION_FLOOR = 1e-3
+"""Smallest deviation by which what is measured of joints is divided."""
 LOOKS = 4
 """Weighted means of a word's states that make its summary."""
 _MASKED = -1e4
@@ -44,29 +49,65 @@ class WordSpsnConfig:
     - width: of states and embeddings
     - summary: numbers of a summary that each side reads
     - dropout: probability
-    - parents: the joint above each, -1 for none; only where they are given, distances between joints are read
+    - parents: the joint above each, -1 for none; where it is empty, nothing is measured between joints
+    - hands: of each hand the wrist, and the last joints of index to little finger
     """
 
     width: int = 64
     summary: int = 64
     dropout: float = 0.1
     parents: Sequence[int] = ()
+    hands: Sequence[Sequence[int]] = ()
 
 
-def joint_pairs(parents: Sequence[int]) -> list[tuple[int, int]]:
-    """The pairs of joints whose distance is read: each joint with the one ``BENT`` above it, and all pairs of those
-    that end a limb or branch.
+class Measures:
+    """What is measured of a skeleton's joints in each frame: how far chains of ``BENT`` bones reach, gaps of both hands
+    to trunk, head, arms and each other, and speeds of hands; and what of these is read finely.
+
+    - count: how many measures there are
+    - n_fine: how many numbers show the fine ones
     """
-    pairs = []
-    for joint in range(len(parents)):
-        above = joint
-        for _ in range(BENT):
-            above = parents[above] if above >= 0 else -1
-        if above >= 0:
-            pairs.append((joint, above))
-    n_children = [list(parents).count(joint) for joint in range(len(parents))]
-    watched = [joint for joint, count in enumerate(n_children) if count == 0 or count >= BRANCHES]
-    return pairs + [(a, b) for a, b in combinations(watched, 2) if (b, a) not in pairs]
+
+    def __init__(self, parents: Sequence[int], hands: Sequence[Sequence[int]]) -> None:
+        above = [[joint] for joint in range(len(parents))]
+        for chain in above:
+            while parents[chain[-1]] >= 0:
+                chain.append(parents[chain[-1]])
+        wrists = [hand[0] for hand in hands]
+        fingers = [joint for joint, chain in enumerate(above) if not set(chain[1:]).isdisjoint(wrists)]
+        trunk = {above[wrist][-2] for wrist in wrists}
+        body = [joint for joint, chain in enumerate(above) if not trunk.isdisjoint(chain) and joint not in fingers]
+        ends = [joint for joint in fingers if joint not in parents]
+        self.wrists, self.above = wrists, [chain[min(1, len(chain) - 1)] for chain in above]
+        self.chains = [chain[: BENT + 1] for chain in above if len(chain) > BENT]
+        self.hands = [[wrist, *(joint for joint in ends if wrist in above[joint])] for wrist in wrists]
+        self.gaps = [(joint, other) for hand in self.hands for joint in hand for other in body if joint != other]
+        lasts = [chain[0] for chain in self.chains]
+        self.fingers = [[lasts.index(joint) for joint in hand[1:] if joint in lasts] for hand in hands]
+        self.apart = [
+            [k for k, (joint, other) in enumerate(self.gaps) if joint in hand and other not in above[hand[0]][:2]]
+            for hand in self.hands
+        ]
+        self.count = len(self.chains) + len(self.gaps) + len(self.hands)
+        self.n_fine = 2 * len(WAVES) * len(FINE) * len(self.hands)
+
+    def __call__(self, joints: Tensor) -> tuple[Tensor, Tensor]:
+        """The measures (W, T, M), and the fine ones as waves (W, T, N), of joints (W, T, J, 3)."""
+        lasts, *between, firsts = (list(column) for column in zip(*self.chains, strict=True))
+        bones = (joints - joints[:, :, self.above]).norm(dim=-1)
+        length = torch.stack([bones[:, :, column] for column in (lasts, *between)]).sum(0)
+        reach = (joints[:, :, lasts] - joints[:, :, firsts]).norm(dim=-1) / length.clamp(min=NEAREST)
+        a, b = (list(column) for column in zip(*self.gaps, strict=True))
+        gaps = ((joints[:, :, a] - joints[:, :, b]).norm(dim=-1) + NEAREST).log()
+        steps = torch.cat([torch.zeros_like(joints[:, :1]), joints[:, 1:] - joints[:, :-1]], dim=1).norm(dim=-1)
+        speeds = (torch.stack([steps[:, :, hand].mean(-1) for hand in self.hands], dim=-1) + SLOWEST).log()
+        none = torch.zeros_like(reach[:, :, 0])
+        bent = torch.stack([reach[:, :, ends].mean(-1) if ends else none for ends in self.fingers], dim=-1)
+        nearest = torch.stack([gaps[:, :, apart].amin(-1) for apart in self.apart], dim=-1)
+        values = (bent, joints[:, :, self.wrists, 1], nearest, speeds)
+        fine = torch.cat([value / unit for value, unit in zip(values, FINE, strict=True)], dim=-1)
+        angles = torch.cat([wave * fine for wave in WAVES], dim=-1)
+        return torch.cat([reach, gaps, speeds], dim=-1), torch.cat([angles.sin(), angles.cos()], dim=-1)
 
 
 class BothWays(nn.Module):
@@ -87,14 +128,23 @@ def _gather(x: Tensor, frames: Tensor) -> Tensor:
 
 
 class WordSpsn(nn.Module):
-    """The network: ``read`` depends on one word, ``pair_scores`` on all pairs of some; ``forward`` is as SPSN's."""
+    """The network: ``read`` depends on one word, ``pair_scores`` on all pairs of some; ``forward`` is as SPSN's.
+
+    mean, deviation: of each measure over the frames that are taught.
+    """
+
+    mean: Tensor
+    deviation: Tensor
 
     def __init__(self, config: WordSpsnConfig, normaliser: Normaliser) -> None:
         super().__init__()
         self.config, self.normaliser = config, normaliser
         width, n_numbers = config.width, normaliser.n_numbers
-        self.pairs = joint_pairs(config.parents)
-        self.embedding = nn.Linear(2 * n_numbers + n_numbers // 3 + len(self.pairs), width)
+        self.measures = Measures(config.parents, config.hands) if config.parents else None
+        n_measures, n_fine = (0, 0) if self.measures is None else (self.measures.count, self.measures.n_fine)
+        self.register_buffer("mean", torch.zeros(n_measures))
+        self.register_buffer("deviation", torch.ones(n_measures))
+        self.embedding = nn.Linear(2 * n_numbers + n_numbers // 3 + n_measures + n_fine, width)
         self.layers = nn.ModuleList([BothWays(width, width), BothWays(2 * width, width)])
         self.dropout = nn.Dropout(config.dropout)
         self.look = nn.Linear(2 * width, LOOKS)
@@ -107,17 +157,24 @@ class WordSpsn(nn.Module):
         self.keys = nn.Linear(2 * width, 2 * config.summary)
         self.usual = nn.Linear(2 * width, 2)
 
+    def fit_measures(self, words: Iterable[Tensor]) -> None:
+        """Let each measure have mean 0 and deviation 1 over the frames of words (T, K)."""
+        if self.measures is not None:
+            seen = torch.cat([self.measures(word.reshape(1, len(word), -1, 3))[0][0] for word in words])
+            self.mean = seen.mean(0)
+            self.deviation = seen.std(0).clamp(min=DEVIATION_FLOOR)
+
     def features(self, x: Tensor) -> Tensor:
-        """What is read of words (W, T, K): numbers, steps from the frame before, the speed of each joint, and distances
-        of joints.
+        """What is read of words (W, T, K): numbers, steps from the frame before, speeds, and measures of joints, some
+        finely.
         """
+        joints = x.reshape(*x.shape[:2], -1, 3)
         steps = torch.cat([torch.zeros_like(x[:, :1]), x[:, 1:] - x[:, :-1]], dim=1) / STEP
-        speeds = torch.log1p(steps.reshape(*steps.shape[:2], -1, 3).norm(dim=-1))
+        speeds = torch.log1p(steps.reshape(joints.shape).norm(dim=-1))
         read = [self.normaliser(x), torch.asinh(steps), speeds]
-        if self.pairs:
-            a, b = (list(joints) for joints in zip(*self.pairs, strict=True))
-            joints = x.reshape(*x.shape[:2], -1, 3)
-            read.append(2.0 * (((joints[:, :, a] - joints[:, :, b]).norm(dim=-1) + NEAREST).log() + USUAL))
+        if self.measures is not None:
+            measures, fine = self.measures(joints)
+            read += [(measures - self.mean) / self.deviation, fine]
         return torch.cat(read, dim=-1)
 
     def read(self, x: Tensor, mask: Tensor) -> tuple[Tensor, Tensor, Tensor]:
