@@ -122,6 +122,14 @@ def test_measures_have_mean_0_and_deviation_1_over_the_words_that_are_taught(net
     assert {"mean", "deviation"} <= set(stored), "what they were fitted to goes with the weights"
 
 
+def test_lengths_that_never_change_on_the_taught_body_are_not_amplified_on_another(network: WordSpsn) -> None:
+    assert network.measures is not None
+    constant = network.deviation <= DEVIATION_FLOOR
+    assert constant.any()
+    other = network.measures(joints_of(0, 1.05))[0]
+    assert ((other - network.mean) / network.deviation)[..., constant].abs().max() < 2.0
+
+
 def test_padding_gives_finite_numbers(network: WordSpsn) -> None:
     assert torch.isfinite(network.features(torch.zeros(2, 5, SPACE.n_numbers))).all()
 

@@ -35,8 +35,9 @@ gap to the rest of the body, and of its speed."""
 WAVES = (1.0, 2.0, 4.0, 8.0)
 """Frequencies, in radians a unit, of the sines and cosines that show fine values, as codes of positions do: a network
 that reads a number alone is slow to learn where it passes a limit."""
-DEVIATION_FLOOR = 1e-3
-"""Smallest deviation by which what is measured of joints is divided."""
+DEVIATION_FLOOR = 0.05
+"""Smallest deviation by which a measure is divided: lengths that never change on the taught bodies would be huge on
+another one."""
 LOOKS = 4
 """Weighted means of a word's states that make its summary."""
 _MASKED = -1e4
