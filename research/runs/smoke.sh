@@ -10,5 +10,5 @@ mkdir -p "$SMOKE"
 made() { [ -f "$SMOKE/$1/corpus.json" ] || .venv/bin/signsplice synth pairs --truth events -o "$SMOKE/$1" "${@:2}"; }
 made judged --words 10
 made taught --words 8 --teach 3
-SCALE=smoke LIMIT=50 PAIRS="$SMOKE/judged" TAUGHT="$SMOKE/taught" BUNDLES="$SMOKE/bundles" OUT="$SMOKE/paper" \
+SCALE=smoke LIMIT=12 PAIRS="$SMOKE/judged" TAUGHT="$SMOKE/taught" BUNDLES="$SMOKE/bundles" OUT="$SMOKE/paper" \
     research/runs/paper.sh "$@"
