@@ -81,7 +81,7 @@ def test_every_error_lowers_its_own_scores() -> None:
     assert np.isnan(silent["velocity_jump"])
 
 
-def test_frames_that_keep_bones_are_scored_beside_those_of_a_system_without_rotations() -> None:
+def test_a_system_without_rotations_gets_a_second_score_with_bones_kept() -> None:
     pairs = corpus()
     chosen = protocol.choose(pairs, "random")
     noise = np.random.default_rng(0).normal(size=(100, 159)) * 0.02
@@ -270,7 +270,7 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path, monke
     assert len(forced[1].rows) == 2
 
 
-def test_a_row_tells_what_a_bundle_was_taught_on_and_by_which_loss(tmp_path: Path) -> None:
+def test_a_row_names_the_training_corpus_and_the_condition_of_a_bundle(tmp_path: Path) -> None:
     pairs = copy(corpus())
     pairs.truth_kind = readable_pairs.TRUTH
     write_bundle(tmp_path / "many", pairs, corpus="another", split=readable_pairs.TAUGHT)

@@ -64,7 +64,7 @@ def test_the_rows_are_the_four_systems_as_printed_and_by_condition() -> None:
 
 
 @pytest.mark.parametrize(
-    ("template", "drawing", "rows", "said"),
+    ("template", "drawing", "rows", "message"),
     [
         (None, DRAWING, True, r"report\.typ: not there"),
         (TEMPLATE, None, True, r"figure4c\.svg: not there"),
@@ -73,10 +73,10 @@ def test_the_rows_are_the_four_systems_as_printed_and_by_condition() -> None:
     ],
 )
 def test_where_something_lacks_the_report_is_refused_and_nothing_is_written(
-    template: str | None, drawing: str | None, rows: bool, said: str, tmp_path: Path
+    template: str | None, drawing: str | None, rows: bool, message: str, tmp_path: Path
 ) -> None:
     pytest.importorskip("typst")
     found = of_rows(row("lstm", condition=published.EQUAL)) if rows else Results()
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         report.write(found, folder_with(tmp_path, template, drawing), "cpu", tmp_path / "report.pdf")
     assert not (tmp_path / "report.pdf").exists()

@@ -128,7 +128,7 @@ def test_kept_frames_survive_a_round_trip_and_merge(tmp_path: Path) -> None:
     assert kept_frames.load(tmp_path / "none.npz") == []
 
 
-def test_what_a_system_was_taught_on_tells_its_rows_apart() -> None:
+def test_rows_of_one_system_with_different_training_corpora_are_kept_apart() -> None:
     here, elsewhere = row("lpt-plus"), row("lpt-plus", taught="71aa22f6cf89")
     assert of_rows(here, elsewhere).rows == (here, elsewhere)
 

@@ -58,7 +58,7 @@ def test_the_printed_numbers_equal_a_second_copy() -> None:
             assert [of[m] for of in values] == words[at + 1 : at + 5]
 
 
-def test_the_table_holds_the_printed_numbers_beside_equal_ones_that_were_measured() -> None:
+def test_the_table_has_the_printed_and_the_measured_scores() -> None:
     made = tables.table(of_rows(*paper_rows()), "cpu", "random")
     assert made is not None
     shown = {tuple(line[:2]): dict(zip(made.head, line, strict=True)) for line in made.rows}

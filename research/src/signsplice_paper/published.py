@@ -67,7 +67,6 @@ ABLATIONS = ("lptransformer-wa", "lptransformer-wc", "lptransformer-wac")
 
 ACCURACY = 0.99
 MSE = 0.0015
-VISIBLE = 0.002
 BEST_FR = 8
 
 

@@ -85,7 +85,7 @@ def test_attention_is_equations_6_to_9() -> None:
         np.testing.assert_allclose(together[t], np.tanh(w_c @ np.concatenate([context, decoded[t]])), atol=1e-4)
 
 
-def test_the_context_starts_no_larger_than_the_state_beside_it() -> None:
+def test_the_context_of_an_untrained_spsn_is_no_larger_than_its_state() -> None:
     """Its weights sum to N + M - 1, so that eq. 9 would begin where tanh is flat."""
     network = spsn_network(64)
     encoded, decoded = (tensor(RNG.uniform(-0.5, 0.5, size=(1, spsn.USUAL_FRAMES, 64)) + 0.3) for _ in range(2))

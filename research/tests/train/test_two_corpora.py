@@ -17,7 +17,7 @@ from signsplice_workshop.corpora.readable_pairs import JudgedCorpus, TaughtCorpu
 
 
 @pytest.mark.slow
-def test_what_was_taught_on_many_words_stands_beside_what_was_taught_on_the_judged_ones(tmp_path: Path) -> None:
+def test_the_table_has_systems_trained_on_either_corpus(tmp_path: Path) -> None:
     signs = tuple(notation.everyday().values())
     write_readable(JudgedCorpus(signs, n_known=6, n_unseen=2, n_signers=1, n_pairs=4), tmp_path / "judged", processes=1)
     write_readable(TaughtCorpus(n_signers=2, n_words=4, n_pairs=6), tmp_path / "taught", processes=1)
