@@ -519,10 +519,10 @@ def test_frames_that_do_not_belong_are_named_by_every_command_that_reads_words(
 
 def test_an_option_is_named_as_the_command_line_has_it(signsplice: Call) -> None:
     """The library names the field of ``SpliceOptions``."""
-    run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--fill-misses")
+    run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--system", "lpt-plus", "--cutter", "ends")
     assert run.returncode == 2
     assert run.stderr == (
-        "error: --fill-misses goes with --system: it says what becomes of words for which that has no splice\n"
+        "error: lpt-plus runs whole: it chooses positions, number of frames and frames itself; leave out --cutter\n"
     )
     assert with_option_names("leave out SpliceOptions.cutter, SpliceOptions.duration") == (
         "leave out --cutter, --transition-time"

@@ -47,7 +47,7 @@ FLOORS = {
 SPLICING = (
     "contracts", "durations", "runtime", "bundle", "features", "cutters", "curves", "learned", "word",
     "seam", "collisions", "passes", "tempo", "letters", "idle_hands", "pauses", "result", "faces", "systems",
-    "options", "stages", "sentence", "engine", "bulk_splice", "report",
+    "from_positions", "lptransformer", "options", "stages", "sentence", "engine", "bulk_splice", "report",
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""
 

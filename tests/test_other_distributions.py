@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from signsplice.cli import plugins
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.splicing import systems
+from signsplice.splicing import lptransformer
 from test_cli import run_program
 
 BUNDLE = '{"version": 1, "system": "somebody-else", "files": {}}'
@@ -27,12 +27,14 @@ def opens(folder):
 
 
 def install(folder: Path, name: str) -> None:
-    """A distribution with a module of its name, which opens some folders as systems."""
+    """A distribution with a module of its name, which opens some folders as systems, and such a folder."""
+    (folder / "in" / name).mkdir(parents=True)
+    (folder / "in" / name / "bundle.json").write_text(BUNDLE)
     (folder / f"{name}.py").write_text(OPENER.replace("ours", name))
     metadata = folder / f"{name}-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(f"[{systems.GROUP}]\n{name} = {name}:opens\n")
+    (metadata / "entry_points.txt").write_text(f"[{lptransformer.GROUP}]\n{name} = {name}:opens\n")
 
 
 def test_the_distribution_that_knows_a_system_opens_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,13 +42,15 @@ def test_the_distribution_that_knows_a_system_opens_it(tmp_path: Path, monkeypat
         install(tmp_path, name)
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("firstsystems", "secondsystems"):
-        assert str(systems.open_system(f"in/{name}")) == f"opened in/{name}"
-    with pytest.raises(InputError, match="in/x"):
-        systems.open_system("in/x")
+        folder = tmp_path / "in" / name
+        assert str(lptransformer.open_system(folder)) == f"opened {folder}"
+    (tmp_path / "bundle.json").write_text(BUNDLE)
+    with pytest.raises(InputError, match="has no 'runs'"):
+        lptransformer.open_system(tmp_path)
 
 
 def test_a_system_that_nothing_opens_names_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(systems, "entry_points", lambda **_: ())
+    monkeypatch.setattr(lptransformer, "entry_points", lambda **_: ())
     (tmp_path / "bundle.json").write_text(BUNDLE)
     call = ["sentence", "HELLO I", "-o", str(tmp_path / "out.bvh"), "--system", str(tmp_path)]
     result = CliRunner().invoke(app, call)

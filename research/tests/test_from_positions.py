@@ -6,7 +6,7 @@ from conftest import random_clip
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
-from signsplice_paper.systems.from_positions import HandFit, rotations_from_positions
+from signsplice.splicing.from_positions import HandFit, rotations_from_positions
 
 
 def test_rotations_from_positions_reproduce_the_positions(words: dict[str, Clip]) -> None:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.splicing.bundle import BUNDLE_FILE, Sessions, read_file
+from signsplice.splicing.lptransformer import HIDDEN, START, splice_positions
 from signsplice_paper.configs import config_of, read_config
 from signsplice_paper.systems import OneNetworkSystem, TwoNetworkSystem, open_bundle
-from signsplice_paper.systems.splicers import DECODINGS, HIDDEN, START, PaperSystem, splice_position
+from signsplice_paper.systems.splicers import DECODINGS, PaperSystem
 from signsplice_workshop.train.bundles import write_bundle
 
 Array = NDArray[Any]
@@ -146,10 +147,10 @@ def test_frames_are_made_at_positions_that_are_given() -> None:
 
 
 def test_positions_follow_equation_10() -> None:
-    assert splice_position(tokens(9, 2, 7)["tokens"][0], 5) == (2, 2)
-    assert splice_position(tokens(9, None, None)["tokens"][0], 5) == (None, None)
-    assert splice_position(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5) == (None, None)
-    assert splice_position(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5, bias=1.1) == (2, 2), "the frame is the same"
+    assert splice_positions(tokens(9, 2, 7)["tokens"][0], 5) == (2, 2)
+    assert splice_positions(tokens(9, None, None)["tokens"][0], 5) == (None, None)
+    assert splice_positions(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5) == (None, None)
+    assert splice_positions(tokens(9, 2, 7)["tokens"][0] - [0, 3, 3], 5, bias=1.1) == (2, 2), "the frame is the same"
 
 
 def written(folder: Path, **changes: Any) -> Path:

@@ -15,7 +15,6 @@ from signsplice.errors import FormatError, InputError
 from signsplice.lexicon import shipped
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.rig.inspection import inspect
-from signsplice_workshop.measure.hands import twist_angle
 
 BOOK = shipped().clip("BOOK")
 
@@ -35,7 +34,7 @@ BOOK = shipped().clip("BOOK")
 def test_keys_are_interpolated_as_the_file_says(tmp_path: Path, interpolation: str, values: Any, expected: Any) -> None:
     clip = load_document(tmp_path, document(ARM, [rotating(values=values, interpolation=interpolation)]))
     assert (clip.fps, len(clip), clip.name) == (30.0, 31, "wave")
-    angle = np.degrees(twist_angle(clip.local_rotations[:, 0], [0.0, 0.0, 1.0]))
+    angle = np.degrees(rotation.twist_angle(clip.local_rotations[:, 0], [0.0, 0.0, 1.0]))
     np.testing.assert_allclose(angle, expected(np.arange(31) / 30.0), atol=1e-4)
 
 

@@ -14,11 +14,8 @@ import pytest
 from onnx import TensorProto, helper
 
 from signsplice.errors import InputError
-from signsplice.splicing import options as methods
-from signsplice.splicing.bundle import names_other_files
+from signsplice.splicing.bundle import WEIGHTS, names_other_files
 from signsplice.splicing.learned import open_sessions
-
-WEIGHTS = methods.WEIGHTS
 
 
 def external(name: str = "w") -> TensorProto:

@@ -27,7 +27,7 @@ from signsplice.rig.info import canonical_motion, rig_info
 from signsplice.rig.roles import ARM
 from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD
-from signsplice.splicing.bundle import Array, Sessions
+from signsplice.splicing.bundle import WEIGHTS, Array, Sessions
 from signsplice.splicing.contracts import Cut, Gap, gap_at
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.learned import (
@@ -37,7 +37,6 @@ from signsplice.splicing.learned import (
     WordReader,
     open_sessions,
 )
-from signsplice.splicing.options import WEIGHTS
 from signsplice.splicing.sentence import Sentence
 from signsplice_workshop.corpora.rekeying import rekeyed
 

@@ -30,8 +30,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from signsplice.splicing.bundle import read_config, read_file
-from signsplice.splicing.options import WEIGHTS
+from signsplice.splicing.bundle import WEIGHTS, read_config, read_file
 from signsplice_workshop.corpora.motion_version import MOTION_VERSION
 from signsplice_workshop.train.bundles import write_bundle
 

@@ -15,8 +15,8 @@ import numpy as np
 import signsplice as ss
 from signsplice.motion import FloatArray
 from signsplice.splicing.contracts import Cut
+from signsplice.splicing.lptransformer import cull
 from signsplice_paper.clip_methods import prediction_of
-from signsplice_paper.culling import cull
 from signsplice_paper.extra_metrics import stretched
 from signsplice_paper.position_baselines import Positions
 from signsplice_paper.prediction import Prediction

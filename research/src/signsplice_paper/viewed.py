@@ -14,9 +14,9 @@ import numpy as np
 
 from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.rig.info import rig_info
+from signsplice.splicing.from_positions import rotations_from_positions
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems.clips import clip_of_numbers
-from signsplice_paper.systems.from_positions import rotations_from_positions
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.measure import motion_scores
 

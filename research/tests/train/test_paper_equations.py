@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 from torch import Tensor, nn  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
-from signsplice_paper.culling import cull  # noqa: E402
+from signsplice.splicing.lptransformer import cull  # noqa: E402
 from signsplice_paper.train.networks import layers, recurrent, spsn  # noqa: E402
 
 RNG = np.random.default_rng(5)

@@ -16,9 +16,9 @@ from onnx import helper, numpy_helper  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import InputError  # noqa: E402
+from signsplice.splicing.lptransformer import cull  # noqa: E402
 from signsplice_paper import plan, published  # noqa: E402
 from signsplice_paper.configs import read_config  # noqa: E402
-from signsplice_paper.culling import cull  # noqa: E402
 from signsplice_paper.train import scales, training  # noqa: E402
 from signsplice_paper.train.networks.convs2s import ConvS2SConfig  # noqa: E402
 from signsplice_paper.train.networks.spsn import SpsnConfig  # noqa: E402

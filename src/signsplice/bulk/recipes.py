@@ -38,6 +38,7 @@ class SentenceRecipe:
     seed: of the draw that the recipe comes from. Splicing draws nothing.
     transition_time: seconds, or the name of a rule.
     sign_speed, tempo, fps, cutter, transition, free_hand, avoid_collisions: as in ``SpliceOptions``.
+    system: name of a system that joins whole words, in place of cutter, transition and what goes with them.
     spell: whether words that the lexicon lacks are spelled; else the row fails.
     pauses: whether signs are held at the punctuation after their gloss: "HELLO,".
     face_rules: whether words without a face of their own get one by rule: blinks, and brows up to a gloss with a ``?``.
@@ -57,13 +58,12 @@ class SentenceRecipe:
     spell: bool = True
     pauses: bool = True
     face_rules: bool = False
+    system: str | None = None
 
     @property
     def sha256(self) -> str:
-        """Hash of all fields; of ``face_rules``, which came later, where it is set."""
-        given = asdict(self)
-        if not self.face_rules:
-            del given["face_rules"]
+        """Hash of all fields; of ``face_rules`` and ``system``, which came later, where they are set."""
+        given = {name: value for name, value in asdict(self).items() if value or name not in ("face_rules", "system")}
         return hashlib.sha256(json.dumps(given, sort_keys=True, ensure_ascii=False).encode()).hexdigest()
 
     def options(self, bundle: str | None) -> SpliceOptions:
@@ -72,7 +72,7 @@ class SentenceRecipe:
             seconds, rule = float(self.transition_time), "auto"
         except ValueError:
             seconds, rule = None, self.transition_time
-        names = ("cutter", "transition", "sign_speed", "tempo", "fps", "avoid_collisions", "free_hand")
+        names = ("cutter", "transition", "sign_speed", "tempo", "fps", "avoid_collisions", "free_hand", "system")
         same = {name: getattr(self, name) for name in names}
         rules = RULES if self.face_rules else ()
         return SpliceOptions(**same, duration=rule, bundle=bundle, transition_time=seconds, face_rules=rules)

@@ -31,6 +31,7 @@ _DIALS = {
     "--cutter": "NAME",
     "--transition": "NAME",
     "--free-hand": "transition|natural",
+    "--system": "NAME",
 }
 _AS_THERE = "As of `sentence`."
 _STORE = "Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row."
@@ -186,7 +187,7 @@ def pairs(count: int | None, seed: int, **options: Any) -> None:
     _require_extra()
     from signsplice.bulk import drawing
 
-    names = ("transition_time", "sign_speed", "tempo", "fps", "cutter", "transition", "free_hand")
+    names = ("transition_time", "sign_speed", "tempo", "fps", "cutter", "transition", "free_hand", "system")
     dials = {name: options.pop(name) for name in (*names, "avoid_collisions", "spell", "pauses", "face_rules")}
     ranges, fixed = _ranges(dials)
     if ranges:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -46,7 +45,6 @@ from signsplice.errors import InputError
 if TYPE_CHECKING:
     from signsplice.body.capsules import Avatar
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
-    from signsplice.splicing.systems import WholeSystem
 
 Chosen = TypeVar("Chosen")
 
@@ -55,7 +53,7 @@ _joining_options = added(
     option(
         "--transition",
         "NAME",
-        "How the frames between signs are made: see `signsplice methods`, or a trained system's folder.",
+        "How the frames between signs are made: see `signsplice methods`.",
     ),
     BUNDLE,
     option("--avatar", "A.vrm", "Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
@@ -70,7 +68,7 @@ _joining_options = added(
     reads_poses,
 )
 _splicing_options = added(
-    option("--cutter", "NAME", "How splice points are found: see `signsplice methods`, or a trained system's folder."),
+    option("--cutter", "NAME", "How splice points are found: see `signsplice methods`."),
     preset(
         "--transition-time",
         "auto",
@@ -92,9 +90,15 @@ _splicing_options = added(
         "Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
     ),
     option(
-        "--system", "DIR", "A trained system of the paper, run whole: its positions, its number of frames, its frames."
+        "--system",
+        "lptransformer|lpt-plus|DIR",
+        "The paper's LpTransformer, LPT+, or a trained system in a folder, run whole: its positions and its frames.",
     ),
-    flag("--fill-misses", "Join words for which the system finds no positions by the defaults, instead of stopping."),
+    flag(
+        "--fill-misses/--no-fill-misses",
+        "Join words for which the system finds no positions by the defaults, with a warning, or stop.",
+        default=True,
+    ),
     _joining_options,
 )
 """Options that ``splice`` and ``sentence`` share."""
@@ -205,12 +209,12 @@ def _splice_options(
     except ValueError:
         seconds, duration = None, transition_time
     options = SpliceOptions(
-        cutter=_method(cutter),
-        transition=_method(transition),
+        cutter=cutter,
+        transition=transition,
         duration=duration,
         transition_time=seconds,
         limits=limits(),
-        system=None if system is None else _opened(system),
+        system=system,
         **others,
     )
     options.choose_methods()
@@ -221,34 +225,9 @@ def _networks(
     bundle: str | None, cutter: str | None = None, transition: str | None = None, system: str | None = None, **_: Any
 ) -> list[str | Path | None]:
     """Folders of the networks that a call may read."""
-    from signsplice.splicing.options import WEIGHTS
+    from signsplice.splicing.bundle import WEIGHTS
 
     return [bundle or WEIGHTS, cutter, transition, system]
-
-
-def _method(name: str | None) -> Any:
-    """A method's name, or the trained system in the folder of that name."""
-    if name is None or not (Path(name) / "bundle.json").is_file():
-        return name
-    return _opened(name)
-
-
-def _opened(folder: str) -> WholeSystem:
-    """The trained system in a folder. Raises ``InputError``, which names those in its folders, for another."""
-    from signsplice.splicing.bundle import BUNDLE_FILE, read_config
-    from signsplice.splicing.learned import SYSTEM
-    from signsplice.splicing.systems import open_system
-
-    if not (Path(folder) / BUNDLE_FILE).is_file():
-        within = sorted(path.parent.name for path in Path(folder).glob(f"*/{BUNDLE_FILE}"))
-        made = (
-            f"name one of those in it: {', '.join(within)}" if within else "`signsplice-paper train-system` makes one"
-        )
-        raise InputError(f"{folder}: is no trained system; {made}")
-
-    if read_config(Path(folder)).system == SYSTEM:
-        raise InputError(f"{folder}: is a bundle of this project; give it as --bundle {quote(folder)}")
-    return open_system(folder)
 
 
 @dataclass(frozen=True)
@@ -297,13 +276,13 @@ def inbetween(clip: str, gaps: tuple[str, ...], roles: str | None, **others: Any
     began = time.perf_counter()
     loaded = load(clip, roles, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
-    target.deliver(fill_gaps(loaded, ranges, **dials | {"transition": _method(dials["transition"])}), load_ms)
+    target.deliver(fill_gaps(loaded, ranges, **dials), load_ms)
 
 
 @click.command()
 @AS_JSON
 def methods(as_json: bool) -> None:
-    """List every cutter, transition and duration by name."""
+    """List every cutter, transition, duration and system by name."""
     from signsplice.splicing.options import all_methods
 
     rows = [

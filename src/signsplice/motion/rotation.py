@@ -197,6 +197,16 @@ def between_vectors(u: ArrayLike, v: ArrayLike) -> FloatArray:
     return np.where(norm < _TINY, IDENTITY, q / np.where(norm < _TINY, 1.0, norm))
 
 
+def twist_angle(q: ArrayLike, axis: ArrayLike) -> FloatArray:
+    """Signed angle (...) in (-pi, pi] by which ``q`` turns about the unit ``axis`` (..., 3) (swing-twist
+    decomposition).
+    """
+    q = np.asarray(q, np.float64)
+    along = np.einsum("...i,...i->...", q[..., :3], np.asarray(axis, np.float64))
+    angle = 2.0 * np.arctan2(along, q[..., 3])
+    return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
+
+
 def right_jacobian_inverse(rotvec: ArrayLike, w: ArrayLike) -> FloatArray:
     """Rate of the rotation vector (..., 3) at ``rotvec`` whose body angular velocity is ``w`` (..., 3).
 

@@ -386,6 +386,14 @@ def apply_deltas(
     return out
 
 
+def with_canonical_rotations(clip: Clip, quats: FloatArray) -> Clip:
+    """The clip with each role's joint at canonical rotations ``quats`` (T, R, 4); joints without a role, and roles that
+    the rig lacks, stay. Raises ``InputError`` where the clip's arms are not known by name.
+    """
+    deltas = rotation.log(rotation.multiply(rotation.inverse(canonical_motion(clip).quats), quats))
+    return replace(clip, local_rotations=apply_deltas(clip.skeleton, clip.local_rotations, deltas))
+
+
 def mirrored_deltas(delta_rotvecs: FloatArray) -> FloatArray:
     """Rotation vectors (T, R, 3) of all roles as they are in the mirror."""
     return np.asarray(delta_rotvecs[:, MIRROR] * np.array([1.0, -1.0, -1.0]))

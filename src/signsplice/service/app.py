@@ -167,7 +167,7 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
     @app.head("/v1/methods", include_in_schema=False)
     @app.get("/v1/methods", responses=_failures(421))
     def methods() -> list[wire.MethodInfo]:
-        """Every cutter, transition and duration rule."""
+        """Every cutter, transition, duration rule and system."""
         return [
             wire.MethodInfo(kind, method.name, method.summary, method.learned, default)  # type: ignore[arg-type]
             for kind, method, default in all_methods()

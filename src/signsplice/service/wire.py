@@ -20,6 +20,7 @@ from signsplice.lexicon import sentence
 from signsplice.splicing import engine, result, seam
 from signsplice.splicing.durations import DURATIONS, FASTEST_S, SLOWEST_S
 from signsplice.splicing.idle_hands import FREE_HANDS, TRANSITION
+from signsplice.splicing.lptransformer import SHIPPED
 from signsplice.splicing.options import AUTO
 
 FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     Format = str
     AnswerFile = str
     DurationRule = str
+    SystemName = str
     FreeHand = str
     Files = dict[str, str | None]
 else:
@@ -72,6 +74,7 @@ else:
     AnswerFile = Literal[(*FORMAT_NAMES, *PICTURES)]
     DurationRule = Literal[(AUTO, *DURATIONS)]
     FreeHand = Literal[FREE_HANDS]
+    SystemName = Literal[(*SHIPPED,)]
     Files = make_dataclass(
         "Files",
         [(form, str | None, None) for form in FORMAT_NAMES],
@@ -106,6 +109,7 @@ class Dials:
     fps: frame rate of the output; null for that of the first clip.
     avoid_collisions (in JSON: body_sense): lead hands around the body; null: if the transition is learned.
     free_hand: what time a hand has that only goes to rest, or comes from it: the transition's, or as much as it needs.
+    system: a system that joins whole words, in place of cutter, transition and what goes with them.
     """
 
     __pydantic_config__ = STRICT
@@ -118,6 +122,7 @@ class Dials:
     fps: Annotated[float, Field(ge=1.0, le=240.0, allow_inf_nan=False)] | None = None
     avoid_collisions: Annotated[bool | None, Field(alias="body_sense")] = None
     free_hand: FreeHand = TRANSITION
+    system: SystemName | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,13 +273,13 @@ class WordList:
 
 @dataclass(frozen=True)
 class MethodInfo:
-    """A cutter, transition or duration rule.
+    """A cutter, transition, duration rule, or system that joins whole words.
 
     learned: whether it is a network.
     default: whether it is used where none is named.
     """
 
-    kind: Literal["cutter", "transition", "duration"]
+    kind: Literal["cutter", "transition", "duration", "system"]
     name: str
     summary: str
     learned: bool

@@ -25,6 +25,8 @@ from signsplice.formats.json_files import check_type, read_json
 from signsplice.formats.reading import as_format_error, format_errors, read_bytes
 
 BUNDLE_FILE = "bundle.json"
+WEIGHTS = Path(__file__).parent / "weights"
+"""The bundle that ships, and in folders of it the systems that do."""
 VERSION = 1
 
 

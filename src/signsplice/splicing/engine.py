@@ -50,7 +50,7 @@ def splice(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -
 
 def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult:
     """All pieces of a sentence joined. Raises ``InputError`` where there is none."""
-    tempo, system = sentence.options.tempo, sentence.options.system
+    tempo, system = sentence.options.tempo, sentence.options.whole_system
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     began = perf_counter()

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,7 +14,7 @@ from signsplice.errors import InputError
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.splicing.bundle import BUNDLE_FILE, NetworkConfig, bundle_sha256
+from signsplice.splicing.bundle import BUNDLE_FILE, WEIGHTS, NetworkConfig, bundle_sha256
 from signsplice.splicing.contracts import Cutter, Duration, Method, Transition, find
 from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS
 from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS
@@ -35,10 +36,9 @@ from signsplice.splicing.learned import (
     WordReader,
     open_sessions,
 )
+from signsplice.splicing.lptransformer import SHIPPED, open_system
 from signsplice.splicing.systems import WholeSystem, check_alone
 
-WEIGHTS = Path(__file__).parent / "weights"
-"""The bundle that ships."""
 AUTO = "auto"
 """The name of the default duration."""
 _OPEN_AT_ONCE = 4
@@ -168,10 +168,11 @@ def all_methods() -> list[tuple[str, Method, bool]]:
     """Every method as (kind, method, whether it is the default), those of the bundle that ships among them."""
     defaults = choose()
     own = open_learned() if defaults.bundle is not None else LearnedMethods()
-    tables: tuple[tuple[str, dict[str, Method], Method], ...] = (
+    tables: tuple[tuple[str, Mapping[str, Method], Method | None], ...] = (
         ("cutter", {**CUTTERS, **own.cutters}, defaults.cutter),
         ("transition", {**TRANSITIONS, **own.transitions}, defaults.transition),
         ("duration", {**DURATIONS}, defaults.duration),
+        ("system", {name: open_system(name) for name in SHIPPED}, None),
     )
     return [(kind, method, method is default) for kind, table, default in tables for method in table.values()]
 
@@ -199,7 +200,8 @@ class SpliceOptions:
         "natural": frames of the signs too, as long as the hand rests in them.
     face_rules: rules by which words without a face of their own have one, some of ``faces.RULES``.
     limits: how many frames a clip may have at the output rate.
-    system: a system that splices whole words, in place of cutter, transition, duration and what goes with them.
+    system: a system that splices whole words, in place of cutter, transition, duration and what goes with them: a name
+        of ``lptransformer.SHIPPED``, a trained system's folder, or an object of that class.
     fill_misses: whether words for which the system has no splice are joined by the defaults, with a warning; else they
         are an error.
 
@@ -218,8 +220,8 @@ class SpliceOptions:
     free_hand: str = TRANSITION
     face_rules: tuple[str, ...] = ()
     limits: ReadLimits = DEFAULT_LIMITS
-    system: WholeSystem | None = None
-    fill_misses: bool = False
+    system: str | WholeSystem | None = None
+    fill_misses: bool = True
 
     def __post_init__(self) -> None:
         limits = (
@@ -234,15 +236,15 @@ class SpliceOptions:
         if self.free_hand not in FREE_HANDS:
             raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(FREE_HANDS)}")
         check_rules(self.face_rules)
-        if self.system is not None:
+        if self.whole_system is not None:
             decided = {field.name: field.default for field in fields(self) if field.name in _DECIDED_BY_SYSTEM}
             named = [name for name, default in decided.items() if getattr(self, name) not in (default, AUTO)]
-            check_alone(self.system, named, self.fps)
-        elif self.fill_misses:
-            raise InputError(
-                "SpliceOptions.fill_misses goes with SpliceOptions.system: it says what becomes of words for which "
-                "that has no splice"
-            )
+            check_alone(self.whole_system, named, self.fps)
+
+    @cached_property
+    def whole_system(self) -> WholeSystem | None:
+        """The system that splices whole words; None where cutter, duration and transition do."""
+        return open_system(self.system) if isinstance(self.system, str) else self.system
 
     @property
     def seconds_a_sign(self) -> float | None:

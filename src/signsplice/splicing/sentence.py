@@ -41,7 +41,7 @@ class Sentence:
         self.passes = stages.passes(options, self.planner.methods) if passes is None else check_order(passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
         self.faces: list[int] = []
-        self.face_rules, self._blinks = () if options.system is not None else options.face_rules, Blinks()
+        self.face_rules, self._blinks = () if options.whole_system is not None else options.face_rules, Blinks()
         self._n_words = self._n_out = 0
         self._reference: Reference | None = None
         self._last: AlignedWord | None = None
@@ -51,7 +51,7 @@ class Sentence:
     @property
     def names(self) -> tuple[str, str, str | None]:
         """Names of what cuts and of what makes the frames, and the sha256 of the bundle that they come from."""
-        system, methods = self.options.system, self.planner.methods
+        system, methods = self.options.whole_system, self.planner.methods
         if system is not None:
             return system.name, system.name, system.sha256
         return methods.cutter.name, methods.transition.name, methods.bundle

@@ -77,7 +77,7 @@ class Planner:
 
         Raises ``LimitError`` for too many frames, ``RigMismatchError`` where rigs have nothing in common.
         """
-        clip, speed, system = with_rest_pose(clip), self.options.sign_speed, self.options.system
+        clip, speed, system = with_rest_pose(clip), self.options.sign_speed, self.options.whole_system
         fps = first.fps if first else self._output_fps(clip)
         self.options.limits.check_resampling(clip, fps, speed)
         stray, held = stray_frames(clip), with_ends_held(clip)
@@ -103,53 +103,61 @@ class Planner:
 
     def _output_fps(self, clip: Clip) -> float:
         """The output rate of a sentence that begins with this clip."""
-        system = self.options.system
+        system = self.options.whole_system
         return self.options.fps or (clip.fps if system is None else system.output_fps(clip))
 
     def time(self, word: AlignedWord, given: Word) -> AlignedWord:
         """The word at the tempo asked for, and held at the mark after it, where one is ``given``."""
         if self._seconds is not None:
             word = retimed(word, self.methods.cutter, self._seconds)
-        if given.pause is not None and self.options.system is None:
+        if given.pause is not None and self.options.whole_system is None:
             word = with_pause(word, given.pause, self.methods.cutter, self.options.sign_speed)
         return replace(word, starts=given.starts)
 
     def cuts(self, words: Sequence[AlignedWord]) -> list[Cut]:
         """The cutter's choice for every two neighbours; none where a system joins them."""
-        return cut_words(self.methods.cutter, words) if self.options.system is None and len(words) > 1 else []
+        return cut_words(self.methods.cutter, words) if self.options.whole_system is None and len(words) > 1 else []
 
     def seams(self, words: Sequence[AlignedWord], cuts: Sequence[Cut]) -> list[Seam]:
         """The seams of words in order, one fewer than words; each word is entered by the seam before it. ``cuts``: of
         the words, by ``cuts``.
         """
-        if self.options.system is not None:
-            return self._seams_by_system(self.options.system, words)
+        if self.options.whole_system is not None:
+            return self._seams_by_system(self.options.whole_system, words)
         seams: list[Seam] = []
         for after, chosen in zip(words[1:], cuts, strict=True):
             seams.append(self._seam(seams[-1].after if seams else words[0], after, chosen))
         return seams
 
     def _seams_by_system(self, system: WholeSystem, words: Sequence[AlignedWord]) -> list[Seam]:
-        """The seams as the system makes them. Raises ``SignspliceError`` that names all pairs for which it has none,
-        unless the call's methods join those.
+        """The seams as the system makes them; letters of one spelled word are joined as such. Raises
+        ``SignspliceError`` that names all pairs for which it has none, unless the call's methods join those.
         """
         seams: list[Seam] = []
         misses: list[str] = []
         for k, word in enumerate(words[1:]):
             before = seams[-1].after if seams and seams[-1].after.index == words[k].index else words[k]
+            if before.is_letter and word.is_letter and not word.starts:
+                seams.append(self._seam(before, word, self._cut(before, word)))
+                continue
             try:
                 seams.append(system.splice_words(before, word))
             except NoSpliceError as error:
                 if not self.options.fill_misses:
                     misses.append(f"{before.clip.name} -> {word.clip.name}: {error}")
                     continue
-                cutter, transition = self.methods.cutter, self.methods.transition
-                seam = self._seam(before, word, cut_words(cutter, [before, word])[0])
-                line = f"{error}: joined by cutter {cutter.name}, transition {transition.name}"
+                seam = self._seam(before, word, self._cut(before, word))
+                line = (
+                    f"{error}: joined by cutter {self.methods.cutter.name}, transition {self.methods.transition.name}"
+                )
                 seams.append(replace(seam, warnings=(line, *seam.warnings)))
         if misses:
             raise SignspliceError(misses_message(misses, len(words) - 1))
         return seams
+
+    def _cut(self, before: AlignedWord, after: AlignedWord) -> Cut:
+        """The cutter's choice for two words."""
+        return cut_words(self.methods.cutter, [before, after])[0]
 
     def _seam(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
         """The seam of two words. Letters of one spelled word are joined as such, unless the user chose a cutter."""

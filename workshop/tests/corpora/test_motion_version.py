@@ -10,8 +10,7 @@ from signsplice.lexicon import shipped
 from signsplice.motion import kinematics
 from signsplice.signer import planner
 from signsplice.signer.signer import STANDARD
-from signsplice.splicing.bundle import read_config
-from signsplice.splicing.options import WEIGHTS
+from signsplice.splicing.bundle import WEIGHTS, read_config
 from signsplice_workshop.corpora.motion_version import MOTION_VERSION, hash_motion
 
 

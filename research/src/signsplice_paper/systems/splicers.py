@@ -11,22 +11,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signsplice.motion import FloatArray
 from signsplice.splicing.bundle import Array, Sessions
+from signsplice.splicing.lptransformer import START, cull, decode, single, splice_positions
 from signsplice_paper.configs import PaperConfig, RunConfig
-from signsplice_paper.culling import check, cull
 from signsplice_paper.prediction import N_NUMBERS, Prediction
 
 DECODINGS = ("one-by-one", "without-cache", "parallel")
-NONE, PRE, POST = 0, 1, 2
-START, FRAME, HIDDEN = 0, 1, 2
-
-
-def single(x: Array) -> Array:
-    """Frames (N, 159) as a batch of one, in float32."""
-    return np.ascontiguousarray(x[None], dtype=np.float32)
+FRAME = 1
+"""Kind of a decoder's input: a frame that it made."""
 
 
 class PaperSystem(ABC):
@@ -56,7 +50,7 @@ class PaperSystem(ABC):
 
     def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
         """The positions pre and post alone, None for a token that is not emitted."""
-        return splice_position(self.tokens(before, after), len(before), self.token_bias)
+        return splice_positions(self.tokens(before, after), len(before), self.token_bias)
 
     @abstractmethod
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
@@ -75,10 +69,7 @@ class PaperSystem(ABC):
         """
         inputs = {name: value for name, value in encoded.items() if name.startswith(("memory", "state"))}
         if self.decoding == "parallel":
-            kinds = np.full((1, self.most_frames), HIDDEN)
-            kinds[:, 0] = START
-            blank = np.zeros((1, self.most_frames, self.n_numbers), np.float32)
-            made = self.graphs.run("decoder", {**inputs, "fed": blank, "kinds": kinds, "start": np.array(0)})
+            made = decode(self.graphs, encoded, self.most_frames, self.n_numbers)
             ends = np.flatnonzero(made["last"][0] > 0.0)
             count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
             return made["made"][0, :count].astype(np.float64)
@@ -115,7 +106,6 @@ class TwoNetworkSystem(PaperSystem):
 
     def fill(self, before: FloatArray, after: FloatArray, pre: int, post: int) -> FloatArray:
         """The transition (n, 159) at given positions."""
-        check(before, after, pre, post)
         return self._frames(before, after, pre, post)
 
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
@@ -148,7 +138,7 @@ class OneNetworkSystem(PaperSystem):
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
         """The splice."""
         encoded = self._encode(before, after)
-        pre, post = splice_position(encoded["tokens"][0], len(before), self.token_bias)
+        pre, post = splice_positions(encoded["tokens"][0], len(before), self.token_bias)
         return Prediction(pre, post, self._decode(encoded))
 
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
@@ -164,13 +154,3 @@ class OneNetworkSystem(PaperSystem):
         x = np.concatenate([before, after])
         inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
         return self.graphs.run("encoder", inputs)
-
-
-def splice_position(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:
-    """Positions pre (a frame of P) and post (a frame of Q) from logits (N + M, 3); None for a token whose class wins at
-    no frame. ``bias`` is added to the logits of both tokens first.
-    """
-    wins = (logits + np.array([0.0, bias, bias])).argmax(axis=1)
-    pre = int((logits[:n_before, PRE] - logits[:n_before, NONE]).argmax()) if (wins == PRE).any() else None
-    post = int((logits[n_before:, POST] - logits[n_before:, NONE]).argmax()) if (wins == POST).any() else None
-    return pre, post

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pad_sequence
 
-from signsplice_paper.culling import cull
+from signsplice.splicing.lptransformer import cull, splice_positions
 from signsplice_paper.prediction import Prediction
-from signsplice_paper.systems.splicers import splice_position
 from signsplice_paper.train.networks.generator import generate
 from signsplice_paper.train.pairs_data import splice_marks
 from signsplice_paper.train.tasks import MOST_FRAMES
@@ -122,7 +121,7 @@ class BatchPredictor:
     def _positions(self, logits: Tensor, pairs: Sequence[Words]) -> list[Positions]:
         rows = logits.float().cpu().numpy()
         return [
-            splice_position(row[: len(before) + len(after)], len(before), self.token_bias)
+            splice_positions(row[: len(before) + len(after)], len(before), self.token_bias)
             for row, (before, after) in zip(rows, pairs, strict=True)
         ]
 

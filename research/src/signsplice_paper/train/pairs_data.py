@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from signsplice.signer.signer import stream
-from signsplice_paper.culling import cull
+from signsplice.splicing.lptransformer import cull
 from signsplice_paper.train.networks.layers import Normaliser
 from signsplice_workshop.corpora.pairs import Pairs
 

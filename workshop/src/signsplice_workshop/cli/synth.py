@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from signsplice.cli.clips import check_apart
-from signsplice.cli.options import preset
+from signsplice.cli.options import flag, preset
 from signsplice.cli.synth import DRAWN, FPS, SEED, checked_rate, chosen_signs
 from signsplice.cli.terminal import progress, size
 from signsplice.errors import InputError
@@ -58,9 +58,18 @@ OTHER_SIGNER = 1000
     "N",
     "With --truth events: pseudo-signs of N signers to teach on, --words of each, instead of words to judge on.",
 )
+@flag("--own-manner", "With --teach: signers do not hold postures; for systems that are used, not judged.")
 @PROCESSES
 def pairs(
-    output: str, other_signer: int, truth: str, teach: int, processes: int, seed: int, fps: float, **drawn: Any
+    output: str,
+    other_signer: int,
+    truth: str,
+    teach: int,
+    own_manner: bool,
+    processes: int,
+    seed: int,
+    fps: float,
+    **drawn: Any,
 ) -> None:
     """Write all ordered pairs of words (by default 100: 10,000 pairs) with true cut frames, transitions and splits."""
     from signsplice.signer import planner
@@ -71,12 +80,14 @@ def pairs(
         raise InputError(f"--other-signer {other_signer} --processes {processes}, expected at least 0 and 1")
     if teach < 0 or (teach and truth != "events"):
         raise InputError(f"--teach {teach} --truth {truth}, expected at least 0, and --truth events")
+    if own_manner and not teach:
+        raise InputError("--own-manner says how signers to teach on sign, expected --teach too")
     if truth == "events":
         if fps != planner.FPS:
             raise InputError(f"--fps {fps:g}, expected {planner.FPS:g} with --truth events")
         if other_signer != OTHER_SIGNER or (teach and (drawn["signs"] or drawn["pseudo"])):
             raise InputError("--truth events takes no --other-signer, and --teach neither --signs nor --pseudo")
-        _write_readable(output, teach, processes, seed, drawn)
+        _write_readable(output, teach, own_manner, processes, seed, drawn)
         return
     if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:
         drawn["words"] = 100
@@ -89,14 +100,17 @@ def pairs(
     print(f"{output}: {len(made)} pairs of {len(chosen)} words, {takes}, recipe {recipe.hash}")
 
 
-def _write_readable(output: str, teach: int, processes: int, seed: int, drawn: dict[str, Any]) -> None:
+def _write_readable(
+    output: str, teach: int, own_manner: bool, processes: int, seed: int, drawn: dict[str, Any]
+) -> None:
     """Write a corpus whose truth can be read: to teach on by ``teach`` signers, or to judge on where that is 0."""
     from signsplice_workshop.corpora.pairs import Pairs
-    from signsplice_workshop.corpora.readable_pairs import JudgedCorpus, TaughtCorpus, write_readable
+    from signsplice_workshop.corpora.readable_pairs import JudgedCorpus, OwnMannerCorpus, TaughtCorpus, write_readable
 
     recipe: JudgedCorpus | TaughtCorpus
     if teach:
-        recipe = TaughtCorpus(teach, drawn["words"] or TaughtCorpus.n_words, seed=seed)
+        kind = OwnMannerCorpus if own_manner else TaughtCorpus
+        recipe = kind(teach, drawn["words"] or TaughtCorpus.n_words, seed=seed)
     else:
         n_known = drawn["words"] or JudgedCorpus.n_known
         signs = tuple(chosen_signs(**{**drawn, "words": None}, seed=seed, least=2))

@@ -103,7 +103,7 @@ def _tune(
 ) -> None:
     _check_steps(steps)
     check_extra()
-    from signsplice.splicing.options import WEIGHTS
+    from signsplice.splicing.bundle import WEIGHTS
     from signsplice_workshop.train import processes, tuning
 
     with processes.joined(device) as process:

@@ -152,15 +152,34 @@ def make_word(
     return (word, card) if max(abs(a - b) for a, b in zip(seen, planned, strict=True)) <= PLANNED else None
 
 
-def read_card(clip: Clip, signer: Signer, hands: str, margin: float = 1.0) -> Card | None:
+def planned_word(sign: Sign, signer: Signer, slack: int) -> tuple[IsolatedWord, Card] | None:
+    """A sign as a signer makes it alone in a manner of their own, and its card, with events where they were planned:
+    motion that runs on shows none of them to the frame. They lie ``slack`` frames
+    outside the stroke, so that a cut that is off by as much takes nothing from it. None where the sign has no movement.
+    """
+    word = planner.isolated(sign, signer)
+    events = word.events
+    if events.first is None or not events.passes:
+        return None
+    posture, stroke = (max(frame - slack, 0) for frame in (events.start, events.first[0]))
+    stroke_end, hold_end = (min(frame + slack, len(word) - 1) for frame in (events.passes[-1][1], events.end))
+    planned = (posture, stroke, stroke_end, hold_end)
+    card = read_card(word.clip, word.signer, sign.hands, holds=planned)
+    return None if card is None else (word, card)
+
+
+def read_card(
+    clip: Clip, signer: Signer, hands: str, margin: float = 1.0, holds: tuple[int, int, int, int] | None = None
+) -> Card | None:
     """The card of a word, read from its motion alone; None where an event or a property cannot be seen.
 
     hands: how the sign's hands work together, which says whose touches count (``touching_sides``)
     margin: by what factor speeds at the ends of holds differ from ``STILL_CM_S``; other margins hold where it is over 1
+    holds: first and last frames of the first and the last hold, where they are known
     """
     joints = kinematics.forward(clip)[1] / signer.stature_cm - np.array([0.0, 0.5, 0.0])  # (T, J, 3), statures
     strong, weak, fingers = hand_joints(signer)
-    holds = find_holds(joints[:, strong], margin)
+    holds = holds or find_holds(joints[:, strong], margin)
     if holds is None:
         return None
     ends, heights = [holds[0], holds[3]], joints[:, strong[0], 1]

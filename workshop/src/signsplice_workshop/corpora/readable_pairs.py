@@ -82,13 +82,25 @@ class TaughtCorpus:
     seed: int = 0
 
 
+@dataclass(frozen=True)
+class OwnMannerCorpus(TaughtCorpus):
+    """A corpus to teach systems on that are used: its signers sign in manners of their own, without holds, and events
+    are where they were planned (``readable.planned_word``).
+
+    slack: how far outside the stroke they lie, frames
+    """
+
+    slack: int = 2
+
+
 Recipe = JudgedCorpus | TaughtCorpus
 
 
 @dataclass(frozen=True)
 class _Job:
-    """One signer's words and pairs: candidates for words (signs, or seeds of pseudo-signs), how many are wanted, and
-    how pairs are chosen: for each range of words how many, None for all.
+    """One signer's words and pairs: candidates for words (signs, or seeds of pseudo-signs), how many are wanted, the
+    margin with which they are read, ``slack`` instead for words in the signer's own manner, and how pairs are chosen:
+    for each range of words how many, None for all.
     """
 
     signer: Signer
@@ -99,6 +111,7 @@ class _Job:
     known: tuple[str, ...]
     n_pairs: tuple[int | None, int | None]
     path: Path
+    slack: int | None = None
 
 
 def hash_recipe(recipe: Recipe) -> str:
@@ -139,9 +152,11 @@ def write_readable(recipe: Recipe, folder: Path, progress: Progress | None = Non
 def _jobs(recipe: Recipe, part: Path) -> list[_Job]:
     """The jobs of a recipe. The words of a judged corpus are those that can be read in its first signer's motion."""
     if isinstance(recipe, TaughtCorpus):
+        slack = recipe.slack if isinstance(recipe, OwnMannerCorpus) else None
+        signers = [draw_signer(FIRST_TAUGHT + SIGNERS_A_SEED * recipe.seed + k) for k in range(recipe.n_signers)]
         return [
             _Job(
-                signer=readable.careful(draw_signer(FIRST_TAUGHT + SIGNERS_A_SEED * recipe.seed + k)),
+                signer=readable.careful(signer) if slack is None else signer,
                 candidates=tuple(range((1000 * recipe.seed + k) * 100_000, (1000 * recipe.seed + k + 1) * 100_000)),
                 n_words=recipe.n_words,
                 takes=1,
@@ -149,8 +164,9 @@ def _jobs(recipe: Recipe, part: Path) -> list[_Job]:
                 known=(),
                 n_pairs=(0, recipe.n_pairs),
                 path=part / f"signer-{k:04d}.npz",
+                slack=slack,
             )
-            for k in range(recipe.n_signers)
+            for k, signer in enumerate(signers)
         ]
     order = stream("readable-words", recipe.seed).permutation(len(recipe.signs))
     signs = tuple(recipe.signs[k] for k in order)
@@ -202,7 +218,10 @@ def _write_signer(job: _Job) -> None:
     words: list[tuple[IsolatedWord, Card]] = []
     for candidate in job.candidates:
         sign = pseudo.sign(candidate) if isinstance(candidate, int) else candidate
-        word = _readable_word(sign, job.signer, job.takes, job.margin)
+        if job.slack is None:
+            word = _readable_word(sign, job.signer, job.takes, job.margin)
+        else:
+            word = readable.planned_word(sign, job.signer, job.slack)
         if word is not None:
             words.append(word)
         if len(words) == job.n_words:

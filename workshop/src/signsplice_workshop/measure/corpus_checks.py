@@ -18,7 +18,6 @@ from signsplice.signer.signer import JOINTS, stream
 from signsplice_workshop.corpora import sentences
 from signsplice_workshop.corpora.pairs import VERSION, Pairs
 from signsplice_workshop.measure.collisions import hand_penetration
-from signsplice_workshop.measure.hands import twist_angle
 from signsplice_workshop.measure.measures import Progress
 
 LIMIT_CM = 0.5
@@ -141,9 +140,9 @@ def over_limit(local_rotations: FloatArray) -> float:
     for side, mirror in (("Right", 1.0), ("Left", np.array([1.0, -1.0, -1.0, 1.0]))):
         forearm = local_rotations[:, JOINTS[f"{side}ForeArm"]] * mirror
         wrist = local_rotations[:, JOINTS[f"{side}Hand"]] * mirror
-        forearm_twist = twist_angle(forearm, [1.0, 0.0, 0.0])
+        forearm_twist = rotation.twist_angle(forearm, [1.0, 0.0, 0.0])
         bend = rotation.log(rotation.multiply(forearm, rotation.exp(-forearm_twist[:, None] * [1.0, 0.0, 0.0])))
-        twist = twist_angle(wrist, [1.0, 0.0, 0.0])
+        twist = rotation.twist_angle(wrist, [1.0, 0.0, 0.0])
         swing = rotation.log(rotation.multiply(rotation.exp(-twist[:, None] * [1.0, 0.0, 0.0]), wrist))
         (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
         beyond = [

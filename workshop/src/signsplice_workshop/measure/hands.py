@@ -1,5 +1,5 @@
 """Hands of a clip: wrists, bends of fingers, how far the two differ as in a mirror; and the strokes of synthetic words,
-which are known, and where a sentence shows them. Also the twist of a rotation.
+which are known, and where a sentence shows them.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from signsplice.motion import Clip, FloatArray, Skeleton, kinematics
 from signsplice.rig.info import rig_info
@@ -178,13 +177,3 @@ def output_frame(span: Span, frame: int) -> float:
         return frame - (span.source or (0, 0))[0] + span.output[0]
     outputs, sources = np.array(span.warp).T
     return float(np.interp(frame, sources, outputs))
-
-
-def twist_angle(q: ArrayLike, axis: ArrayLike) -> FloatArray:
-    """Signed angle (...) in (-pi, pi] by which ``q`` turns about the unit ``axis`` (..., 3) (swing-twist
-    decomposition).
-    """
-    q = np.asarray(q, np.float64)
-    along = np.einsum("...i,...i->...", q[..., :3], np.asarray(axis, np.float64))
-    angle = 2.0 * np.arctan2(along, q[..., 3])
-    return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))

@@ -8,13 +8,42 @@ themselves (``HandFit``), whose positions and rotations are both known.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
+from signsplice.motion import Clip, FloatArray, Skeleton, bone_translations, kinematics, rotation
 from signsplice.rig.info import rig_info
-from signsplice_workshop.measure.hands import twist_angle
+
+
+def clip_of_positions(positions: FloatArray, before: Clip, after: Clip, joints: Sequence[int] | None = None) -> Clip:
+    """The clip on two clips' skeleton of joint positions (n, K, 3) between them: no bone changes its length, and hands
+    are fitted to both clips. Joints whose positions are not given follow from the frames on either side.
+
+    joints: the K joints whose positions these are, all by default; the first is above all others.
+    """
+    chosen = list(range(len(before.skeleton)) if joints is None else joints)
+    first, last = before.local_rotations[-1], after.local_rotations[0]
+    local = rotations_from_positions(before.skeleton, positions, first, last, chosen)
+    local = HandFit([before, after], chosen).apply(local, positions, first, last)
+    alpha = (np.arange(1, len(positions) + 1) / (len(positions) + 1))[:, None]
+    translations = None
+    if before.translations is not None or after.translations is not None:
+        bones = bone_translations(before)[-1], bone_translations(after)[0]
+        translations = (1.0 - alpha[..., None]) * bones[0] + alpha[..., None] * bones[1]
+    made = Clip(
+        skeleton=before.skeleton,
+        local_rotations=rotation.continuous(np.concatenate([first[None], local]))[1:],
+        root_positions=(1.0 - alpha) * before.root_positions[-1] + alpha * after.root_positions[0],
+        fps=before.fps,
+        translations=translations,
+        channels=None if before.channels is None else before.channels.forgotten(len(positions)),
+    )
+    if chosen[0] == 0:
+        return replace(made, root_positions=positions[:, 0])
+    shift = positions[:, 0] - kinematics.forward(made, [chosen[0]])[1][:, 0]
+    return replace(made, root_positions=made.root_positions + shift)
 
 
 def rotations_from_positions(
@@ -178,7 +207,7 @@ def _transported(rest: FloatArray, seen: FloatArray, start: FloatArray, end: Flo
         axis = rest / np.linalg.norm(rest, axis=-1, keepdims=True)
         last = rest[-1]
         landing = rotation.multiply(rotation.between_vectors(rotation.rotate(q, last), rotation.rotate(end, last)), q)
-        twist = twist_angle(rotation.multiply(rotation.inverse(landing), end), axis[-1])
+        twist = rotation.twist_angle(rotation.multiply(rotation.inverse(landing), end), axis[-1])
         alpha = np.arange(1, len(seen) + 1) / (len(seen) + 1)
         out = rotation.multiply(out, rotation.exp(axis * (twist * alpha)[:, None]))
     return out
