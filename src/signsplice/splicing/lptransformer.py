@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -151,6 +151,9 @@ class LpTransformer(PositionSplicer):
     def __init__(self, graphs: Sessions, sha256: str | None = None) -> None:
         stored = graphs.config.stored
         self.graphs, self.sha256 = graphs, sha256
+        for key in ("system", "fps", "fr", "runs"):
+            if stored.get(key) is None:
+                raise InputError(f"{graphs.config.path}: has no {key!r}; export the system anew")
         with described(graphs.config.path):
             runs = stored["runs"]
             self.name, self.fps, self.fr = str(stored["system"]), float(stored["fps"]), int(stored["fr"])
@@ -225,7 +228,9 @@ def rig_clip(made: Clip, before: Clip, after: Clip) -> Clip:
     standard signer lacks go straight from the one to the other.
     """
     straight = find_transition("linear").between(Gap(before, after, len(made)))
-    return with_canonical_rotations(straight, canonical_motion(made).quats)
+    turned = with_canonical_rotations(straight, canonical_motion(made).quats)
+    joined = rotation.continuous(np.concatenate([before.local_rotations[-1:], turned.local_rotations]))
+    return replace(turned, local_rotations=joined[1:])
 
 
 GROUP = "signsplice.systems"
