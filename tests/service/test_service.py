@@ -107,6 +107,7 @@ def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
         ({"tempo": "natural"}, SpliceOptions(tempo="natural")),
         ({"tempo": 1.0}, SpliceOptions(tempo=1.0)),
         ({"free_hand": "natural"}, SpliceOptions(free_hand="natural")),
+        ({"system": "lpt-plus"}, SpliceOptions(system="lpt-plus")),
     ],
 )
 def test_dials_are_the_engines_options(service: httpx.Client, dials: dict[str, Any], options: SpliceOptions) -> None:
@@ -220,7 +221,12 @@ def test_lexicon_search_lists_prefix_matches_first(service: httpx.Client) -> Non
 
 def test_methods_health_and_metrics(service: httpx.Client) -> None:
     methods = {(method["kind"], method["name"]) for method in service.get("/v1/methods").json()}
-    assert {("cutter", "learned"), ("transition", "hermite"), ("duration", "tempo")} <= methods
+    assert {
+        ("cutter", "learned"),
+        ("transition", "hermite"),
+        ("duration", "tempo"),
+        ("system", "lptransformer"),
+    } <= methods
     assert service.get("/healthz").json()["status"] == "ok"
     before = service.get("/metrics").text
     service.get("/v1/methods")

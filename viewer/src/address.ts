@@ -11,6 +11,7 @@ const CONTROLS = {
   sign_speed: '#sign-speed',
   tempo: '#tempo',
   free_hand: '#free-hand',
+  system: '#system',
   compare: '#compare',
   speed: '#speed',
 } as const;

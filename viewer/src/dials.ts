@@ -10,16 +10,21 @@ const value = (query: string) => find<HTMLInputElement | HTMLSelectElement>(quer
 
 /** The options that the dials show; and the same with another method, where one is chosen to compare. */
 export function requested(): Dials[] {
-  const first: Dials = {
+  const system = value('#system') || null;
+  const sign_speed = Number(value('#sign-speed'));
+  const dials: Dials = {
     cutter: value('#cutter') || null,
     transition: value('#transition') || null,
     transition_time: auto().checked ? 'auto' : Number(value('#transition-time')),
-    sign_speed: Number(value('#sign-speed')),
+    sign_speed,
     tempo: value('#tempo') as 'citation' | 'natural',
     free_hand: value('#free-hand') as 'transition' | 'natural',
   };
+  const joined = (by: string): Dials => ({ system: by as Dials['system'], sign_speed }); // a system chooses all else
+  const first = system ? joined(system) : dials;
   const [kind, name] = value('#compare').split(':');
-  return kind && name ? [first, { ...first, [kind]: name }] : [first];
+  if (!kind || !name) return [first];
+  return [first, kind === 'system' ? joined(name) : { ...dials, [kind]: name }];
 }
 
 /** Call ``changed`` when the user has changed a dial. */
@@ -57,7 +62,9 @@ export async function listMethods(): Promise<void> {
       ...others.map((method) => option(method.name, method.name, method.summary)),
     ]);
   }
-  const groups = (['transition', 'cutter'] as const).map((kind) => {
+  const systems = () => of('system').map((method) => option(method.name, method.name, method.summary));
+  fill('#system', [option('', translate('nothing')), ...systems()]);
+  const groups = (['transition', 'cutter', 'system'] as const).map((kind) => {
     const group = Object.assign(document.createElement('optgroup'), { label: translate(kind) });
     group.append(...of(kind).map((method) => option(`${kind}:${method.name}`, method.name, method.summary)));
     return group;

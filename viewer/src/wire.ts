@@ -82,6 +82,7 @@ export interface Dials {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  system?: "lptransformer" | "lpt-plus" | null;
 }
 
 /** What to sign, ``glosses`` or ``text``, and how. */
@@ -94,6 +95,7 @@ export interface SentenceRequest {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  system?: "lptransformer" | "lpt-plus" | null;
   glosses?: string[] | null;
   text?: string | null;
   spell?: boolean;
@@ -117,6 +119,7 @@ export interface SpliceRequest {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  system?: "lptransformer" | "lpt-plus" | null;
   formats?: ("bvh" | "glb" | "vrma")[];
   mesh?: boolean;
   avatar?: string | null;
@@ -180,9 +183,9 @@ export interface WordList {
   total: number;
 }
 
-/** A cutter, transition or duration rule. */
+/** A cutter, transition, duration rule, or system that joins whole words. */
 export interface MethodInfo {
-  kind: "cutter" | "transition" | "duration";
+  kind: "cutter" | "transition" | "duration" | "system";
   name: string;
   summary: string;
   learned: boolean;
@@ -214,6 +217,7 @@ export interface OpenMessage {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  system?: "lptransformer" | "lpt-plus" | null;
   type: "open";
   paced?: boolean;
   spell?: boolean;
