@@ -90,7 +90,7 @@ class OwnMannerCorpus(TaughtCorpus):
     slack: how far outside the stroke they lie, frames
     """
 
-    slack: int = 2
+    slack: int = 3
 
 
 Recipe = JudgedCorpus | TaughtCorpus
