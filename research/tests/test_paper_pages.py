@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -65,6 +66,23 @@ def test_a_template_takes_tables_from_the_rows() -> None:
         f"| LSTM, {published.EQUAL} | {tables.HERE} | 0.800 (0.900) | - (-) | 0.800 (0.700) | - (-) |",
         f"| LpTransformer, {published.EQUAL} | {tables.ON_MANY} | 0.800 (-) | 0.800 (-) | - (-) | - (-) |",
     ]
+
+
+def test_a_template_takes_times_and_searches_from_files(tmp_path: Path) -> None:
+    timed = {"system": "lstm", "decoding": "one-by-one", "writes": "transition", "n_parameters": 2_340_000}
+    (tmp_path / "speed-cpu.json").write_text(json.dumps({"rows": [timed | {"ms_median": 1.26, "times_base": 0.5}]}))
+    tried = {"part": "lstm", "units": 64, "learning_rate": 0.003, "scores": {"paa": 0.5}}
+    (tmp_path / "search.json").write_text(json.dumps({"rows": [tried]}))
+    text = pages.filled("{{speed cpu}}\n{{search}}\n{{summary lstm lptransformer*}}", FOUND, "cpu", tmp_path)
+    assert text.splitlines() == [
+        "| LSTM | one-by-one | transition | 2.3 | 1.3 | 0.50 |",
+        "| LSTM | 64 | 0.003 | 0.500 | - |",
+        f"| LSTM | {published.EQUAL} | {tables.HERE} | 0.990 | 0.250 | 0.9800 | 0.0016 | 0.500 | - | 0.800 | - |",
+        f"| LpTransformer | {published.EQUAL} | {tables.ON_MANY} | "
+        "0.990 | 0.600 | 0.9800 | 0.0016 | 0.500 | 0.800 | - | - |",
+    ]
+    with pytest.raises(InputError, match="no row of scale"):
+        pages.filled("{{summary nobody}}", FOUND, "cpu")
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
+from datetime import date
 from pathlib import Path
 
 import pytest
 
 from signsplice.errors import InputError
-from signsplice_paper import published, report
+from signsplice_paper import published, report, results
 from signsplice_paper.results import Results
 from toys import DOCS, committed_results, of_rows, row
 
+DAY = date(2026, 11, 28)
 TEMPLATE = """
 Version {{version}}, corpus {{corpus}}, results {{results}}: LSTM has {{lstm pta 2}}.
 
@@ -30,6 +33,7 @@ def folder_with(tmp_path: Path, template: str | None, drawing: str | None) -> Pa
         path.parent.mkdir()
         if text is not None:
             path.write_text(text)
+    (folder / results.FILE).write_text("{}")
     return folder
 
 
@@ -38,16 +42,20 @@ def test_the_report_of_committed_results_is_a_pdf_of_at_most_four_pages(tmp_path
     found = committed_results()
     shutil.copytree(DOCS.parent / "templates", tmp_path / "templates")
     shutil.copytree(DOCS, tmp_path / "docs")
-    report.write(found, tmp_path / "docs", "cpu", tmp_path / "report.pdf")
+    report.write(found, tmp_path / "docs", "cpu", tmp_path / "report.pdf", DAY)
     data = (tmp_path / "report.pdf").read_bytes()
     assert data.startswith(b"%PDF-")
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 4
+    results_hash = hashlib.sha256((DOCS / results.FILE).read_bytes()).hexdigest()[:12].encode()
+    for pdf in (data, (DOCS / "report.pdf").read_bytes()):
+        assert results_hash in pdf, "of these results: `signsplice-paper report`"
+        assert b"signsplice contributors" in pdf
 
 
 def test_a_template_becomes_a_pdf(tmp_path: Path) -> None:
     pytest.importorskip("typst")
     folder = folder_with(tmp_path, TEMPLATE, DRAWING)
-    report.write(of_rows(row("lstm", condition=published.EQUAL)), folder, "cpu", tmp_path / "report.pdf")
+    report.write(of_rows(row("lstm", condition=published.EQUAL)), folder, "cpu", tmp_path / "report.pdf", DAY)
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF-")
 
 
@@ -78,5 +86,5 @@ def test_where_something_lacks_the_report_is_refused_and_nothing_is_written(
     pytest.importorskip("typst")
     found = of_rows(row("lstm", condition=published.EQUAL)) if rows else Results()
     with pytest.raises(InputError, match=message):
-        report.write(found, folder_with(tmp_path, template, drawing), "cpu", tmp_path / "report.pdf")
+        report.write(found, folder_with(tmp_path, template, drawing), "cpu", tmp_path / "report.pdf", DAY)
     assert not (tmp_path / "report.pdf").exists()

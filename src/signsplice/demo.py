@@ -15,18 +15,20 @@ from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.render import film
 from signsplice.splicing import report
-from signsplice.splicing.engine import SpliceResult, splice
+from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice
 
 SENTENCE = ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")
 """The words that the demo splices, chosen for their different locations and handshapes; no grammatical sentence."""
 _FILES = ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "avatar.glb")
+_SYSTEM = "lptransformer"
+"""The system of the paper that splices the same words, for comparison."""
 _ARM = 0.85
 """How long the bones of the avatar's arms are, as a part of the signer's."""
 
 
 def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[str]:
-    """Lines that describe the result, after the words, the sentence, its report, a contact sheet, a film and an avatar
-    have been written into the folder ``out``.
+    """Lines that describe the result, after the words, the sentence, its report, a contact sheet, a film, an avatar, and
+    the same words spliced by LpTransformer have been written into the folder ``out``.
     """
     try:
         (out / "words").mkdir(parents=True, exist_ok=True)
@@ -43,13 +45,18 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
     report.write(report.describe(result), out / "report.json")
     film.write_pictures(result.clip, out / "sentence.png", marks)
     film.write_pictures(result.clip, out / "sentence.gif", marks, progress=progress)
+    compared = splice(clips, SpliceOptions(system=_SYSTEM))
+    save(compared.clip, out / f"{_SYSTEM}.bvh")
+    film.write_pictures(compared.clip, out / f"{_SYSTEM}.gif", compared.marks, progress=progress)
     one_after_another = concatenate(clips)
     return [
         *seam_table(result),
         "",
+        *seam_table(compared),
+        "",
         f"{' '.join(SENTENCE)}: {result.clip.seconds:.2f} s, "
         f"played one after another {one_after_another.seconds:.2f} s",
-        *(f"  {out / name}" for name in (*_FILES, "words/")),
+        *(f"  {out / name}" for name in (*_FILES, f"{_SYSTEM}.bvh", f"{_SYSTEM}.gif", "words/")),
     ]
 
 

@@ -14,6 +14,9 @@ up:
     {{table random}}                          a split's table
     {{table unseen-words lptransformer lpt-plus}}    of these systems
     {{splits lptransformer lpt-plus*}}        lines by split: both positions exact, in brackets within one frame
+    {{summary lptransformer lpt-plus*}}       lines: scores of known words, and exact positions of the other splits
+    {{speed cpu}}                             lines of speed-cpu.json, by system and decoding
+    {{search}}                                lines of search.json, by system, width and rate
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
-from signsplice_paper import layout, tables
+from signsplice.formats.json_files import read_json
+from signsplice_paper import layout, published, tables
 from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import Results
 from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, line, written
@@ -43,7 +47,8 @@ def write(found: Results, folder: Path, scale: str) -> list[Path]:
     texts = {TABLE: tables.as_csv(found, scale)}
     templates = sorted((folder.resolve().parent / TEMPLATES).glob("*.md"))
     for path in templates:
-        texts[path.name] = _HEAD.format(name=path.name) + filled(path.read_text(encoding="utf-8"), found, scale)
+        text = filled(path.read_text(encoding="utf-8"), found, scale, folder)
+        texts[path.name] = _HEAD.format(name=path.name) + text
     if not templates:
         texts[PAGE] = tables.page(found, scale)
     for name, text in texts.items():
@@ -52,9 +57,38 @@ def write(found: Results, folder: Path, scale: str) -> list[Path]:
     return [folder / name for name in texts]
 
 
-def filled(text: str, found: Results, scale: str) -> str:
-    """A template with its figures. Raises ``InputError`` for one that no row has."""
-    return _FIGURE.sub(lambda asked: _figure(asked[1], found, scale), text)
+def filled(text: str, found: Results, scale: str, folder: Path = Path()) -> str:
+    """A template with its figures, and tables of the files beside results.json in ``folder``. Raises ``InputError`` for
+    a figure that no row has.
+    """
+
+    def figure(asked: re.Match[str]) -> str:
+        if asked[1].startswith("speed "):
+            return _times(folder / f"speed-{asked[1].split()[1]}.json")
+        return _searched(folder / "search.json") if asked[1] == "search" else _figure(asked[1], found, scale)
+
+    return _FIGURE.sub(figure, text)
+
+
+def _times(path: Path) -> str:
+    """The lines of a table of prediction times."""
+    rows = read_json(path, "prediction times")["rows"]
+    return "\n".join(
+        f"| {published.name(row['system'])} | {row['decoding']} | {row['writes']} | {row['n_parameters'] / 1e6:.1f} | "
+        f"{row['ms_median']:.1f} | {row['times_base']:.2f} |"
+        for row in rows
+    )
+
+
+def _searched(path: Path) -> str:
+    """The lines of a table of rates and widths that were tried: a line for each system and width."""
+    rows = read_json(path, "a search")["rows"]
+    scores = {(row["part"], row["units"], row["learning_rate"]): row["scores"] for row in rows}
+    return "\n".join(
+        f"| {published.name(part)} | {units} | {rate:.2g} | {layout.number(row.get('paa', math.nan))} | "
+        f"{layout.number(row.get('accuracy', math.nan), 4)} |"
+        for (part, units, rate), row in sorted(scores.items())
+    )
 
 
 def _figure(asked: str, found: Results, scale: str) -> str:
@@ -64,6 +98,8 @@ def _figure(asked: str, found: Results, scale: str) -> str:
         if table is None:
             raise InputError(f"{{{{{asked}}}}}: no row of scale {scale}")
         return "\n".join(layout.markdown(table).splitlines()[2:]).rstrip()
+    if words[0] == "summary" and len(words) > 1:
+        return "\n".join(_summary(asked, found, scale) for asked in words[1:])
     if words[0] == "splits" and len(words) > 1:
         return "\n".join(_by_split(asked, found, scale) for asked in words[1:])
     if len(words) not in (3, 4) or words[3:] not in ([], ["spread"]) or not (words[2] == SHORT or words[2].isdecimal()):
@@ -79,6 +115,18 @@ def _figure(asked: str, found: Results, scale: str) -> str:
         ratio = values[0] if len(values) == 1 else values[0] / values[1]
         cells.append(of[0].cell(score, digits) if words[3:] else written(ratio, digits))
     return " | ".join(cells)
+
+
+def _summary(asked: str, found: Results, scale: str) -> str:
+    system, star = asked.removesuffix("*"), "*" if asked.endswith("*") else ""
+    name, *optimiser = system.split("~")
+    known, *others = (_line("~".join([f"{name}", *optimiser]) + f"@{split}{star}", found, scale) for split in SPLITS)
+    if not known.rows:
+        raise InputError(f"{{{{summary {asked}}}}}: no row of scale {scale}")
+    scores = (("pta", 3), ("paa", 3), ("accuracy", 4), ("mse", SHORT), ("bleu-4", 3))
+    cells = [known.cell(score, digits) for score, digits in scores]
+    cells += [one.cell("paa_all", 3) for one in others]
+    return f"| {known.system} | {known.condition} | {known.taught} | {' | '.join(cells)} |"
 
 
 def _by_split(asked: str, found: Results, scale: str) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import tempfile
+from datetime import date
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,9 +20,9 @@ _SPREAD = re.compile(r" \[(.*), (.*)\]$")
 _BELOW = r" \\ #text(size: 6pt)[\1 to \2]"
 
 
-def write(found: Results, folder: Path, scale: str, out: Path) -> None:
-    """Write the report of a folder of results to ``out``. Raises ``InputError`` where its template, its figure or a row
-    is missing, ``MissingExtraError`` without Typst.
+def write(found: Results, folder: Path, scale: str, out: Path, day: date) -> None:
+    """Write the report of a folder of results to ``out``, dated ``day``. Raises ``InputError`` where its template, its
+    figure or a row is missing, ``MissingExtraError`` without Typst.
     """
     try:
         import typst
@@ -39,10 +41,11 @@ def write(found: Results, folder: Path, scale: str, out: Path) -> None:
     text = files["main.typ"].decode("utf-8")
     for name, value in {
         "version": version("signsplice"), "corpus": found.rows[0].corpus, "results": str(results.VERSION),
-        "rows": _rows(found, scale),
+        "rows": _rows(found, scale), "date": f"datetime(year: {day.year}, month: {day.month}, day: {day.day})",
+        "sha256": hashlib.sha256((folder / results.FILE).read_bytes()).hexdigest()[:12],
     }.items():  # fmt: skip
         text = text.replace(f"{{{{{name}}}}}", value)
-    files["main.typ"] = pages.filled(text, found, scale).encode()
+    files["main.typ"] = pages.filled(text, found, scale, folder).encode()
     with tempfile.TemporaryDirectory(prefix="signsplice-report-") as made, replacing(out) as temporary:
         for name, data in files.items():
             Path(made, name).write_bytes(data)

@@ -22,7 +22,7 @@ import numpy as np
 from signsplice.formats.atomic import replacing
 from signsplice.splicing.learned import FLUENT
 from signsplice.splicing.learned import NAME as LEARNED
-from signsplice_paper import layout, protocol, published
+from signsplice_paper import protocol, published
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.environment import environment, machine
 from signsplice_paper.layout import Table
@@ -164,18 +164,10 @@ def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
 
 
 def write(timed: Sequence[Timed], folder: Path, scale: str, judged: Protocol) -> list[Path]:
-    """Write the times as JSON and Markdown, named by scale; the paths written."""
+    """Write the times as JSON, named by scale; the path written."""
     rows = [{k: v for k, v in {**asdict(row), **asdict(row.run)}.items() if k != "run"} for row in timed]
-    stored = {"scale": scale, "protocol": judged.signature, **environment(), "rows": rows}
-    as_table = table(timed, scale, judged)
-    texts = {
-        ".json": json.dumps(stored, indent=1),
-        ".md": layout.markdown(as_table).rstrip(),
-    }
-    paths = []
-    for suffix, text in texts.items():
-        path = folder / f"{PAGE}-{scale}{suffix}"
-        with replacing(path) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
-        paths.append(path)
-    return paths
+    stored = {"scale": scale, "protocol": judged.signature, **environment(), "machine": machine(), "rows": rows}
+    path = folder / f"{PAGE}-{scale}.json"
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
+    return [path]

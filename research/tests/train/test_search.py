@@ -69,19 +69,3 @@ def test_twice_the_time_is_twice_the_steps(system: str, monkeypatch: pytest.Monk
     part = training.on_skeleton(scales.parts(system, "smoke")[0], corpus())
     config = training.Training(system, "smoke")
     assert [search._steps_within(part, config, corpus(), cpu_s) for cpu_s in (60.0, 120.0, 0.1)] == [12, 24, 1]
-
-
-def test_the_page_names_the_best_and_whether_the_scale_has_it() -> None:
-    head = {"scale": "cpu", "minutes": 2.0, "seed": 0, "corpus": "c0ffee"}
-    rows = [row(rate, width, 0.5) for width in search.WIDTHS for rate in search.RATES]
-    units = scales.parts("lptransformer", "cpu")[0]
-    assert "scale cpu, 2 processor minutes each, seed 0" in search.page(head, rows)
-    line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
-    assert line.endswith(f"| {units.rate:.2g}, {search.units_of(units.config)} units | 0.000 |"), (
-        "of equal ones the scale's own"
-    )
-    rows[-1] = row(3.0, 1.5, 0.6)
-    line = next(line for line in search.page(head, rows).splitlines() if line.startswith("| spsn "))
-    assert line.endswith(f"| {3.0 * units.rate:.2g}, {round(1.5 * search.units_of(units.config))} units | 0.100 |")
-    line = next(line for line in search.page(head, rows[:4]).splitlines() if line.startswith("| spsn "))
-    assert line.endswith("| - | - | - | - |"), "not decided before all are trained"

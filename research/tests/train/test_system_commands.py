@@ -80,7 +80,7 @@ def test_untrained_systems_are_exported_and_timed(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(speed, "SYSTEMS", ("lptransformer", "lstm"))
     call = ["speed", "--scale", "smoke", "--limit", "2", "--pairs", str(corpus().folder)]
     result = CliRunner().invoke(app, [*call, "--out", str(tmp_path)], catch_exceptions=False)
-    assert result.stdout.splitlines() == [str(tmp_path / f"speed-smoke.{kind}") for kind in ("json", "md")]
+    assert result.stdout.splitlines() == [str(tmp_path / "speed-smoke.json")]
     stored = json.loads((tmp_path / "speed-smoke.json").read_text())
     rows = {(row["system"], row["decoding"], row["writes"]): row for row in stored["rows"]}
     assert len(rows) == len(stored["rows"]) == len(list(speed.decoding_runs())) + 1, "and the product"

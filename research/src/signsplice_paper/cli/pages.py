@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,14 +33,16 @@ def figures(**options: Any) -> None:
 
 @click.command()
 @takes(SCALE, OUT)
-@option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), default="out/report.pdf", metavar="PDF")
-def report(output: Path, **options: Any) -> None:
+@option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="PDF", help="[default: in --out]")
+@option("--date", "day", type=click.DateTime(["%Y-%m-%d"]), metavar="DAY", help="That it bears.  [default: today]")
+def report(output: Path | None, day: datetime | None, **options: Any) -> None:
     """Write the report of three pages as PDF (extra `report`)."""
     from signsplice_paper import report as paper_report
 
     call = PaperCall(**options)
-    paper_report.write(_results(call), call.out, call.scale, output)
-    print(output)
+    path = call.out / "report.pdf" if output is None else output
+    paper_report.write(_results(call), call.out, call.scale, path, (day or datetime.now()).date())
+    print(path)
 
 
 def write_all(call: PaperCall) -> None:

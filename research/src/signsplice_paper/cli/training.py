@@ -63,9 +63,8 @@ def search(**options: Any) -> None:
     searching.run(
         made, call.systems or plan.SEARCHED, out, call.workers, lambda line: click.echo(line, err=True), call.deadline
     )
-    for name in (searching.FILE, searching.PAGE):
-        if (out / name).is_file():
-            print(out / name)
+    if (out / searching.FILE).is_file():
+        print(out / searching.FILE)
 
 
 @click.command("train-system")

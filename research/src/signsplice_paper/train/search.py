@@ -20,16 +20,15 @@ import torch
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import read_json
-from signsplice_paper.layout import Table, markdown
 from signsplice_paper.train import training
-from signsplice_paper.train.scales import SYSTEMS, Config, SystemPart, parts, task
+from signsplice_paper.train.scales import Config, SystemPart, parts, task
 from signsplice_paper.train.stopping import SNAPSHOTS, DeadlineError
 from signsplice_paper.train.training import Training
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.pool import Pool
 from signsplice_workshop.train import checkpoint, processes, records
 
-FILE, PAGE = "search.json", "search.md"
+FILE = "search.json"
 VERSION = 2
 RATES = (1 / 3, 1.0, 3.0)
 """Learning rates that are tried, as multiples of the scale's."""
@@ -117,7 +116,7 @@ def run(
     plan: SearchPlan, systems: Sequence[str], out: Path, workers: int, report: Callable[[str], None],
     deadline: float | None = None,
 ) -> list[SearchRow]:  # fmt: skip
-    """Train what ``out``/search.json does not hold yet, and write it and its page after every training.
+    """Train what ``out``/search.json does not hold yet, and write it after every training.
 
     Trainings that ``deadline`` (of ``time.monotonic``) interrupts are begun anew by the next call. Raises
     ``InputError`` where the file holds a search of another corpus, scale or length.
@@ -213,46 +212,5 @@ def read(path: Path, signature: dict[str, Any] | None = None) -> list[SearchRow]
 def _write(out: Path, signature: dict[str, Any], rows: Sequence[SearchRow]) -> None:
     lines = ",\n".join("  " + json.dumps(asdict(row)) for row in rows)
     head = f'{{\n "version": {VERSION},\n "search": {json.dumps(signature)},\n "rows": [\n{lines}\n ]\n}}\n'
-    for name, text in ((FILE, head), (PAGE, page(signature, rows))):
-        with replacing(out / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-
-
-def page(signature: dict[str, Any], rows: Sequence[SearchRow]) -> str:
-    """The page of a search: the score by rate and width, the best, and how far it is above what ``scales.py`` has."""
-    now = {part.name: part for system in SYSTEMS for part in parts(system, signature["scale"])}
-    names = list(dict.fromkeys(row.part for row in rows))
-    columns = [(width, rate) for width in WIDTHS for rate in RATES]
-    head = tuple(f"rate x {_factor(rate)}, width x {_factor(width)}" for width, rate in columns)
-    lines = []
-    for name in names:
-        by = {(row.width, row.rate): row for row in rows if row.part == name}
-        best = max(by.values(), key=lambda row: (row.score, (row.width, row.rate) == (1.0, 1.0)))
-        cells = [f"{by[key].score:.3f}" if key in by else "-" for key in columns]
-        whole = len(by) == len(columns)
-        has = [row for row in by.values() if name in now and _is_of(row, now[name])]
-        chosen = f"{best.learning_rate:.2g}, {best.units} units" if whole else "-"
-        lines.append((name, *cells, chosen, f"{best.score - has[0].score:.3f}" if whole and has else "-"))
-    table = Table(
-        f"Validation score by learning rate and width: scale {signature['scale']}, {signature['minutes']:g} processor "
-        f"minutes each, seed {signature['seed']}",
-        "search",
-        ("part", *head, "best", "above the scale's"),
-        tuple(lines),
-        (
-            "Score: PAA for parts that find positions, Accuracy for those that make frames, the mean of both for those "
-            "that do both, on 256 validation pairs of the random split. Rates and widths: multiples of those that the "
-            "scale then had; the last column: the best score less that with those of now. One seed: a few hundredths "
-            "mean nothing. -: not trained.",
-            f"Corpus {signature['corpus']}. `signsplice-paper search`",
-        ),
-    )
-    return "# Learning rates and widths\n\n" + markdown(table)
-
-
-def _is_of(row: SearchRow, part: SystemPart) -> bool:
-    return (row.units, row.learning_rate) == (units_of(part.config), part.rate)
-
-
-def _factor(value: float) -> str:
-    return "1/3" if value == 1 / 3 else f"{value:g}"
+    with replacing(out / FILE) as temporary:
+        temporary.write_text(head, encoding="utf-8")
