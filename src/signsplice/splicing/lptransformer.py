@@ -4,7 +4,7 @@ Huang, Xing, Shen and Fan, "Sign Language Animation Splicing Model Based on LpTr
 50(9), 2023. Its parts:
 
     numbers of a frame          ``numbers_of``: positions of 53 joints, in [-0.5, 0.5]
-    SPSN, eq. 3 to 9            ``LpTransformer.token_logits``, the graph spsn.onnx
+    SPSN, eq. 4 to 9            ``LpTransformer.token_logits``, the graph spsn.onnx
     splice positions, eq. 10    ``splice_positions``
     Culling, eq. 11             ``cull``
     TFGN, eq. 12 to 16          ``LpTransformer.new_frames``, the graphs encoder.onnx and decoder.onnx
@@ -162,7 +162,7 @@ class LpTransformer(PositionSplicer):
         self.facts = {name: stored.get(name) for name in _FACTS} | {"token_bias": self.token_bias}
 
     def token_logits(self, before: FloatArray, after: FloatArray) -> NDArray[np.float32]:
-        """The logits (N + M, 3) of no token, prePositionToken and postPositionToken (SPSN, eq. 3 to 9)."""
+        """The logits (N + M, 3) of no token, prePositionToken and postPositionToken (SPSN, eq. 4 to 9)."""
         x = np.concatenate([before, after])
         inputs = {"x": single(x), "n_before": np.array([len(before)])}
         return np.asarray(self.graphs.run("spsn", inputs, tokens=(1, len(x), 3))["tokens"][0])
