@@ -67,12 +67,12 @@ class ViewerHook(BuildHookInterface):  # type: ignore[misc]
         networks = [
             {
                 "type": "machine-learning-model",
-                "bom-ref": f"networks/{path.name}",
-                "name": path.name,
+                "bom-ref": f"networks/{path.relative_to(root / NETWORKS)}",
+                "name": str(path.relative_to(root / NETWORKS)),
                 "licenses": licence,
                 "hashes": [{"alg": "SHA-256", "content": hashlib.sha256(path.read_bytes()).hexdigest()}],
             }
-            for path in sorted((root / NETWORKS).glob("*.onnx"))
+            for path in sorted((root / NETWORKS).rglob("*.onnx"))
         ]
         listed = root / PAGE / "components.json"
         page = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else []
