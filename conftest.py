@@ -17,7 +17,7 @@ from hypothesis import settings
 from serving import http_client, wait_until_warm
 from signing import sign
 from signsplice.formats import load
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, EndSite, Skeleton, rotation
 from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 
@@ -44,7 +44,7 @@ def real_clips() -> dict[str, Clip]:
 @pytest.fixture(scope="session")
 def words() -> dict[str, Clip]:
     """Five of the words that ship."""
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         return {gloss: lexicon.clip(gloss) for gloss in ("HELLO", "I", "DEAF", "SIGN", "THANK-YOU")}
 
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
-from signsplice.lexicon import shipped
+from signsplice.body.capsules import Avatar, BodyShape, MeshPart, build_capsules
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
-from signsplice.rig.t_pose import posed_positions
+from signsplice.rig.t_pose import positions_from_rotations
 from signsplice_workshop.measure.bodies import BodyProportions, stretched
 
 BODIES = {
@@ -76,17 +76,17 @@ class Glb:
 
 def body(name: str, gloss: str = "NAME") -> Avatar:
     """A body of ``BODIES`` as an avatar in its T-pose, in metres, with the capsules and the mesh that it is made of."""
-    skeleton = stretched(shipped().clip(gloss).skeleton, BODIES[name])
+    skeleton = stretched(open_shipped_lexicon().clip(gloss).skeleton, BODIES[name])
     info = rig_info(skeleton)
     metres, turn = info.sizes.unit.metres, info.t_pose.rotations
-    at = metres * posed_positions(skeleton, turn)
+    at = metres * positions_from_rotations(skeleton, turn)
     parents = skeleton.parents
     offsets = np.where((parents >= 0)[:, None], at - at[parents], 0.0)
     names = tuple(skeleton.names[joint] for joint in range(len(skeleton)))
     upright = Skeleton(names, parents, offsets)
     roles = {role: names[joint] for role, joint in rig_info(upright).roles.joints.items()}
     made = Avatar(names, parents, offsets, roles=roles, label=name)
-    return replace(made, body=shaped_capsules(made, BODIES[name].shape))
+    return replace(made, body=build_capsules(made, BODIES[name].shape))
 
 
 def tubes(avatar: Avatar) -> tuple[MeshPart, ...]:

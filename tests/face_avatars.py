@@ -11,7 +11,7 @@ import numpy as np
 from signsplice.formats import glb
 from signsplice.formats.avatar import pack
 from signsplice.formats.gltf_document import chunks
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip
 from signsplice.motion.face import ARKIT_CHANNELS, PRESETS, Face
 from signsplice.rig.info import rig_info
@@ -29,7 +29,7 @@ _OLD_BONES = {"ThumbMetacarpal": "ThumbProximal", "ThumbProximal": "ThumbInterme
 
 def write(folder: Path, kind: str) -> Path:
     """Write the avatar of one of ``KINDS`` or ``WITH_BONES``; ``presets.vrm`` has no expression by ARKit's names."""
-    skeleton = shipped().clip("NAME").skeleton
+    skeleton = open_shipped_lexicon().clip("NAME").skeleton
     rest = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
     whole = Face(ARKIT_CHANNELS, np.full((1, len(ARKIT_CHANNELS)), 0.5))
     text, content = chunks("", glb.encode(Clip(skeleton, rest, np.zeros((1, 3)), 30.0, face=whole)))

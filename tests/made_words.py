@@ -56,7 +56,7 @@ def made_words(n_words: int, signs: Sequence[Sign]) -> list[MadeWord]:
         kind = KINDS[number % len(KINDS)]
         n_strokes = {"parts": int(rng.integers(2, 4)), "hands": 2}.get(kind, 1)
         drawn = [moving[k] for k in rng.choice(len(moving), n_strokes, replace=False)]
-        out.append(_made(kind, [planner.isolated(sign, signer) for sign in drawn], signer, rng))
+        out.append(_made(kind, [planner.synthesize_word(sign, signer) for sign in drawn], signer, rng))
     return out
 
 

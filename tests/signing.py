@@ -45,13 +45,13 @@ def signer_of(seed: int | None, manner: Manner = PLAIN) -> Signer:
 @cache
 def word(gloss: str, seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
     """An isolated word made plainly by ``signer_of(seed)``."""
-    return planner.isolated(sign(gloss), signer_of(seed), fps=fps)
+    return planner.synthesize_word(sign(gloss), signer_of(seed), fps=fps)
 
 
 def made(*lines: str, hands: str = "one", seed: int | None = None, fps: float = 30.0) -> IsolatedWord:
     """An isolated word from lines of notation."""
     text = f"WORD hands={hands}\n" + "".join(f"  {line}\n" for line in lines)
-    return planner.isolated(notation.parse(text)["WORD"], signer_of(seed), fps=fps)
+    return planner.synthesize_word(notation.parse(text)["WORD"], signer_of(seed), fps=fps)
 
 
 def seen_from_chest(clip: Clip, *names: str) -> tuple[FloatArray, FloatArray]:

@@ -27,7 +27,7 @@ def signsplice(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with clips, a table, and the lexicon built from both by command."""
-    words = lexicon.shipped()
+    words = lexicon.open_shipped_lexicon()
     folder = tmp_path_factory.mktemp("lexicon")
     (folder / "clips").mkdir()
     for gloss in ("HELLO", "SIGN", "I"):

@@ -30,7 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "clips").mkdir()
     for gloss in ("HELLO", "DEAF"):
-        ss.save(lexicon.shipped().clip(gloss), tmp_path / "clips" / f"{gloss}.bvh")
+        ss.save(lexicon.open_shipped_lexicon().clip(gloss), tmp_path / "clips" / f"{gloss}.bvh")
     rows = {"MONARCH": KING, "ODD": "moveu", "HELLO": KING}
     table = "".join(f"{gloss},{code(names)}\n" for gloss, names in rows.items())
     (tmp_path / "table.csv").write_text(f"gloss,hamnosys\n{table}", encoding="utf-8")
@@ -50,9 +50,9 @@ def test_a_lexicon_holds_clips_and_written_signs_and_drops_no_gloss(folder: Path
     assert "table.csv: ODD: symbol 1: has no handshape" in done.stderr
     with ss.open_lexicon("lex") as words:
         assert {"HELLO", "HELLO#2", "DEAF", "MONARCH", "KING", "RAIN"} <= set(words)
-        assert words.clip("HELLO").skeleton.names == lexicon.shipped().clip("HELLO").skeleton.names
+        assert words.clip("HELLO").skeleton.names == lexicon.open_shipped_lexicon().clip("HELLO").skeleton.names
         np.testing.assert_allclose(
-            words.clip("HELLO").local_rotations, lexicon.shipped().clip("HELLO").local_rotations, atol=2e-6
+            words.clip("HELLO").local_rotations, lexicon.open_shipped_lexicon().clip("HELLO").local_rotations, atol=2e-6
         )
         assert words.clip("RED").face is not None
         assert words.entry("RED").source == "ten.sigml"

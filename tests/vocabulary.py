@@ -67,7 +67,7 @@ def share(signs: Sequence[Sign], what: str, of: str) -> float:
 def seconds(signs: Sequence[Sign]) -> list[float]:
     """Lengths of signs from their first posture to the end of the last, s."""
     chosen = [signs[n] for n in np.linspace(0, len(signs) - 1, min(N_TIMED, len(signs))).astype(int)]
-    words = [planner.isolated(sign) for sign in chosen]
+    words = [planner.synthesize_word(sign) for sign in chosen]
     return [(word.events.end - word.events.start) / word.clip.fps for word in words]
 
 

@@ -149,7 +149,7 @@ def _missed(one: IsolatedWord, segment: Segment, frame: int, body: BodyCapsules)
 
 def measure(gloss: str) -> dict[str, float]:
     """All figures of one word, by name."""
-    one = planner.isolated(SIGNS[gloss], STANDARD)
+    one = planner.synthesize_word(SIGNS[gloss], STANDARD)
     e, fps = one.events, one.clip.fps
     body = body_capsules(one.clip.skeleton)
     rotations, positions = kinematics.forward(one.clip)
@@ -190,7 +190,7 @@ def measure_seam(pair: tuple[str, str]) -> dict[str, float]:
     """The greatest steps and turns of an elbow in a pair, joined by default and by the signer, cm, over the frames of
     the transition; and the turn of the head there.
     """
-    words = [planner.isolated(SIGNS[gloss], STANDARD) for gloss in pair]
+    words = [planner.synthesize_word(SIGNS[gloss], STANDARD) for gloss in pair]
     result = ss.splice([word.clip for word in words])
     first = next(span for span in result.spans if span.kind == "transition").output
     clip = result.clip[first[0] - 1 : first[1] + 1]

@@ -84,7 +84,7 @@ def _begin() -> None:
     end_with_parent()
 
 
-def killed_with_parent() -> Callable[[], None] | None:
+def parent_death_hook() -> Callable[[], None] | None:
     """What ``subprocess.Popen`` calls as ``preexec_fn`` so that the system kills the child when the calling thread has
     ended; None where the system cannot (only Linux can).
     """

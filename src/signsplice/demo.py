@@ -10,7 +10,7 @@ import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.formats import save
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.render import film
@@ -34,7 +34,7 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
         (out / "words").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be made ({error.strerror})") from error
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         clips = [words.clip(gloss) for gloss in SENTENCE]
     for clip in clips:
         save(clip, out / "words" / f"{clip.name}.bvh")

@@ -10,7 +10,7 @@ Progress = Callable[[int, int], None]
 """Called with how many are done, and of how many."""
 
 
-def counted(items: Collection[T], progress: Progress | None) -> Iterator[T]:
+def track_progress(items: Collection[T], progress: Progress | None) -> Iterator[T]:
     """The items in order, with a call of ``progress`` after each is done."""
     for done, item in enumerate(items, 1):
         yield item

@@ -13,10 +13,10 @@ import avatars
 import signsplice as ss
 from signsplice.body import skin_surface
 from signsplice.body.capsules import Avatar, body_capsules
-from signsplice.body.contacts import posed_body
+from signsplice.body.contacts import pose_body
 from signsplice.body.skin_surface import Relief, SkinPoints
 from signsplice.cli.commands import app
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.rig.align import copy_rotations, reference
 from signsplice_workshop.measure import avatars as avatar_measures
 
@@ -27,14 +27,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("narrow", "big head"):
         avatar = avatars.body(name)
         avatars.write(made / f"{name}.vrm", avatar, avatars.tubes(avatar), "0.x" if name == "narrow" else "1.0")
-    ss.save(shipped().clip("NAME"), made / "NAME.bvh")
-    ss.save(shipped().clip("MOTHER"), made / "MOTHER.bvh")
+    ss.save(open_shipped_lexicon().clip("NAME"), made / "NAME.bvh")
+    ss.save(open_shipped_lexicon().clip("MOTHER"), made / "MOTHER.bvh")
     return made
 
 
 @pytest.mark.parametrize(("gloss", "name"), [("NAME", "narrow"), ("MOTHER", "big head"), ("MY", "narrow")])
 def test_contacts_are_kept_on_avatars(folder: Path, gloss: str, name: str) -> None:
-    clip, avatar = shipped().clip(gloss), ss.read_avatar(folder / f"{name}.vrm")
+    clip, avatar = open_shipped_lexicon().clip(gloss), ss.read_avatar(folder / f"{name}.vrm")
     done = ss.retarget(clip, avatar)
     assert done.clip.skeleton is avatar
     assert done.contacts
@@ -46,7 +46,7 @@ def test_contacts_are_kept_on_avatars(folder: Path, gloss: str, name: str) -> No
 
 def test_an_avatar_of_the_same_bones_has_its_own_skin(folder: Path) -> None:
     avatar = ss.read_avatar(folder / "big head.vrm")
-    clip = ss.retarget(shipped().clip("MOTHER"), avatar).clip
+    clip = ss.retarget(open_shipped_lexicon().clip("MOTHER"), avatar).clip
     assert body_capsules(avatar) is avatar.body
     plain = replace(clip, skeleton=replace(avatar, body=None, mesh=()))
     change = np.abs(ss.retarget(plain, avatar).clip.local_rotations - clip.local_rotations).max()
@@ -78,7 +78,7 @@ def test_the_height_of_skin_above_a_capsule() -> None:
 
 def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
     """A breastplate of 2 cm over the chest's capsules: the hand of MY comes to lie on it."""
-    avatar, clip = ss.read_avatar(folder / "narrow.vrm"), shipped().clip("MY")
+    avatar, clip = ss.read_avatar(folder / "narrow.vrm"), open_shipped_lexicon().clip("MY")
     assert avatar.body is not None
     raised, skin = avatar.body.relief, avatar.body.skin
     assert raised is not None
@@ -90,7 +90,7 @@ def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
     distances = {}
     for name, body in bodies.items():
         onto = replace(avatar, body=body)
-        posed = posed_body(ss.retarget(clip, onto).clip, body_capsules(onto))
+        posed = pose_body(ss.retarget(clip, onto).clip, body_capsules(onto))
         chest, palm = (posed.body.keys.index(key) for key in ("chest1", "rightMiddlePalm"))
         middle = 0.5 * (posed.starts + posed.ends)
         distances[name] = np.linalg.norm(middle[32, palm] - middle[32, chest])
@@ -100,14 +100,14 @@ def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
 
 @pytest.mark.parametrize("gloss", ["PLEASE", "FRIEND"])
 def test_vertices_of_hands_lie_where_skins_met_at_the_source(folder: Path, gloss: str) -> None:
-    rows = avatar_measures.compare([ss.read_avatar(folder / "narrow.vrm")], [shipped().clip(gloss)])
+    rows = avatar_measures.compare([ss.read_avatar(folder / "narrow.vrm")], [open_shipped_lexicon().clip(gloss)])
     assert sum(row.n_touching for row in rows) > 10
     assert all(row.kept is None or row.kept > 0.95 for row in rows), rows
     assert max(row.deepest for row in rows) < 0.005
 
 
 def test_skin_moves_hands_smoothly_and_only_where_they_touch(folder: Path) -> None:
-    avatar, clip = ss.read_avatar(folder / "narrow.vrm"), shipped().clip("PLEASE")
+    avatar, clip = ss.read_avatar(folder / "narrow.vrm"), open_shipped_lexicon().clip("PLEASE")
     assert avatar.body is not None
     plain = replace(avatar, body=replace(avatar.body, skin=None))
     (on_skin, _), (before, _) = (arm_ends(ss.retarget(clip, onto).clip) for onto in (avatar, plain))
@@ -120,7 +120,7 @@ def test_skin_moves_hands_smoothly_and_only_where_they_touch(folder: Path) -> No
 
 def arm_ends(clip: ss.Clip) -> tuple[np.ndarray, np.ndarray]:
     """Wrists and shoulders (T, 2, 3)."""
-    posed = posed_body(clip, body_capsules(clip.skeleton))
+    posed = pose_body(clip, body_capsules(clip.skeleton))
     return posed.wrists, posed.shoulders
 
 
@@ -144,11 +144,11 @@ def test_a_surface_is_the_outermost_skin_and_follows_its_joints(monkeypatch: pyt
     assert made.points[below, 0].min() > 0.045
     assert made.points[~below, 0].max() < 0.05
     turn = np.stack([np.eye(3), np.diag([1.0, -1.0, -1.0])])
-    points, normals = made.posed(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    points, normals = made.deform(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     blend = 10.0 * made.points[:, :1]
     np.testing.assert_allclose(points, (1.0 - blend) * made.points + blend * (made.points @ turn[1] + [0.0, 0.0, 1.0]))
     assert (normals[blend[:, 0] > 0.6] @ [0.0, 0.0, 1.0] < -0.99).all()
-    near, _ = made.posed(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (np.array([0.0, 0.05, 0.0]), 0.02))
+    near, _ = made.deform(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (np.array([0.0, 0.05, 0.0]), 0.02))
     assert 0 < len(near) == (np.linalg.norm(points - [0.0, 0.05, 0.0], axis=1) < 0.02).sum()
     monkeypatch.setattr(skin_surface, "_MOST_WEIGHTS", len(points))
     assert skin_surface.surface(mesh, [0, 1], np.zeros((2, 3)), 0.004) is None, "more than its bound"
@@ -170,7 +170,7 @@ def test_convert_puts_a_file_onto_an_avatar(folder: Path, tmp_path: Path) -> Non
 
 def test_the_mesh_of_an_avatar_is_written_and_drawn(folder: Path, tmp_path: Path) -> None:
     avatar = ss.read_avatar(folder / "narrow.vrm")
-    clip = ss.retarget(shipped().clip("NAME")[40:42], avatar).clip
+    clip = ss.retarget(open_shipped_lexicon().clip("NAME")[40:42], avatar).clip
     ss.save(clip, tmp_path / "o.glb")
     again = ss.read_avatar(tmp_path / "o.glb")
     assert isinstance(again, Avatar)

@@ -243,7 +243,7 @@ def test_testing_only_near_pairs_finds_the_same_collisions(gloss: str) -> None:
     for one in (clip, shaken, clip[:1], without(clip, "LeftHand")):
         globals_ = kinematics.forward(one)
         expected_depths, expected_exits = hand_penetration(one.skeleton, *globals_)
-        depths, exits = collision.posed_capsules(one.skeleton, *globals_).penetration()
+        depths, exits = collision.pose_capsules(one.skeleton, *globals_).penetration()
         deep, free = expected_depths > 1e-9, expected_depths < -1e-9
         assert (depths[free] <= 0.0).all()
         np.testing.assert_allclose(depths[deep], expected_depths[deep], atol=1e-9)

@@ -103,7 +103,7 @@ def test_the_mesh_follows_the_capsules() -> None:
     """Moved by its joints, the mesh of a hand lies on the capsules of the hand in every frame."""
     rotations, positions = kinematics.forward(CLIP)
     body = capsules.body_capsules(CLIP.skeleton)
-    posed = collision.posed_capsules(CLIP.skeleton, rotations, positions)
+    posed = collision.pose_capsules(CLIP.skeleton, rotations, positions)
     bind = bind_pose(CLIP.skeleton)
     wrist = CLIP.skeleton.index["mixamorig:RightHand"]
     for name, side, parts in (

@@ -17,11 +17,11 @@ from signsplice.body import arm_ik
 from signsplice.body import retarget as module
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import near_pairs, overlap, pair_clearances, skin_pairs
-from signsplice.body.contacts import Contact, posed_body
+from signsplice.body.contacts import Contact, pose_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.cli.commands import app
 from signsplice.formats import load, save
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, kinematics, rotation
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
@@ -32,7 +32,7 @@ WORDS = ("NAME", "MY", "MOTHER", "FAMILY", "THINK")
 
 
 def word(gloss: str) -> Clip:
-    return shipped().clip(gloss)
+    return open_shipped_lexicon().clip(gloss)
 
 
 def stretched(skeleton: Skeleton, shoulders: float, arms: float) -> Skeleton:
@@ -75,7 +75,7 @@ def test_contacts_are_kept_where_rotations_lose_them(gloss: str, name: str) -> N
 
 def distances(clip: Clip, other: Clip) -> FloatArray:
     """By how much (N,) the skin distance of each touching pair of capsules differs on another body, m."""
-    one, two = (posed_body(each, body_capsules(each.skeleton)) for each in (clip, other))
+    one, two = (pose_body(each, body_capsules(each.skeleton)) for each in (clip, other))
     pairs = skin_pairs(one.body, frozenset(one.body.keys))
     frames, k = near_pairs(one.starts, one.ends, one.radii, pairs, 0.005)
     signs = signing(clip)[frames, pairs.own_side[k]] == 1.0
@@ -88,7 +88,7 @@ def distances(clip: Clip, other: Clip) -> FloatArray:
 
 def deepest(clip: Clip) -> float:
     """How deep a hand lies in head, trunk, arm or the other hand while it signs, m."""
-    posed = posed_body(clip, body_capsules(clip.skeleton))
+    posed = pose_body(clip, body_capsules(clip.skeleton))
     pairs = skin_pairs(posed.body, frozenset(posed.body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, 0.0)
     signs = signing(clip)[frames, pairs.own_side[k]] == 1.0
@@ -98,7 +98,7 @@ def deepest(clip: Clip) -> float:
 
 def test_skin_distances_are_those_of_collisions() -> None:
     clip = word("FAMILY")
-    posed = posed_body(clip, body_capsules(clip.skeleton))
+    posed = pose_body(clip, body_capsules(clip.skeleton))
     pairs = skin_pairs(posed.body, frozenset(posed.body.keys))
     starts, ends = posed.starts[40:41], posed.ends[40:41]
     rows = range(len(posed.radii))

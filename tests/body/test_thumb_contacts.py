@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from signsplice.body import thumb_contacts
-from signsplice.body.capsules import BodyShape, shaped_capsules
+from signsplice.body.capsules import BodyShape, build_capsules
 from signsplice.body.collision import clearances
-from signsplice.body.contacts import PosedBody, posed_body
-from signsplice.lexicon import shipped
+from signsplice.body.contacts import PosedBody, pose_body
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, Skeleton, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
@@ -48,25 +48,25 @@ def carried(clip: Clip, skeleton: Skeleton) -> Clip:
 def test_a_thumb_touches_on_other_hands_what_it_touched(thumb: float, fingers: float) -> None:
     errors: list[list[np.ndarray]] = [[], []]
     for letter in ("fs-D", "fs-E", "fs-F", "fs-O", "fs-S"):
-        clip = shipped().clip(letter)
+        clip = open_shipped_lexicon().clip(letter)
         other = with_hands(clip.skeleton, thumb, fingers)
-        body, its = (shaped_capsules(skeleton, BodyShape()) for skeleton in (clip.skeleton, other))
+        body, its = (build_capsules(skeleton, BodyShape()) for skeleton in (clip.skeleton, other))
         copied = carried(clip, other)
         made = thumb_contacts.keep_thumb_contacts(clip, body, copied, its)
-        before = thumb_clearances(posed_body(clip, body))
+        before = thumb_clearances(pose_body(clip, body))
         touching = before < 0.005
         assert touching.any(axis=1).sum() > 10
         for found, c in zip(errors, (copied, made), strict=True):
-            found.append(np.abs(thumb_clearances(posed_body(c, its)) - before)[touching])
+            found.append(np.abs(thumb_clearances(pose_body(c, its)) - before)[touching])
     without, kept = (float(np.mean(np.concatenate(found) < 0.003)) for found in errors)
     assert without < 0.72
     assert kept > 0.97
 
 
 def test_first_joints_turn_little_and_smoothly_and_others_not() -> None:
-    clip = shipped().clip("fs-F")
+    clip = open_shipped_lexicon().clip("fs-F")
     other = with_hands(clip.skeleton, 0.85, 1.1)
-    bodies = [shaped_capsules(skeleton, BodyShape()) for skeleton in (clip.skeleton, other)]
+    bodies = [build_capsules(skeleton, BodyShape()) for skeleton in (clip.skeleton, other)]
     made = thumb_contacts.keep_thumb_contacts(clip, bodies[0], carried(clip, other), bodies[1])
     turns = rotation.multiply(rotation.inverse(clip.local_rotations), made.local_rotations)
     degrees = np.rad2deg(2.0 * np.arccos(np.clip(np.abs(turns[..., 3]), 0.0, 1.0)))
@@ -81,10 +81,10 @@ def test_first_joints_turn_little_and_smoothly_and_others_not() -> None:
 
 
 def test_hands_of_the_same_proportions_keep_their_bits() -> None:
-    clip = shipped().clip("fs-F")
-    body = shaped_capsules(clip.skeleton, BodyShape())
+    clip = open_shipped_lexicon().clip("fs-F")
+    body = build_capsules(clip.skeleton, BodyShape())
     assert thumb_contacts.keep_thumb_contacts(clip, body, clip, body) is clip
     sites = tuple(replace(site, offset=1.2 * site.offset) for site in clip.skeleton.end_sites)
     larger = Skeleton(clip.skeleton.names, clip.skeleton.parents, 1.2 * clip.skeleton.offsets, sites)
     copied = carried(clip, larger)
-    assert thumb_contacts.keep_thumb_contacts(clip, body, copied, shaped_capsules(larger, BodyShape())) is copied
+    assert thumb_contacts.keep_thumb_contacts(clip, body, copied, build_capsules(larger, BodyShape())) is copied

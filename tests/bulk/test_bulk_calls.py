@@ -14,7 +14,7 @@ pytest.importorskip("pyarrow")
 from signsplice.bulk import recipes
 from signsplice.cli.commands import app
 from signsplice.formats import load
-from signsplice.lexicon import building, shipped
+from signsplice.lexicon import building, open_shipped_lexicon
 from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.splicing.engine import splice
 
@@ -68,7 +68,7 @@ def test_function_words_are_left_out_of_lines_where_that_is_wanted(tmp_path: Pat
 
 def test_words_may_come_from_several_lexicons_and_stay_those_of_the_first(tmp_path: Path) -> None:
     own, out = tmp_path / "own", tmp_path / "out"
-    with shipped() as words, building(own) as builder:
+    with open_shipped_lexicon() as words, building(own) as builder:
         builder.add(words.clip("BOOK"), "HELLO")
     (tmp_path / "recipes.csv").write_text("glosses\nHELLO DEAF\n")
     run = ("sentences", tmp_path / "recipes.csv", "-o", out, "--workers", 1, "--store", "recipes")
@@ -78,7 +78,7 @@ def test_words_may_come_from_several_lexicons_and_stay_those_of_the_first(tmp_pa
     assert call(*run, *both).exit_code == 0
     assert "was begun with lexicon_sha256" in message(call(*run))
     assert call("make", out, 0, "-o", tmp_path / "row.bvh").exit_code == 0
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         alone = splice([words.clip("BOOK"), words.clip("DEAF")]).clip
     np.testing.assert_allclose(load(tmp_path / "row.bvh").local_rotations[:20], alone.local_rotations[:20], atol=1e-4)
 

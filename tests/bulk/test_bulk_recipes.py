@@ -17,7 +17,7 @@ import pytest
 from signsplice.bulk import drawing, recipes, shards
 from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.errors import FormatError, InputError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 
 ROWS = [
     SentenceRecipe(("HELLO", "I"), sign_speed=1.25, transition_time="0.3", seed=7),
@@ -223,7 +223,7 @@ def test_all_ordered_pairs_come_once_and_near_ones_share_words() -> None:
 def test_drawn_sentences_follow_the_seed_alone() -> None:
     def draw(count: int, seed: int) -> list[SentenceRecipe]:
         ranges = {"sign_speed": (0.8, 1.2), "transition_time": (0.1, 0.4)}
-        batches = drawing.drawn("ABCDE", count, (2, 6), seed, ("kim", "lee"), ranges, {"tempo": "natural"})
+        batches = drawing.random_recipes("ABCDE", count, (2, 6), seed, ("kim", "lee"), ranges, {"tempo": "natural"})
         return [row for batch in batches for row in recipes.recipes_of(batch)]
 
     rows = draw(400, 1)
@@ -237,7 +237,7 @@ def test_drawn_sentences_follow_the_seed_alone() -> None:
 
 def test_lines_are_read_as_sentence_reads_them(tmp_path: Path) -> None:
     (tmp_path / "lines.txt").write_text("hello, I deaf\n\nthank you fs-anna! 👋 ?\n你 HELLO\n")
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         batches, warnings = drawing.lines(tmp_path / "lines.txt", words)
     found = [row.glosses for batch in batches for row in recipes.recipes_of(batch)]
     assert found == [("HELLO,", "I", "DEAF"), ("THANK-YOU", "fs-ANNA?"), ("你", "HELLO")]

@@ -90,7 +90,7 @@ def test_a_row_of_the_index_says_what_became_of_each_recipe(made: tuple[Path, Bu
 
 def test_a_sample_holds_the_clip_its_report_poses_and_annotations(made: tuple[Path, BulkJob]) -> None:
     out, _ = made
-    with lexicon.shipped() as words, tarfile.open(out / "shard-000000.tar") as tar:
+    with lexicon.open_shipped_lexicon() as words, tarfile.open(out / "shard-000000.tar") as tar:
         alone = ss.splice([words.clip(gloss) for gloss in ROWS[0].glosses])
         files = {name: tar.extractfile(name).read() for name in tar.getnames()}  # type: ignore[union-attr]
         assert {(m.mtime, m.uid, m.gid, m.uname, m.mode) for m in tar.getmembers()} == {(0, 0, 0, "", 0o644)}
@@ -162,7 +162,7 @@ def test_progress_counts_the_rows_of_shards_that_are_not_whole(
         yield None
         yield make_shard(str(out), 0, 8)
 
-    monkeypatch.setattr(run, "_made", made_slowly)
+    monkeypatch.setattr(run, "_make_shards", made_slowly)
     done: list[int] = []
     run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS)], advance=lambda state: done.append(state.n_done))
     assert done == [3, 3, 4, 4, 5]
@@ -337,7 +337,7 @@ def test_recipes_and_hashes_alone_make_any_row_again(made: tuple[Path, BulkJob],
 
 
 def test_what_is_beside_a_sentence_does_not_change_it() -> None:
-    with lexicon.shipped() as words:
+    with lexicon.open_shipped_lexicon() as words:
         together = SentenceMaker(words, n_kept=2).make(ROWS)
         for recipe, one in zip(ROWS, together, strict=True):
             (alone,) = SentenceMaker(words).make([recipe])

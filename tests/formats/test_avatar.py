@@ -12,10 +12,10 @@ import pytest
 
 import avatars
 import signsplice as ss
-from signsplice.body.capsules import Avatar, BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.capsules import Avatar, BodyCapsules, BodyShape, build_capsules
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats.reading import DEFAULT_LIMITS
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
@@ -63,7 +63,7 @@ def test_capsules_follow_the_mesh(tmp_path: Path, name: str) -> None:
     read = ss.read_avatar(written(tmp_path, avatar))
     assert read.body is not None
     assert avatar.body is not None
-    usual = shaped_capsules(avatar, BodyShape())
+    usual = build_capsules(avatar, BodyShape())
     assert read.body.keys == avatar.body.keys
     far, near = (surface_errors(avatar, body) for body in (usual, read.body))
     assert near.max() < 0.012, dict(zip(PLACES, near.round(3), strict=True))
@@ -139,7 +139,7 @@ def test_joints_without_known_names_are_given_roles(tmp_path: Path, broad: Avata
 
 
 def test_what_is_no_avatar_is_refused_in_one_line(tmp_path: Path, broad: Avatar) -> None:
-    clip = shipped().clip("NAME")
+    clip = open_shipped_lexicon().clip("NAME")
     ss.save(clip, tmp_path / "NAME.bvh")
     (tmp_path / "broken.vrm").write_bytes(b"glTF" + b"\0" * 40)
     (tmp_path / "empty.vrm").write_text(json.dumps({"asset": {"version": "2.0"}}))
@@ -175,7 +175,7 @@ def test_players_of_vrm_animations_put_every_bone_where_the_clip_has_it(
 ) -> None:
     """Bone by bone as three-vrm does it, on the file's own nodes."""
     path = written(tmp_path, broad, version=version, hair=False)
-    done = ss.retarget(shipped().clip("NAME")[40:44], ss.read_avatar(path))
+    done = ss.retarget(open_shipped_lexicon().clip("NAME")[40:44], ss.read_avatar(path))
     ss.save(done.clip, tmp_path / "a.vrma")
     animation = ss.load(tmp_path / "a.vrma")
     nodes, roles = document(path)["nodes"], rig_info(broad).roles.joints

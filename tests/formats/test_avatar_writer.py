@@ -16,12 +16,12 @@ from signsplice.errors import InputError
 from signsplice.formats import encode, vrma
 from signsplice.formats.avatar import pack
 from signsplice.formats.gltf_document import chunks
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, kinematics
 from signsplice.motion.face import Face
 from signsplice.rig.align import ORIGIN, place
 
-BOOK = shipped().clip("BOOK")
+BOOK = open_shipped_lexicon().clip("BOOK")
 
 
 def written(folder: Path, version: str = "1.0", **options: Any) -> Path:
@@ -85,7 +85,7 @@ def test_earlier_animations_follow_the_new_one_and_matrices_become_rotations(tmp
     del node["rotation"]
     node["matrix"] = matrix.T.ravel().tolist()
     path.write_bytes(pack(document, blob))
-    after = parts(signed(path, shipped().clip("NAME"))[1])[0]
+    after = parts(signed(path, open_shipped_lexicon().clip("NAME"))[1])[0]
     assert [animation["name"] for animation in after["animations"]] == ["NAME", "BOOK"]
     assert "matrix" not in after["nodes"][5]
     np.testing.assert_allclose(after["nodes"][5]["translation"], matrix[:3, 3], atol=1e-9)

@@ -54,9 +54,7 @@ def test_a_gaze_turns_eyes_and_an_open_mouth_the_jaw_and_both_come_back(
     others = [name for name in found.channels if name not in LEFT_UP]
     assert found.of(others).max() < 1e-5
     assert lost_in(tmp_path / "out.glb", on_avatar) == ()
-    assert np.array_equal(
-        face_of(tmp_path / "out.glb").mirrored().of(["eyeLookOutRight"]), found.of(["eyeLookOutLeft"])
-    )
+    assert np.array_equal(face_of(tmp_path / "out.glb").mirror().of(["eyeLookOutRight"]), found.of(["eyeLookOutLeft"]))
 
 
 @pytest.mark.parametrize("kind", face_avatars.WITH_BONES)

@@ -22,7 +22,7 @@ from signsplice.formats import (
     WRITE_SUFFIXES,
     FileFormat,
     encode,
-    listed,
+    join_suffixes,
     load,
     parse,
     save,
@@ -64,7 +64,7 @@ def test_every_written_format_is_read_back(suffix: str, tmp_path: Path) -> None:
     clip = random_clip(0, n_frames=4, n_joints=3)
     clip = replace(clip, skeleton=replace(clip.skeleton, roles={"hips": clip.skeleton.names[0]}))
     if suffix == ".smplx.npz":  # of persons alone
-        with lexicon.shipped() as words:
+        with lexicon.open_shipped_lexicon() as words:
             clip = words.clip("HELLO")[:4]
     path = tmp_path / f"clip{suffix.upper()}"
     save(clip, path)
@@ -78,7 +78,7 @@ def test_every_written_format_is_read_back(suffix: str, tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("a.glb", "a.glb: no such file"),
-        ("a.pose", f"landmark files cannot be read yet, expected {listed(READ_SUFFIXES)}"),
+        ("a.pose", f"landmark files cannot be read yet, expected {join_suffixes(READ_SUFFIXES)}"),
         ("a.txt", "suffix .txt cannot be read"),
         ("a", r"suffix \(none\) cannot be read"),
         ("missing.bvh", "missing.bvh: no such file"),
@@ -92,12 +92,14 @@ def test_files_that_cannot_be_loaded_have_a_clear_error(name: str, message: str,
 def test_other_suffixes_are_neither_written_nor_parsed(tmp_path: Path) -> None:
     clip = random_clip(0)
     with pytest.raises(
-        InputError, match=rf"a\.gltf: .* cannot be written, expected {re.escape(listed(WRITE_SUFFIXES))}$"
+        InputError, match=rf"a\.gltf: .* cannot be written, expected {re.escape(join_suffixes(WRITE_SUFFIXES))}$"
     ):
         save(clip, tmp_path / "a.gltf")
     with pytest.raises(InputError, match=r"landmark files cannot be written yet"):
         save(clip, tmp_path / "a.pose")
-    with pytest.raises(InputError, match=rf"a\.npz: .* cannot be taken, expected {re.escape(listed(WIRE_SUFFIXES))}$"):
+    with pytest.raises(
+        InputError, match=rf"a\.npz: .* cannot be taken, expected {re.escape(join_suffixes(WIRE_SUFFIXES))}$"
+    ):
         parse(b"", "a.npz")
     assert not list(tmp_path.iterdir())
 

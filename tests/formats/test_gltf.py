@@ -19,13 +19,13 @@ from signsplice.body.capsules import MeshPart
 from signsplice.errors import InputError
 from signsplice.formats import glb, vrma
 from signsplice.formats.gltf_writer import in_front
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.rig.info import ROLES, canonical_motion, rig_info
 
 VIEWER = Path(__file__).parents[2] / "viewer"
-BOOK = shipped().clip("BOOK")
+BOOK = open_shipped_lexicon().clip("BOOK")
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ import pytest
 import signsplice as ss
 from gltf_documents import ARM, IDENTITY, QUARTER, changed, document, load_document, rotating
 from signsplice.errors import FormatError, InputError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.rig.inspection import inspect
 
-BOOK = shipped().clip("BOOK")
+BOOK = open_shipped_lexicon().clip("BOOK")
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def test_parts_that_are_missing_are_at_rest_and_a_missing_rate_is_noted() -> Non
 
 
 def test_what_is_written_is_read_back_within_a_hundredth_of_a_degree(tmp_path: Path) -> None:
-    with lexicon.shipped() as words:
+    with lexicon.open_shipped_lexicon() as words:
         source = words.clip("NAME")
     path, again = tmp_path / "name.smplx.npz", tmp_path / "again.smplx.npz"
     save(source, path)

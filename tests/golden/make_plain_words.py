@@ -44,7 +44,7 @@ def words(signer: Callable[[int], Signer] = draw_signer) -> dict[str, NDArray[np
     """Name -> array; ``signer`` makes a signer of a seed."""
     arrays = {}
     for gloss, sign in notation.parse(SIGNS).items():
-        word = planner.isolated(sign, signer(SEED))
+        word = planner.synthesize_word(sign, signer(SEED))
         e = word.events
         arrays[f"{gloss} states"] = word.states[::4, :63].round(12)
         spans = np.array([*([e.first] if e.first else []), *e.passes], np.float64)

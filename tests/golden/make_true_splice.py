@@ -24,7 +24,7 @@ SHOWN = ("RightHand", "LeftHand", "RightHandIndex3", "Head")
 
 def signed() -> dict[str, Any]:
     """Two words, their splice, and the positions of some joints in some frames."""
-    words = [planner.isolated(notation.everyday()[gloss], draw_signer(SEED)) for gloss in WORDS]
+    words = [planner.synthesize_word(notation.everyday()[gloss], draw_signer(SEED)) for gloss in WORDS]
     true = truth.splice(words[0], words[1])
     sentence = sentences.utter(words, changes=False).clip
     frames = (0, 20, 30, true.pre, true.pre + 1, true.pre + len(true.states), true.pre + len(true.states) + 1)

@@ -26,7 +26,7 @@ KIND = "SG ASL x No Mesh {}.bvh"
 
 @pytest.fixture(scope="module")
 def words() -> dict[str, Clip]:
-    with lexicon.shipped() as shipped:
+    with lexicon.open_shipped_lexicon() as shipped:
         return {gloss: shipped.clip(gloss) for gloss in ("HELLO", "DEAF", "NAME")}
 
 

@@ -54,7 +54,7 @@ def test_a_gloss_names_a_form_or_a_word_or_neither(typed: str, gloss: str | None
 
 
 def test_a_form_moves_as_the_signer_makes_it(words: Lexicon) -> None:
-    made = planner.isolated(inflection.form(SIGNS, "2-GIVE-1")).clip
+    made = planner.synthesize_word(inflection.form(SIGNS, "2-GIVE-1")).clip
     assert np.array_equal(words.clip("2-GIVE-1").local_rotations, made.local_rotations)
     entry, given = words.entry("2-GIVE-1"), words.entry("GIVE")
     assert (entry.kind, entry.signer, entry.source) == ("sign", given.signer, given.source)
@@ -68,7 +68,7 @@ def test_forms_are_in_no_list(words: Lexicon) -> None:
     assert "BOOK-PLURAL" not in words.glosses
     assert not words.lists("BOOK-PLURAL")
     assert not words.search("BOOK-PLURAL")
-    with lexicon.shipped() as plain:
+    with lexicon.open_shipped_lexicon() as plain:
         assert words.glosses == plain.glosses
         assert "BOOK-PLURAL" not in plain
 

@@ -441,18 +441,18 @@ def test_the_shipped_lexicon_may_be_missing_from_a_build(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(room, "SHIPPED", path)
-    with lexicon.shipped() as lex:
+    with lexicon.open_shipped_lexicon() as lex:
         assert "HELLO" in lex
     monkeypatch.setattr(room, "SHIPPED", tmp_path / "none")
     with pytest.raises(InputError, match="no words ship with this build"):
-        lexicon.shipped()
+        lexicon.open_shipped_lexicon()
 
 
 def test_the_package_exports_open_lexicon(path: Path) -> None:
     with signsplice.open_lexicon(path) as lex:
         assert isinstance(lex, signsplice.Lexicon)
     with signsplice.open_lexicon() as words:
-        assert len(words) == len(lexicon.shipped())
+        assert len(words) == len(lexicon.open_shipped_lexicon())
 
 
 def test_a_search_reads_the_index_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ pytest.importorskip("PIL")
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
-    with lexicon.shipped() as words, lexicon.building(folder / "lex") as builder:
+    with lexicon.open_shipped_lexicon() as words, lexicon.building(folder / "lex") as builder:
         good = words.clip("HELLO")
         builder.add(good, "<HELLO>")
         still = np.broadcast_to(good.local_rotations[:1], good.local_rotations.shape)

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from signsplice.errors import InputError
-from signsplice.lexicon import shipped
-from signsplice.lexicon.sentence import SentenceToken, parse, spelled, without_copula
+from signsplice.lexicon import open_shipped_lexicon
+from signsplice.lexicon.sentence import SentenceToken, list_spelled_words, parse, without_copula
 
 TABLE = Path(__file__).with_name("newcomers.csv")
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "lexicon.md"
@@ -48,7 +48,7 @@ def shown(token: SentenceToken) -> str:
 
 def outcome(typed: str) -> tuple[str, str]:
     """What is signed for a line, and what is said about it."""
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         try:
             tokens = parse(typed, lexicon)
         except InputError as error:
@@ -95,7 +95,7 @@ def sentences() -> list[tuple[str, list[str], list[str]]]:
 
 def test_the_documentation_counts_what_is_spelled() -> None:
     table = sentences()
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         n_tokens = sum(len(parse(typed, lexicon)) for typed, _, _ in table)
     spelled_before, spelled_after = ([row[k] for row in table if row[k]] for k in (1, 2))
     counts = [len(spelled_before), sum(map(len, spelled_before)), n_tokens]
@@ -113,12 +113,12 @@ def test_the_documentation_counts_what_is_spelled() -> None:
 
 @pytest.mark.parametrize(("typed", "as_typed", "without"), sentences())
 def test_what_is_spelled_of_sentences_of_english(typed: str, as_typed: list[str], without: list[str]) -> None:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         tokens = parse(typed, lexicon)
-        assert spelled(tokens) == as_typed
+        assert list_spelled_words(tokens) == as_typed
         assert [token.token for token in tokens if token.warning] == as_typed, "each is warned of"
         kept = parse(typed, lexicon, drop_function_words=True)
-    assert spelled(kept) == without
+    assert list_spelled_words(kept) == without
     assert all(token.note for token in kept if not token.glosses), "what is left out is said"
     assert [token.token for token in kept] == [token.token for token in tokens]
     for token in tokens:
@@ -130,18 +130,18 @@ def test_what_is_spelled_of_sentences_of_english(typed: str, as_typed: list[str]
     ("word", "meant"), [("frend", "FRIEND"), ("helo", "HELLO"), ("wht", "WHAT"), ("tomorow", "TOMORROW")]
 )
 def test_a_missing_letter_is_still_found(word: str, meant: str) -> None:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         assert meant in parse(word, lexicon)[0].suggestions
 
 
 @pytest.mark.parametrize("word", ["how", "do", "and", "other", "any", "are", "were"])
 def test_a_word_of_english_is_no_part_of_a_longer_one(word: str) -> None:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         assert parse(word, lexicon)[0].suggestions == ()
 
 
 def test_function_words_of_a_compound_or_marked_as_spelled_stay() -> None:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         tokens = parse("the fs-the #IS. I do, do you? do", lexicon, drop_function_words=True)
         assert [shown(token) for token in tokens] == ["", "fs-THE", "fs-IS", "I", "fs-DO", "", "YOU", "fs-DO"]
         assert [token.pause for token in tokens] == ["", "", ".", "", ",", "", "?", ""]

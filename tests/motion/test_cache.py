@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from signsplice.motion import Clip, unchecked_copy
+from signsplice.motion import Clip, copy_unchecked
 from signsplice.motion.cache import Cache
 from signsplice.motion.clip import HasDerived
 
@@ -59,7 +59,7 @@ def test_every_function_and_every_owner_has_its_own_value() -> None:
 def test_copies_of_a_clip_begin_without_values(words: dict[str, Clip]) -> None:
     clip, function = replace(words["SIGN"]), Counted()
     value = clip.derived[function]
-    for copy in (unchecked_copy(clip), clip[:], replace(clip), pickle.loads(pickle.dumps(clip))):
+    for copy in (copy_unchecked(clip), clip[:], replace(clip), pickle.loads(pickle.dumps(clip))):
         assert copy.derived[function] is not value
     assert clip.derived[function] is value
 

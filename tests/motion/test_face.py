@@ -9,7 +9,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice.errors import InputError
-from signsplice.motion import concatenate, resample, sampled, unchecked_copy
+from signsplice.motion import concatenate, copy_unchecked, resample, sample_clip
 from signsplice.motion.face import ARKIT_CHANNELS, PRESETS, VISEMES, Face, face_from, shape_of, target_weights
 from signsplice_workshop.measure.faces import random_face, with_random_face
 
@@ -34,7 +34,7 @@ def test_a_face_has_as_many_frames_as_its_clip() -> None:
     with pytest.raises(InputError, match="a face of 3 frames for 20 frames"):
         replace(random_clip(0), face=random_face(0, 3))
     clip = with_random_face(random_clip(0), 0)
-    assert unchecked_copy(clip, local_rotations=clip.local_rotations[:5], root_positions=np.zeros((5, 3))).face is None
+    assert copy_unchecked(clip, local_rotations=clip.local_rotations[:5], root_positions=np.zeros((5, 3))).face is None
 
 
 def test_slices_and_joins_keep_every_weight() -> None:
@@ -66,18 +66,18 @@ def test_time_passes_for_a_face_as_for_the_body() -> None:
     assert np.array_equal(twice.weights[::2], clip.face.weights)
     assert np.array_equal(half.weights, clip.face.weights[::2])
     assert np.allclose(twice.weights[1::2], 0.5 * (clip.face.weights[1:] + clip.face.weights[:-1]), atol=1e-15)
-    warped = sampled(clip, np.array([0.0, 3.0, 3.25])).face
+    warped = sample_clip(clip, np.array([0.0, 3.0, 3.25])).face
     assert warped is not None
     assert np.allclose(warped.weights[2], 0.75 * clip.face.weights[3] + 0.25 * clip.face.weights[4], atol=1e-15)
 
 
 def test_in_the_mirror_left_is_right_and_twice_is_itself() -> None:
     face = random_face(3, 9)
-    mirrored = face.mirrored()
+    mirrored = face.mirror()
     for left, right in (("eyeLookInLeft", "eyeLookInRight"), ("jawLeft", "jawRight"), ("browInnerUp", "browInnerUp")):
         assert np.array_equal(mirrored.of([left]), face.of([right]))
     assert set(mirrored.channels) == set(ARKIT_CHANNELS)
-    assert mirrored.mirrored().channels == face.channels
+    assert mirrored.mirror().channels == face.channels
 
 
 @pytest.mark.parametrize(

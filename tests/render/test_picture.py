@@ -12,14 +12,14 @@ from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.mesh import CLOTHES, bind_pose, body_mesh
 from signsplice.errors import InputError
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
-from signsplice.render.picture import draw, draw_hand, make_scene, posed
+from signsplice.render.picture import deform_skin, draw, draw_hand, make_scene
 
 
 def test_the_skin_follows_its_joints(words: dict[str, Clip]) -> None:
     """Against linear blend skinning computed vertex by vertex."""
     clip = words["SIGN"]
     scene = make_scene(clip)
-    points, normals = posed(scene, 30)
+    points, normals = deform_skin(scene, 30)
     rotations, positions = kinematics.forward(clip)
     bound_quats, bound_positions = bind_pose(clip.skeleton)
     bound_rotations = rotation.to_matrix(bound_quats)
@@ -63,7 +63,7 @@ def test_both_hands_are_in_the_window_in_every_frame(words: dict[str, Clip]) -> 
         left, right, bottom, top = scene.window
         hands = np.unique(scene.skin.triangles[scene.skin.hands != ""])
         for frame in range(0, len(clip), 4):
-            at = posed(scene, frame)[0][hands]
+            at = deform_skin(scene, frame)[0][hands]
             assert (at[:, 0] > left).all()
             assert (at[:, 0] < right).all()
             assert (at[:, 1] > bottom).all()
@@ -82,8 +82,8 @@ def test_a_hand_in_front_of_the_chest_is_so_from_the_side(words: dict[str, Clip]
     shirt = np.unique(side.skin.triangles[(side.skin.tints == np.array(CLOTHES["shirt"], np.float32)).all(axis=1)])
     trunk = shirt[np.isin(side.skin.weights[shirt].toarray().argmax(axis=1), range(4))]  # hips and spine
     assert len(trunk) > 1000
-    assert side.hands[30, :, 0].max() < posed(side, 30)[0][trunk, 0].min()
-    assert front.hands[30, :, 2].min() > posed(front, 30)[0][trunk, 2].max()
+    assert side.hands[30, :, 0].max() < deform_skin(side, 30)[0][trunk, 0].min()
+    assert front.hands[30, :, 2].min() > deform_skin(front, 30)[0][trunk, 2].max()
 
 
 @pytest.fixture(scope="module")

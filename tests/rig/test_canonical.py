@@ -20,7 +20,7 @@ from signsplice.rig.info import (
     apply_deltas,
     arms,
     canonical_motion,
-    mirrored_deltas,
+    mirror_deltas,
     rig_info,
 )
 from signsplice.rig.roles import FINGERS
@@ -94,10 +94,10 @@ def with_split_forearm(clip: Clip) -> Clip:
 
 def test_a_mirrored_clip_has_the_mirrored_canonical_motion() -> None:
     clip = word("MOTHER").clip
-    expected, other = canonical_motion(clip).mirrored(), canonical_motion(mirror(clip))
+    expected, other = canonical_motion(clip).mirror(), canonical_motion(mirror(clip))
     np.testing.assert_allclose(rotation.to_6d(other.quats), rotation.to_6d(expected.quats), atol=1e-9)
     np.testing.assert_allclose(other.positions, expected.positions, atol=1e-9)
-    again = expected.mirrored()
+    again = expected.mirror()
     np.testing.assert_array_equal(again.quats, canonical_motion(clip).quats)
 
 
@@ -118,7 +118,7 @@ def test_mirrored_deltas_move_a_mirrored_clip_alike() -> None:
     deltas = RNG.normal(0.0, 0.3, (len(clip), len(ROLES), 3))
     one = mirror(replace(clip, local_rotations=apply_deltas(clip.skeleton, clip.local_rotations, deltas)))
     flipped = mirror(clip)
-    other = apply_deltas(flipped.skeleton, flipped.local_rotations, mirrored_deltas(deltas))
+    other = apply_deltas(flipped.skeleton, flipped.local_rotations, mirror_deltas(deltas))
     np.testing.assert_allclose(rotation.angle_between(one.local_rotations, other), 0.0, atol=1e-6)
 
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from signing import word
 from signsplice.cli.files import inspect
 from signsplice.formats import save
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, concatenate, resample
 from signsplice.rig.align import place, placement
 from signsplice.rig.info import rig_info
@@ -60,7 +60,7 @@ def test_signed_and_captured_motion_is_captured(seed: int | None) -> None:
 
 
 def test_words_that_ship_are_captured() -> None:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         for gloss in list(lexicon)[::8]:
             assert not is_keyed(lexicon.clip(gloss)), gloss
 

@@ -11,7 +11,7 @@ import pytest
 from other_rigs import on_other_rig, with_rest_pose
 from reference_poses import arms_out, with_pose
 from signing import word
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, Skeleton, concatenate, resample, rotation
 from signsplice.rig.info import arms
 from signsplice.rig.inspection import JUMP_M_S, StrayFrames, inspect, stray_frames, with_ends_held
@@ -55,7 +55,7 @@ def test_a_reference_pose_and_the_way_out_of_it_are_found_at_either_end(
 
 @pytest.mark.parametrize("rest", RESTS)
 def test_it_is_found_whatever_the_signers_rest(rest: str) -> None:
-    clip = planner.isolated(word("BOOK").sign, replace(STANDARD, rest=rest)).clip
+    clip = planner.synthesize_word(word("BOOK").sign, replace(STANDARD, rest=rest)).clip
     assert stray_frames(clip) == StrayFrames(0, len(clip))
     found = stray_frames(with_pose(with_pose(clip, T_POSE, 2, 3), T_POSE, 4, 0, at_end=True))
     assert (found.start, found.stop) == (5, 5 + len(clip))
@@ -69,7 +69,7 @@ def test_it_is_found_on_other_rigs() -> None:
 
 
 def test_nothing_is_found_in_the_words_that_ship() -> None:
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         found = {gloss: stray_frames(words.clip(gloss)) for gloss in words}
         assert [gloss for gloss, one in found.items() if one.warnings] == []
 
@@ -183,7 +183,7 @@ def test_ends_are_held_where_frames_are_stray() -> None:
 @pytest.mark.parametrize("step", [0.5, 1.0, 1.2, 4.0, 60.0])
 def test_at_another_rate_the_frames_within_belong(step: float) -> None:
     found, n_frames = StrayFrames(5, 50), int(59 / step + 1e-9) + 1
-    kept = found.resampled(step, n_frames)
+    kept = found.resample_span(step, n_frames)
     assert 0 <= kept.start < kept.stop <= n_frames
     if step < 40.0:
         assert [k for k in range(n_frames) if 5 <= k * step <= 49] == list(range(kept.start, kept.stop))

@@ -26,7 +26,7 @@ from signing import marked
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
 from signsplice.formats import bvh, glb, parse, save
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, rotation
 from signsplice.rig.inspection import inspect
 from signsplice.service import page, wire, work
@@ -75,7 +75,7 @@ def frames_of(clip: Clip) -> np.ndarray[Any, Any]:
 
 
 def clips(glosses: list[str]) -> list[Clip]:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         return [lexicon.clip(gloss) for gloss in glosses]
 
 
@@ -206,7 +206,7 @@ def test_unknown_glosses_are_answered_with_the_nearest(service: httpx.Client) ->
 def test_lexicon_pages_hold_every_word_once(service: httpx.Client) -> None:
     first = service.get("/v1/lexicon", params={"limit": 2}).json()
     rest = service.get("/v1/lexicon", params={"start": 2, "limit": 1000}).json()
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         assert [word["gloss"] for word in first["words"] + rest["words"]] == list(lexicon.glosses)
         assert first["total"] == len(lexicon)
 

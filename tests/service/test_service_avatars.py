@@ -20,7 +20,7 @@ from signsplice.formats import glb, vrma
 from signsplice.formats.avatar import avatars_in, parse_avatar, read_avatar
 from signsplice.formats.gltf_document import chunks
 from signsplice.formats.reading import DEFAULT_LIMITS
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import kinematics
 from signsplice.rig.info import rig_info
 from signsplice.service.settings import Settings
@@ -68,7 +68,7 @@ def fitted(client: httpx.Client, file: Path, /, query: str = "", **asked: object
 
 def test_motion_is_fitted_to_an_avatar_that_is_uploaded(client: httpx.Client, folder: Path) -> None:
     answer = fitted(client, folder / "Eve.vrm", text="my name", formats=["vrma", "glb"]).json()
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         spliced = splice([words.clip("MY"), words.clip("NAME")])
     expected = onto_avatar(spliced, read_avatar(folder / "Eve.vrm"))
     assert base64.b64decode(answer["files"]["vrma"]) == vrma.encode(expected.clip)

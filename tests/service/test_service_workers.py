@@ -48,7 +48,7 @@ class SlowProcess:
         self.ended = asyncio.Event()
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_typed:
+        if job is work.parse_message:
             return [("HELLO", True)], []
         await asyncio.sleep(1.0)
         return [{"type": "skeleton"}]
@@ -101,7 +101,7 @@ class LongWordProcess(SlowProcess):
     """A worker process that makes a long word at once."""
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_typed:
+        if job is work.parse_message:
             return [("HELLO", True)], []
         return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(200)]
 
@@ -149,7 +149,7 @@ class EndlessProcess(SlowProcess):
     """A worker process that ends as soon as frames go out."""
 
     async def run(self, job: Callable[..., Any], *args: object) -> Any:
-        if job is work.read_typed:
+        if job is work.parse_message:
             return [("HELLO", True)], []
         return [FRAMES_HEADER.pack(FRAMES_MAGIC, k, 1, 0) + bytes(12) for k in range(1000)]
 

@@ -23,11 +23,11 @@ import avatars
 import signsplice as ss
 from browsing import CHROMIUM, VIEWER
 from known_rigs import RIGS, skeleton_of
-from signsplice.body.capsules import shaped_capsules
+from signsplice.body.capsules import build_capsules
 from signsplice.body.retarget import retarget
 from signsplice.formats.avatar import read_avatar
 from signsplice.formats.gltf_writer import in_front
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.rig.align import copy_rotations, reference
 from signsplice.rig.info import rig_info
@@ -58,8 +58,8 @@ pytestmark = pytest.mark.skipif(
 def signed(line: str) -> Clip:
     """The line signed, facing +Z."""
     if " " not in line:
-        return in_front(shipped().clip(line))
-    words = [shipped().clip(gloss) for gloss in line.split()]
+        return in_front(open_shipped_lexicon().clip(line))
+    words = [open_shipped_lexicon().clip(gloss) for gloss in line.split()]
     return in_front(ss.splice(words, ss.SpliceOptions(cutter="ends", transition="hermite")).clip)
 
 
@@ -83,7 +83,7 @@ def made(folder: Path, name: str) -> Path:
                 offsets[arm] = rotation.rotate(rotation.exp([0.1, 0.0, turn]), offsets[arm])
         avatar = replace(avatar, offsets=offsets)
         if name in ("too short", "big head"):
-            avatar = replace(avatar, body=shaped_capsules(avatar, avatars.BODIES["big head"].shape))
+            avatar = replace(avatar, body=build_capsules(avatar, avatars.BODIES["big head"].shape))
         named = {
             role: joint for role, joint in (avatar.roles or {}).items() if (name, role) != ("no chest", "upperChest")
         }

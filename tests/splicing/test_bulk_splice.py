@@ -12,7 +12,7 @@ import pytest
 import signsplice as ss
 from signing import marked
 from signsplice.errors import SignspliceError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.bundle import Sessions
@@ -23,7 +23,7 @@ from signsplice.splicing.curves import find_transition
 @cache
 def clips(*glosses: str) -> tuple[Clip, ...]:
     """Words that ship, each one object however often it is asked for."""
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         return tuple(words.clip(gloss) for gloss in glosses)
 
 

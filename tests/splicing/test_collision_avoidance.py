@@ -140,7 +140,7 @@ def test_an_elbow_turns_out_of_the_trunk_and_the_hands_stay() -> None:
 
 def _forearm_depth(clip: Clip) -> float:
     """Depth of the left forearm in the trunk beyond that of the first and the last frame, cm."""
-    posed = collision.posed_capsules(clip.skeleton, *kinematics.forward(clip))
+    posed = collision.pose_capsules(clip.skeleton, *kinematics.forward(clip))
     body = posed.body
     own = [n for n, part in enumerate(body.parts) if part == "cuff" and body.sides[n] == "left"]
     depth = collision.overlap(posed.starts, posed.ends, body.radii, own, body.groups.trunk)[0].max(axis=(1, 2))

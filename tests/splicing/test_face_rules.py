@@ -8,7 +8,7 @@ import pytest
 import signsplice as ss
 from signing import marked
 from signsplice.lexicon import sentence as lines
-from signsplice.lexicon.lexicon import shipped
+from signsplice.lexicon.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
@@ -41,7 +41,7 @@ def blinks(face: Face) -> list[int]:
     ],
 )
 def test_brows_follow_the_marks_of_a_line(line: str, expected: dict[int, str]) -> None:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         glosses = lines.line_glosses(lines.parse(line, lexicon))
     assert {k: gloss.brow for k, gloss in enumerate(glosses) if gloss.brow is not None} == expected
 

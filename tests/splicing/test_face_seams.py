@@ -10,11 +10,11 @@ import pytest
 import signsplice as ss
 from signing import marked
 from signsplice.bulk.maker import motion_sha256
-from signsplice.motion import Clip, concatenate, resample, sampled
+from signsplice.motion import Clip, concatenate, resample, sample_clip
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report
 from signsplice.splicing.bulk_splice import splice_many
-from signsplice.splicing.faces import LIDS, eased, largest_step
+from signsplice.splicing.faces import LIDS, ease_face, largest_step
 from signsplice_workshop.measure.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
 
 PLAIN = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed")
@@ -34,7 +34,7 @@ def test_random_faces_have_no_half_blink_and_no_jump_above_their_own(seed: int) 
     for _ in range(10):
         last, first = rng.integers(5, 85, 2)
         n = int(rng.integers(round(0.16 * fps), round(0.5 * fps)))
-        new = eased(before, after, int(last), int(first), n, fps)
+        new = ease_face(before, after, int(last), int(first), n, fps)
         whole = np.concatenate([before.weights[: last + 1], new.weights, after.weights[first:]])
         steps = np.delete(np.abs(np.diff(whole[last : last + n + 2], axis=0)), LID_COLUMNS, axis=1).max(axis=0)
         unavoidable = np.delete(np.abs(before.weights[last] - after.weights[first]), LID_COLUMNS) / (n + 1)
@@ -48,32 +48,32 @@ def lids(*weights: float) -> Face:
 
 def test_lids_that_were_closing_close_before_they_open() -> None:
     before = lids(*[0.05] * 20, 0.4, 0.7, 1.0, 0.7, 0.4, 0.1)
-    new = eased(before, lids(*[0.05] * 20), 20, 3, 8, 30.0).weights[:, 0]
+    new = ease_face(before, lids(*[0.05] * 20), 20, 3, 8, 30.0).weights[:, 0]
     assert new.max() == 1.0
     assert np.all(np.diff(new[new.argmax() :]) <= 0.0)
-    assert eased(before, lids(*[0.05] * 20), 24, 3, 8, 30.0).weights.max() < 0.4  # a blink that is nearly over
+    assert ease_face(before, lids(*[0.05] * 20), 24, 3, 8, 30.0).weights.max() < 0.4  # a blink that is nearly over
 
 
 def test_lids_that_are_opening_where_a_word_is_entered_were_closed_before() -> None:
     after = lids(*[0.05] * 9, 0.5, 0.9, 0.6, 0.3, *[0.05] * 20)
-    assert eased(lids(*[0.05] * 20), after, 19, 11, 8, 30.0).weights.max() == 0.9
-    assert eased(lids(*[0.05] * 20), after[11:], 19, 0, 8, 30.0).weights.max() == 0.6
+    assert ease_face(lids(*[0.05] * 20), after, 19, 11, 8, 30.0).weights.max() == 0.9
+    assert ease_face(lids(*[0.05] * 20), after[11:], 19, 0, 8, 30.0).weights.max() == 0.6
 
 
 def test_the_mouth_closes_before_it_opens_for_the_next_word_and_brows_span_both() -> None:
     channels = ("jawOpen", "browInnerUp")
     level = Face(channels, np.tile([0.5, 0.8], (20, 1)))
     moving = Face(("tongueOut",), np.linspace(0.0, 1.0, 11)[:, None])  # lets coefficients change by 0.1 a frame
-    new = eased(
+    new = ease_face(
         Face(channels, np.concatenate([level.weights, random_face(0, 40).of(channels)])), level, 19, 0, 14, 30.0
     )
     assert new.weights[6, 0] == 0.0
     assert np.all(new.weights[:, 1] == 0.8)
     assert np.all(np.diff(new.weights[:7, 0]) <= 0.0)
     assert np.all(np.diff(new.weights[6:, 0]) >= 0.0)
-    slow = eased(level, level, 19, 0, 14, 30.0)  # faces that do not move allow no closing
+    slow = ease_face(level, level, 19, 0, 14, 30.0)  # faces that do not move allow no closing
     assert np.all(slow.weights[:, 0] == 0.5)
-    assert len(eased(level, moving, 19, 0, 0, 30.0)) == 0
+    assert len(ease_face(level, moving, 19, 0, 0, 30.0)) == 0
 
 
 @pytest.mark.parametrize("options", [ss.SpliceOptions(), PLAIN], ids=["default", "plain"])
@@ -119,7 +119,7 @@ def test_tempo_and_another_rate_treat_a_face_with_its_body(words: dict[str, Clip
     assert np.array_equal(result.clip.local_rotations, again.clip.local_rotations)
     span = next(span for span in result.spans if span.warp is not None)
     at = np.array([frame for _, frame in span.warp or ()])
-    expected = face_of(sampled(resample(clips[span.clip or 0], 60.0), at))
+    expected = face_of(sample_clip(resample(clips[span.clip or 0], 60.0), at))
     assert np.array_equal(face_of(result.clip)[slice(*span.output)].weights, expected.weights)
 
 

@@ -51,17 +51,17 @@ def test_a_trajectory_stays_at_its_ends_and_at_unit_length() -> None:
 
 def test_mirroring_and_making_trajectories_commute() -> None:
     seen = canonical_motion(word("BOOK").clip)
-    one, other = features.mirrored(features.trajectory(seen)), features.trajectory(seen.mirrored())
+    one, other = features.mirror_trajectory(features.trajectory(seen)), features.trajectory(seen.mirror())
     np.testing.assert_allclose(one.rotations_6d, other.rotations_6d, atol=1e-12)
     np.testing.assert_allclose(one.positions, other.positions, atol=1e-12)
-    twice = features.mirrored(one)
+    twice = features.mirror_trajectory(one)
     np.testing.assert_array_equal(twice.rotations_6d, features.trajectory(seen).rotations_6d)
 
 
 def test_the_busier_hand_is_found() -> None:
     right_handed = features.trajectory(canonical_motion(word("YES").clip))
     assert not features.left_hand_busier(right_handed)
-    assert features.left_hand_busier(features.mirrored(right_handed))
+    assert features.left_hand_busier(features.mirror_trajectory(right_handed))
 
 
 def test_the_features_of_a_frame_are_values_and_their_rates() -> None:

@@ -158,7 +158,7 @@ def test_the_right_hand_is_as_free_as_the_left() -> None:
 @pytest.mark.parametrize("rest", RESTS)
 def test_hands_rest_in_the_way_of_their_signer(rest: str) -> None:
     signer = replace(STANDARD, rest=rest)
-    teach, i = (planner.isolated(sign(gloss), signer) for gloss in ("TEACH", "I"))
+    teach, i = (planner.synthesize_word(sign(gloss), signer) for gloss in ("TEACH", "I"))
     cut = Cut(teach.events.end, i.events.start)
     (hand,) = idle_hands(teach.clip, i.clip, cut)
     assert (hand.side, hand.arrives) == (LEFT, True)

@@ -21,7 +21,7 @@ import signsplice as ss
 from other_rigs import mirror, on_other_rig
 from signing import sign, word
 from signsplice.errors import InputError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, Skeleton, concatenate, kinematics, resample, rotation
 from signsplice.rig.info import canonical_motion, rig_info
 from signsplice.rig.roles import ARM
@@ -90,7 +90,7 @@ def test_the_length_of_the_rests_of_a_word_does_not_matter(rest: str) -> None:
     """Words of a signer who stands still for ten seconds before and after every sign."""
     n_rest = 300
     signer = replace(STANDARD, rest=rest)
-    words = [planner.isolated(sign(gloss), signer).clip for gloss in ("MOTHER", "BOOK")]
+    words = [planner.synthesize_word(sign(gloss), signer).clip for gloss in ("MOTHER", "BOOK")]
     clips, longer = (
         [concatenate([clip[:1]] * n + [clip] + [clip[-1:]] * n) for clip in words] for n in (n_rest, n_rest + 1)
     )
@@ -225,7 +225,7 @@ def test_gaps_filled_together_are_filled_as_each_alone() -> None:
 
 @pytest.mark.parametrize("line", ["BUY MAKE SMELL NO CHEESE WALK", "REMEMBER NIGHT COME FOX"])
 def test_a_stream_and_a_splice_give_the_same_frames_where_they_cut_alike(line: str) -> None:
-    lexicon = shipped()
+    lexicon = open_shipped_lexicon()
     words = [lexicon.clip(gloss) for gloss in line.split()]
     together, pieces = ss.splice(words), list(ss.stream(words))
     assert [piece.span for piece in pieces] == list(together.spans)

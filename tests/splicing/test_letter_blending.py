@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from signsplice.lexicon import Lexicon, shipped
+from signsplice.lexicon import Lexicon, open_shipped_lexicon
 from signsplice.motion import Clip, FloatArray, rotation
-from signsplice.rig.info import arms, seen_from_trunk
+from signsplice.rig.info import arms, hands_in_trunk_axes
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.letters import FREE, spelling_side
 
 
 @pytest.fixture(scope="module")
 def lexicon() -> Iterator[Lexicon]:
-    with shipped() as opened:
+    with open_shipped_lexicon() as opened:
         yield opened
 
 
@@ -116,7 +116,7 @@ def test_open_letters_slide_to_the_side(word: str, lexicon: Lexicon) -> None:
     clips = letters(word, lexicon)
     result = splice(clips)
     own, (_, second) = arms(result.clip), (result.spans[0].output, result.spans[2].output)
-    places = seen_from_trunk(own)[0][:, 1] * own.metres
+    places = hands_in_trunk_axes(own)[0][:, 1] * own.metres
     step = places[second[0] + 3] - places[result.spans[0].output[1] - 1]
     assert -step[0] == pytest.approx(0.045, abs=0.005)
     assert np.linalg.norm(step) < 0.05
@@ -132,7 +132,7 @@ def test_the_hand_slides_on_for_a_third_and_goes_back_for_another_letter(lexicon
     own = arms(result.clip)
     spans = [span.output for span in result.spans if span.kind == "sign"]
     frames = [spans[0][1] - 1, *(start + 2 for start, _ in spans[1:])]
-    at = seen_from_trunk(own)[0][frames, 1] * own.metres
+    at = hands_in_trunk_axes(own)[0][frames, 1] * own.metres
     out = at[0, 0] - at[:, 0]
     assert out[1:3] == pytest.approx([0.045, 0.09], abs=0.006)
     assert abs(out[3]) < 0.02

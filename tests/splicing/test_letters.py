@@ -11,11 +11,11 @@ import pytest
 
 from signing import marked
 from signsplice.body.arm_ik import move_wrists
-from signsplice.lexicon import Lexicon, shipped
+from signsplice.lexicon import Lexicon, open_shipped_lexicon
 from signsplice.lexicon.gloss import is_letter
 from signsplice.lexicon.sentence import parse
 from signsplice.motion import Clip, concatenate, resample, rotation
-from signsplice.rig.info import arms, seen_from_trunk
+from signsplice.rig.info import arms, hands_in_trunk_axes
 from signsplice.splicing import letters as doubled_letters
 from signsplice.splicing.collisions import depths
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
@@ -25,7 +25,7 @@ from signsplice.splicing.word import words_of
 
 @pytest.fixture(scope="module")
 def lexicon() -> Iterator[Lexicon]:
-    with shipped() as opened:
+    with open_shipped_lexicon() as opened:
         yield opened
 
 
@@ -55,7 +55,7 @@ def test_words_are_spelled_at_a_human_rate(lexicon: Lexicon) -> None:
         assert 2.0 <= (len(word) - 2) * result.clip.fps / (signs[-1] - signs[1]) <= 6.0
         assert min(way for way, _ in ways_and_holds(result)) < 0.2
         own = arms(result.clip)
-        wrists = seen_from_trunk(own)[0][signs[1] - 4 : signs[-1] + 1, 1] * own.metres
+        wrists = hands_in_trunk_axes(own)[0][signs[1] - 4 : signs[-1] + 1, 1] * own.metres
         assert np.linalg.norm(np.diff(wrists, axis=0), axis=-1).max() * result.clip.fps < 0.7
 
 

@@ -12,7 +12,7 @@ import avatars
 import signsplice as ss
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_a_sentence_is_signed_by_an_avatar_in_its_own_file(tmp_path: Path, avata
 
 def test_files_are_spliced_on_an_avatar_as_the_splice_is_converted_to_it(tmp_path: Path, avatar: Path) -> None:
     for gloss in ("MY", "NAME"):
-        ss.save(shipped().clip(gloss), tmp_path / f"{gloss}.bvh")
+        ss.save(open_shipped_lexicon().clip(gloss), tmp_path / f"{gloss}.bvh")
     words = [tmp_path / "MY.bvh", tmp_path / "NAME.bvh"]
     run("splice", *words, "-o", tmp_path / "one.bvh", "--avatar", avatar)
     run("splice", *words, "-o", tmp_path / "plain.npz")

@@ -14,7 +14,7 @@ import signsplice as ss
 from signing import marked, word
 from signsplice.body.retarget import align
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, concatenate, sampled
+from signsplice.motion import Clip, FloatArray, concatenate, sample_clip
 from signsplice.rig.align import reference
 from signsplice.rig.info import arms
 from signsplice.splicing.bulk_splice import splice_many
@@ -46,7 +46,7 @@ def rebuilt(result: SpliceResult, sources: Sequence[Clip]) -> FloatArray:
     for span in result.spans:
         if span.clip is not None and span.source is not None:
             source = align(sources[span.clip], first).clip
-            source = sampled(source, np.array(span.warp)[:, 1]) if span.warp else source[slice(*span.source)]
+            source = sample_clip(source, np.array(span.warp)[:, 1]) if span.warp else source[slice(*span.source)]
             out[slice(*span.output)] = source.local_rotations
     return out
 

@@ -15,7 +15,7 @@ import pytest
 from conftest import GOLDEN
 
 from signsplice.errors import FormatError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.learned import open_sessions
 
@@ -74,7 +74,7 @@ DAMAGE: dict[str, tuple[str, Change | bytes]] = {
 def test_a_damaged_network_is_refused_with_its_file(what: str, tmp_path: Path) -> None:
     name, change = DAMAGE[what]
     bundle = broken_bundle(tmp_path, name, change)
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         clips = [words.clip("I"), words.clip("SIGN")]
     options = SpliceOptions("learned", "learned", bundle=bundle, avoid_collisions=False)
     with pytest.raises(FormatError, match=name.replace(".", r"\.")) as caught:

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 import signsplice as ss
 from signing import word
-from signsplice.lexicon import shipped
-from signsplice.motion import Clip, rotation, sampled
+from signsplice.lexicon import open_shipped_lexicon
+from signsplice.motion import Clip, rotation, sample_clip
 from signsplice.splicing import stages
 from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.engine import joined_sentence, splice
@@ -26,9 +26,9 @@ from signsplice.splicing.options import SpliceOptions
 from signsplice.splicing.passes import Pass, fill, run
 from signsplice.splicing.result import Piece, SpliceResult
 from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, SeamKind
-from signsplice.splicing.sentence import Sentence, edited_part
-from signsplice.splicing.tempo import retimed
-from signsplice.splicing.word import AlignedWord, Edit, FrameMap, Word, edited
+from signsplice.splicing.sentence import Sentence, describe_edits
+from signsplice.splicing.tempo import retime_word
+from signsplice.splicing.word import AlignedWord, Edit, FrameMap, Word, apply_edits
 
 GUIDE = Path(__file__).resolve().parents[2] / "CONTRIBUTING.md"
 CLIPS = [word(gloss).clip for gloss in ("BOOK", "MOTHER", "YES")]
@@ -36,7 +36,7 @@ OPTIONS = SpliceOptions("pose-velocity", "hermite", "tempo")
 
 
 def spelled(text: str) -> list[Clip]:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         return [lexicon.clip(f"fs-{letter}") for letter in text]
 
 
@@ -241,8 +241,8 @@ def test_edits_compose(rows: list[tuple[set[int], int, int, bool]], split: int, 
         turned = other.local_rotations[first : first + n][:, columns]
         lengths = np.full((len(turned), len(columns), 3), float(first)) if bones else None
         edits.append(Edit(tuple(columns), first, turned, lengths))
-    whole = edited(clip, edits)
-    parts = edited(edited(clip, edits[:split]), edits[split:])
+    whole = apply_edits(clip, edits)
+    parts = apply_edits(apply_edits(clip, edits[:split]), edits[split:])
     np.testing.assert_array_equal(whole.local_rotations, parts.local_rotations)
     assert (whole.translations is None) == (parts.translations is None)
     if whole.translations is not None and parts.translations is not None:
@@ -251,8 +251,8 @@ def test_edits_compose(rows: list[tuple[set[int], int, int, bool]], split: int, 
     for edit in edits:  # the last one counts
         expected[edit.first_frame : edit.stop, list(edit.joints)] = edit.rotations
     np.testing.assert_array_equal(whole.local_rotations, expected)
-    assert edited(clip, ()) is clip
-    part = edited_part(edits, tuple("abcde"), (0, 12), 100)
+    assert apply_edits(clip, ()) is clip
+    part = describe_edits(edits, tuple("abcde"), (0, 12), 100)
     frames = [frame for edit in edits for frame in (edit.first_frame, edit.stop)]
     assert (part is None) == (not edits)
     if part is not None:
@@ -293,13 +293,13 @@ def test_a_frame_map_without_a_warp_is_the_identity() -> None:
 @pytest.mark.parametrize("gloss", ["FATHER", "BOOK", "TOILET"])
 def test_the_source_of_every_frame_rebuilds_the_retimed_word(gloss: str) -> None:
     clip = word(gloss).clip
-    done = retimed(AlignedWord(0, clip, clip, FrameMap()), CUTTERS["pose-velocity"], 0.6)
+    done = retime_word(AlignedWord(0, clip, clip, FrameMap()), CUTTERS["pose-velocity"], 0.6)
     sources = done.frames.sources
     assert sources is not None
     assert (np.diff(sources) > 0.0).all()
     assert (sources[0], sources[-1]) == (0.0, len(clip) - 1.0)
-    np.testing.assert_array_equal(sampled(clip, sources).local_rotations, done.retimed.local_rotations)
+    np.testing.assert_array_equal(sample_clip(clip, sources).local_rotations, done.retimed.local_rotations)
     whole = done.frames.warp(0, len(sources), 0)
     assert whole is not None
-    rebuilt = sampled(clip, np.array([source for _, source in whole]))
+    rebuilt = sample_clip(clip, np.array([source for _, source in whole]))
     np.testing.assert_array_equal(rebuilt.local_rotations, done.retimed.local_rotations)

@@ -26,7 +26,7 @@ def test_no_way_from_or_to_rest_is_kept_below_a_stroke(rest: str, left_handed: b
     """Hands are as high where a word is left and entered as where its stroke ends and begins, within 2 cm."""
     signer = replace(STANDARD, rest=rest, left_handed=left_handed)
     for gloss in ("TELL", "GREEN", "TREE", "COFFEE", "DEAF"):
-        made = planner.isolated(sign(gloss), signer)
+        made = planner.synthesize_word(sign(gloss), signer)
         (cut,) = CUTTER.cut_all([made.clip, made.clip])
         own = arms(made.clip)
         heights = own.wrists[:, 0 if left_handed else 1] @ own.up * own.metres

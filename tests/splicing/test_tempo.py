@@ -21,7 +21,7 @@ from signing import word
 from signsplice.body.retarget import align
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.motion import Clip, concatenate, resample, rotation, sampled
+from signsplice.motion import Clip, concatenate, resample, rotation, sample_clip
 from signsplice.rig.align import reference
 from signsplice.rig.inspection import with_ends_held
 from signsplice.signer import planner
@@ -32,9 +32,9 @@ from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.durations import RUNNING_S, running_sign_s, seconds_a_sign
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
 from signsplice.splicing.passes import LengthenGaps, Refill
-from signsplice.splicing.result import measured_tempo
+from signsplice.splicing.result import measure_tempo
 from signsplice.splicing.seam import SIGNS, Seam
-from signsplice.splicing.tempo import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retimed
+from signsplice.splicing.tempo import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retime_word
 from signsplice.splicing.word import AlignedWord, FrameMap
 from signsplice_workshop.measure.hands import wrist_positions
 from signsplice_workshop.measure.tempo import add_noise, compare, draw_words, hold_longer, table
@@ -44,11 +44,11 @@ CUTTER = CUTTERS["pose-velocity"]
 
 def held(clip: Clip, frame: int, n_frames: int) -> Clip:
     """The clip with a frame shown so many frames longer."""
-    return sampled(clip, np.r_[: frame + 1, [frame] * n_frames, frame + 1 : len(clip)].astype(np.float64))
+    return sample_clip(clip, np.r_[: frame + 1, [frame] * n_frames, frame + 1 : len(clip)].astype(np.float64))
 
 
 def at_tempo(clip: Clip, seconds: float) -> AlignedWord:
-    return retimed(AlignedWord(0, clip, clip, FrameMap()), CUTTER, seconds)
+    return retime_word(AlignedWord(0, clip, clip, FrameMap()), CUTTER, seconds)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_the_frames_that_a_warp_lists_rebuild_the_sign_bit_for_bit(natural: Spli
         assert sources[-1] <= span.source[1] - 1
         source = align(sentence[span.clip], first).clip
         part = natural.clip.local_rotations[slice(*span.output)]
-        assert np.array_equal(sampled(source, sources).local_rotations, part)
+        assert np.array_equal(sample_clip(source, sources).local_rotations, part)
     assert n_warped >= 4
 
 
@@ -101,7 +101,7 @@ def test_a_warp_rebuilds_a_sign_whose_first_frames_are_left_out_bit_for_bit(sent
     assert span.source[0] >= 40
     source = align(with_ends_held(posed), reference(sentence[0])).clip
     part = result.clip.local_rotations[slice(*span.output)]
-    assert np.array_equal(sampled(source, np.array(span.warp)[:, 1]).local_rotations, part)
+    assert np.array_equal(sample_clip(source, np.array(span.warp)[:, 1]).local_rotations, part)
 
 
 class NoCuts(Cutter):
@@ -308,7 +308,10 @@ def test_lexicons_share_no_word_and_have_enough() -> None:
 
 
 def test_slow_and_noisy_words_come_near_running_tempo_too() -> None:
-    words = [planner.isolated(word(gloss).sign, replace(STANDARD, tempo=0.6)) for gloss in ("BIRD", "DOG", "BOY", "MY")]
+    words = [
+        planner.synthesize_word(word(gloss).sign, replace(STANDARD, tempo=0.6))
+        for gloss in ("BIRD", "DOG", "BOY", "MY")
+    ]
     slow = [add_noise(hold_longer(slow, 0.5), 0.004) for slow in words]
     assert [one.events.end - plain.events.end for one, plain in zip(slow, words, strict=True)] == [15] * len(words)
     rows = compare({"slow": slow})
@@ -336,9 +339,9 @@ def test_the_tempo_reached_is_that_of_signs_not_of_letters() -> None:
         ("C", (85, 99)),
         ("D", (110, 150)),
     ]
-    assert measured_tempo(signs, 30.0, "citation").seconds == pytest.approx((30 + 21) / 2 / 30.0, abs=1e-3)
-    assert measured_tempo(signs[:2], 30.0, "natural").seconds is None
-    assert measured_tempo([signs[0], *signs[2:4], signs[5]], 30.0, "natural").seconds is None
+    assert measure_tempo(signs, 30.0, "citation").seconds == pytest.approx((30 + 21) / 2 / 30.0, abs=1e-3)
+    assert measure_tempo(signs[:2], 30.0, "natural").seconds is None
+    assert measure_tempo([signs[0], *signs[2:4], signs[5]], 30.0, "natural").seconds is None
 
 
 @given(st.lists(st.integers(0, 6) | st.floats(0.0, 6.0), min_size=1, max_size=60), st.floats(0.0, 3.0))

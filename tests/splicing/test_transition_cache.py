@@ -12,7 +12,7 @@ from conftest import GOLDEN
 
 import signsplice as ss
 from signing import word
-from signsplice.motion import Clip, EndSite, unchecked_copy
+from signsplice.motion import Clip, EndSite, copy_unchecked
 from signsplice.splicing.bulk_splice import TransitionCache, gap_key, splice_many
 from signsplice.splicing.contracts import Cut, Gap, Transition
 from signsplice.splicing.curves import CurveTransition, find_transition
@@ -50,13 +50,13 @@ def nudged(values: np.ndarray) -> np.ndarray:
 
 def changed(side: str, **fields: Callable[[Clip], object]) -> Gap:
     clip = getattr(GAP, side)
-    sides: dict[str, Any] = {side: unchecked_copy(clip, **{name: change(clip) for name, change in fields.items()})}
+    sides: dict[str, Any] = {side: copy_unchecked(clip, **{name: change(clip) for name, change in fields.items()})}
     return replace(GAP, **sides)
 
 
 def on_skeleton(**fields: Any) -> Gap:
     skeleton = replace(GAP.before.skeleton, **fields)
-    before, after = (unchecked_copy(clip, skeleton=skeleton) for clip in (GAP.before, GAP.after))
+    before, after = (copy_unchecked(clip, skeleton=skeleton) for clip in (GAP.before, GAP.after))
     return Gap(before, after, GAP.n_frames)
 
 

@@ -158,7 +158,7 @@ def test_letters_are_held_with_their_handshape(seed: int | None) -> None:
 @pytest.mark.parametrize("number", [0, 5])
 def test_every_rest_pose_is_free_and_leaves_the_sign_as_it_is(rest: str, number: int) -> None:
     signer = STANDARD if number == 0 else draw_signer(number)
-    one, usual = (planner.isolated(sign("THANK-YOU"), replace(signer, rest=kind)) for kind in (rest, "hanging"))
+    one, usual = (planner.synthesize_word(sign("THANK-YOU"), replace(signer, rest=kind)) for kind in (rest, "hanging"))
     assert penetration(one.states, one.signer)[0].max() < TOLERANCE_CM + 0.25
     lengths = [made.events.end - made.events.start for made in (one, usual)]
     assert lengths[0] == lengths[1], "the rest is no part of the sign"

@@ -28,7 +28,7 @@ ELSEWHERE = ("BOOK", "CAR")
 
 @cache
 def made(gloss: str, manner: Manner, seed: int | None = None) -> IsolatedWord:
-    return planner.isolated(sign(gloss), replace(signer_of(seed), manner=manner))
+    return planner.synthesize_word(sign(gloss), replace(signer_of(seed), manner=manner))
 
 
 def speed(one: IsolatedWord, joint: str) -> float:
@@ -81,13 +81,13 @@ SEEN = replace(STANDARD, manner=USUAL)
 @pytest.mark.parametrize("gloss", ["BOOK", "CAR", "HOUSE", "YOU", "HAPPY", "TREE", "fs-L"])
 def test_the_head_faces_the_addressee_where_no_hand_is_near_it(gloss: str) -> None:
     """What is left is the drift of a standing signer: under 3 degrees about every axis."""
-    one = planner.isolated(sign(gloss), SEEN)
+    one = planner.synthesize_word(sign(gloss), SEEN)
     forward = kinematics.forward(one.clip, [JOINTS["Head"]])[0][:, 0, :, 2]
     assert np.rad2deg(np.arccos(forward[one.events.up : one.events.down + 1, 2])).max() < 3.0
 
 
 def test_the_head_is_the_same_over_a_spelled_word() -> None:
-    words = [planner.isolated(sign(f"fs-{letter}"), SEEN) for letter in "SIGNLY"]
+    words = [planner.synthesize_word(sign(f"fs-{letter}"), SEEN) for letter in "SIGNLY"]
     held = np.rad2deg([one.states[(one.events.start + one.events.end) // 2, pose.HEAD] for one in words])
     assert np.ptp(held, axis=0).max() < 3.0
 
@@ -183,7 +183,7 @@ def test_transitions_carry_the_body_on() -> None:
 
 def test_a_left_handed_signer_moves_head_and_trunk_as_in_a_mirror() -> None:
     left: Signer = replace(signer_of(3), left_handed=True, manner=ALL)
-    one, two = (planner.isolated(sign("DEAF"), replace(left, left_handed=side)) for side in (False, True))
+    one, two = (planner.synthesize_word(sign("DEAF"), replace(left, left_handed=side)) for side in (False, True))
     rotations, roots = mirror(one.clip)
     assert np.abs(np.sum(rotations * two.clip.local_rotations, axis=-1)).min() > 1.0 - 1e-9
     assert np.allclose(roots, two.clip.root_positions, atol=1e-9)

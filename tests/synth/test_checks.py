@@ -63,12 +63,15 @@ def test_what_a_body_cannot_do_is_one_line_with_the_gloss(lines: tuple[str, ...]
 @pytest.mark.parametrize("seed", [None, 3])
 def test_signs_that_a_body_can_do_have_no_warning(gloss: str, seed: int | None) -> None:
     signer = STANDARD if seed is None else draw_signer(seed)
-    assert checks.warnings(planner.isolated(sign(gloss), signer)) == []
+    assert checks.warnings(planner.synthesize_word(sign(gloss), signer)) == []
 
 
 def test_a_left_handed_signer_is_warned_of_the_same() -> None:
     text = "W  hands=one\n  X  shape=index at=space-far palm=down fingers=fwd\n  M  shift=0,20,40\n"
-    words = [planner.isolated(notation.parse(text)["W"], replace(STANDARD, left_handed=left)) for left in (False, True)]
+    words = [
+        planner.synthesize_word(notation.parse(text)["W"], replace(STANDARD, left_handed=left))
+        for left in (False, True)
+    ]
     right, left = map(checks.warnings, words)
     assert right == left != []
 
@@ -107,7 +110,7 @@ SLIDES = {
 def clearances(hands: str, first: str, movement: str, signer: Signer = STANDARD) -> np.ndarray:
     """Distance of the strong hand's skin from the other skin in each frame of the movement, cm."""
     text = f"W  hands={hands}\n  {first}\n  M  {movement}\n"
-    word = planner.isolated(notation.parse(text)["W"], signer)
+    word = planner.synthesize_word(notation.parse(text)["W"], signer)
     one = word.segments[1]
     states = word.states[one.begin : one.end + 1]
     return np.asarray(hand_clearances(states, STANDARD)[:, 0 if hands == "one" else 2])

@@ -21,7 +21,7 @@ from signsplice.signer.signer import JOINTS, STANDARD
 from signsplice.written import signing
 from signsplice.written.compiler import compile_sign
 from signsplice.written.tree import Motion, Pair, Place, Site, WrittenManner, WrittenPosture, WrittenShape, WrittenSign
-from signsplice.written.vocabulary import direction, facing, oriented
+from signsplice.written.vocabulary import direction, facing, hand_axes
 
 INDEX = WrittenPosture(WrittenShape("finger2"), ("u",), ("l",), Place("chest", "right_at", "close"))
 FLAT = WrittenPosture(WrittenShape("flat"), ("o",), ("d",), Place("shoulders", contact="close"))
@@ -290,7 +290,7 @@ def test_a_place_between_the_middle_and_a_side_is_half_way_to_the_side() -> None
 
 
 def test_frames_of_postures_are_where_the_hands_have_come_to_them() -> None:
-    word = planner.isolated(made(INDEX, straight("d", size="big"), straight("r", size="small")))
+    word = planner.synthesize_word(made(INDEX, straight("d", size="big"), straight("r", size="small")))
     frames = [word.events.start, *(one.end for one in word.segments if one.segment.kind == "M")]
     assert len(frames) == 3
     heights = word.states[frames, 1]
@@ -312,7 +312,7 @@ def test_a_written_contact_is_a_touch_in_the_motion(
 ) -> None:
     one = made(WrittenPosture(WrittenShape(shape), (fingers,), (palm,), place), straight("o"))
     assert one.segments[0].strong.part == part
-    word = planner.isolated(one)
+    word = planner.synthesize_word(one)
     frame = word.segments[0].end
     assert hand_clearances(word.states[frame : frame + 1], STANDARD)[0, 0] < 0.5
 
@@ -320,7 +320,7 @@ def test_a_written_contact_is_a_touch_in_the_motion(
 @pytest.mark.parametrize(("side", "sign_of"), [("left_at", 1.0), ("right_at", -1.0)])
 def test_a_pair_of_hands_is_on_the_side_that_is_written(side: str, sign_of: float) -> None:
     posture = replace(FLAT, place=None, pair=Pair(contact="close", place=Place("shoulders", side, "close")))
-    word = planner.isolated(made(posture, straight("d", size="small"), hands="parallel"))
+    word = planner.synthesize_word(made(posture, straight("d", size="small"), hands="parallel"))
     strong, weak = pose.hands(word.states[word.segments[0].end : word.segments[0].end + 1])[0, :, 0]
     assert sign_of * (strong - weak) / 2.0 > 3.0, "a weak hand's state is mirrored"
 
@@ -335,7 +335,7 @@ def test_a_pair_of_hands_is_on_the_side_that_is_written(side: str, sign_of: floa
 )
 def test_hands_that_are_written_to_meet_touch(pair: Pair) -> None:
     posture = WrittenPosture(WrittenShape("fist"), ("ol",), ("l",), pair=pair)
-    word = planner.isolated(made(posture, straight("d", size="small"), hands="mirrored"))
+    word = planner.synthesize_word(made(posture, straight("d", size="small"), hands="mirrored"))
     frame = word.segments[0].end
     assert abs(between_hands(word.states[frame : frame + 1], STANDARD)[0]) < 0.5
 
@@ -344,7 +344,7 @@ def test_a_circle_about_an_oblique_axis_comes_back_and_half_a_turn_ends_across()
     half = made(INDEX, Motion("circle", ("ol",), turns=0.0, start="u", end="d")).segments[1]
     assert half.path.revolutions == pytest.approx(0.5, abs=1e-3)
     assert np.allclose(half.strong.shift, (0, -10, 0), atol=1e-2)
-    word = planner.isolated(made(INDEX, Motion("circle", ("ol",))))
+    word = planner.synthesize_word(made(INDEX, Motion("circle", ("ol",))))
     one = word.segments[1]
     wrists = word.states[one.begin : one.end + 1, :3] - word.states[one.begin, :3]
     assert np.linalg.norm(wrists[-1]) < 4.0
@@ -354,14 +354,14 @@ def test_a_circle_about_an_oblique_axis_comes_back_and_half_a_turn_ends_across()
 
 def test_a_swing_moves_the_wrist_sideways_and_a_stir_both_ways() -> None:
     for kind, moved in (("swinging", (1,)), ("nodding", (2,)), ("stircw", (1, 2))):
-        word = planner.isolated(made(INDEX, Motion(kind)))
+        word = planner.synthesize_word(made(INDEX, Motion(kind)))
         one = word.segments[1]
         span = np.ptp(word.states[one.begin : one.end + 1, pose.ROTVEC], axis=0)
         assert {k for k in (1, 2) if span[k] > 0.25} == set(moved), kind
 
 
 def test_a_hand_deep_in_the_body_is_named_with_its_frame() -> None:
-    states = planner.isolated(made(INDEX)).states.copy()
+    states = planner.synthesize_word(made(INDEX)).states.copy()
     states[12, pose.WRIST] = (-4.0, -4.0, 8.0)  # in the chest
     (line,) = signing.deep_hands(pose.clip(states, STANDARD, 30.0))
     assert line.startswith("a hand lies ")
@@ -383,14 +383,14 @@ def test_a_hand_deep_in_the_body_is_named_with_its_frame() -> None:
 def test_each_of_two_directions_has_a_palm_of_its_own(
     fingers: tuple[str, ...], palm: tuple[str, ...], faces: tuple[float, float, float]
 ) -> None:
-    along, found = oriented(fingers, palm)
+    along, found = hand_axes(fingers, palm)
     assert np.allclose(along, direction(fingers))
     assert np.allclose(found, faces, atol=0.01)
     assert abs(np.dot(along, found)) < 1e-9
 
 
 def test_an_elbow_that_jumps_is_named_with_its_frame() -> None:
-    clip = signing.signed(sign(INDEX, straight("u")))
+    clip = signing.animate_sign(sign(INDEX, straight("u")))
     assert not clip.notes
     arm = JOINTS["RightArm"]
     local_quats = clip.local_rotations.copy()

@@ -12,7 +12,7 @@ from signing import sign, signer_of
 from signsplice.body import capsules, collision, swivel
 from signsplice.motion import kinematics
 from signsplice.signer import arms, planner
-from signsplice.signer.figure import posed_signer
+from signsplice.signer.figure import pose_signer
 from signsplice.signer.notation import parse
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import USUAL, Manner
@@ -22,7 +22,7 @@ from word_measures import arm_in_arm, finger_in_thumb, swivel_steps
 
 @cache
 def made(gloss: str, manner: Manner = USUAL) -> IsolatedWord:
-    return planner.isolated(sign(gloss), signer_of(None, manner))
+    return planner.synthesize_word(sign(gloss), signer_of(None, manner))
 
 
 def depths(one: IsolatedWord) -> tuple[float, float]:
@@ -47,7 +47,7 @@ def test_no_elbow_turns_by_more_than_3_cm_in_a_frame(gloss: str) -> None:
 )
 def test_elbows_of_written_signs_do_not_flip(first: str, then: str, most_cm: float) -> None:
     (written,) = parse(f"X  hands=one kind=written\n  X {first}\n  M {then}\n  H\n").values()
-    assert swivel_steps(planner.isolated(written).clip).max() < most_cm
+    assert swivel_steps(planner.synthesize_word(written).clip).max() < most_cm
 
 
 @pytest.mark.parametrize(("shape", "at", "part", "palm", "fingers"), [
@@ -57,9 +57,9 @@ def test_elbows_of_written_signs_do_not_flip(first: str, then: str, most_cm: flo
 def test_the_written_part_of_a_hand_touches(shape: str, at: str, part: str, palm: str, fingers: str) -> None:
     text = f"X shape={shape} at=space palm={palm} fingers={fingers}\n  M at={at} by={part} touch=yes\n  H\n"
     (written,) = parse(f"A  hands=one kind=written\n  {text}").values()
-    one = planner.isolated(written)
+    one = planner.synthesize_word(written)
     posture = written.segments[1].strong
-    assert posed_signer(one.states, one.signer).distance(posture, one.segments[1].end)[0] < 0.5
+    assert pose_signer(one.states, one.signer).distance(posture, one.segments[1].end)[0] < 0.5
 
 
 @pytest.mark.parametrize("pair", [("FROG", "WALK"), ("NOT", "STAND"), ("LAUGH", "YOUR")])

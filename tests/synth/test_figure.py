@@ -18,7 +18,7 @@ from signsplice.signer.signer import JOINTS, STANDARD, draw_signer
 
 def made(gloss: str, seed: int | None) -> IsolatedWord:
     signer = STANDARD if seed is None else replace(draw_signer(seed), left_handed=False)
-    return planner.isolated(sign(gloss), signer)
+    return planner.synthesize_word(sign(gloss), signer)
 
 
 @pytest.mark.parametrize(("gloss", "seed"), [("MOTHER", None), ("WORK", 3), ("PLEASE", 8)])
@@ -28,7 +28,7 @@ def test_a_figure_is_the_body_of_its_clip_in_the_chests_axes(gloss: str, seed: i
     chest, origin = rotations[:, JOINTS["Spine2"]], positions[:, JOINTS["Spine2"], None]
     ends = np.stack(capsules.capsule_ends(capsules.body_capsules(word.clip.skeleton), rotations, positions))
     figure = Figure(word.states, word.signer)
-    posed = figure.posed(word.states)
+    posed = figure.pose_arms(word.states)
     legs = [n for n, part in enumerate(figure.body.parts) if part in ("leg", "shoe")]
     found = np.stack([posed.capsules.starts, posed.capsules.ends])
     error = np.linalg.norm((ends - origin) @ chest - found, axis=-1)
@@ -43,15 +43,15 @@ def test_some_frames_are_posed_as_among_all_and_arms_may_be_given() -> None:
     figure, some = Figure(word.states, STANDARD), np.arange(0, len(word), 7)
     turned = word.states[some].copy()
     turned[:, pose.TURNS] += 0.5  # of no effect where arms are given
-    whole = figure.posed(word.states).capsules.ends
-    part = figure.posed(turned, some, pose.posed_arms(word.states[some], STANDARD)).capsules.ends
+    whole = figure.pose_arms(word.states).capsules.ends
+    part = figure.pose_arms(turned, some, pose.solve_arms_and_wrists(word.states[some], STANDARD)).capsules.ends
     assert np.abs(whole[some] - part).max() < 1e-9
 
 
 @pytest.mark.parametrize("gloss", ["MOTHER", "WORK"])
 def test_the_nearest_skins_are_those_of_all_pairs(gloss: str) -> None:
     word = made(gloss, None)
-    posed = Figure(word.states, STANDARD).posed(word.states).capsules
+    posed = Figure(word.states, STANDARD).pose_arms(word.states).capsules
     groups = posed.body.groups
     parts = (groups.head, groups.trunk, groups.left)
     distance, out = posed.nearest(groups.right, parts)

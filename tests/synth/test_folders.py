@@ -53,7 +53,7 @@ def test_a_lexicon_has_a_file_for_every_word_and_a_table(lexicon: Path) -> None:
 @pytest.mark.parametrize("gloss", ["I", "BOOK", "fs-A"])
 def test_the_files_hold_the_planned_words(gloss: str, lexicon: Path) -> None:
     clip = load(lexicon / f"{gloss}.bvh")
-    planned = planner.isolated(sign(gloss)).clip
+    planned = planner.synthesize_word(sign(gloss)).clip
     assert len(clip) == len(planned)
     assert clip.fps == pytest.approx(30.0, abs=1e-3)
     assert clip.skeleton.names == planned.skeleton.names
@@ -87,7 +87,7 @@ def test_an_interrupted_call_leaves_no_part_of_a_folder(tmp_path: Path, monkeypa
     old = tmp_path / "l"
     folders.write_lexicon(SIGNS[:1], STANDARD, old)
     before = {path.name: path.read_bytes() for path in old.iterdir()}
-    real, calls = planner.isolated, 0
+    real, calls = planner.synthesize_word, 0
 
     def failing(*arguments: Any, **named: Any) -> planner.IsolatedWord:
         nonlocal calls
@@ -96,7 +96,7 @@ def test_an_interrupted_call_leaves_no_part_of_a_folder(tmp_path: Path, monkeypa
             raise KeyboardInterrupt
         return real(*arguments, **named)
 
-    monkeypatch.setattr(planner, "isolated", failing)
+    monkeypatch.setattr(planner, "synthesize_word", failing)
     with pytest.raises(KeyboardInterrupt):
         folders.write_lexicon(SIGNS, STANDARD, old)
     assert [path.name for path in tmp_path.iterdir()] == ["l"]

@@ -16,7 +16,7 @@ from signsplice.signer.signer import STANDARD
 
 
 def isolated(gloss: str) -> IsolatedWord:
-    return planner.isolated(form(SIGNS, gloss))
+    return planner.synthesize_word(form(SIGNS, gloss))
 
 
 def stroke(one: IsolatedWord) -> FloatArray:
@@ -30,7 +30,7 @@ def test_one_sign_gives_both_i_give_you_and_you_give_me() -> None:
     to_you, to_me = stroke(isolated("1-GIVE-2")), stroke(isolated("2-GIVE-1"))
     assert to_you[2] > 7.5, "the hold after it has the rest of the path"
     assert to_me[2] < -7.5
-    cited = stroke(planner.isolated(sign("GIVE")))
+    cited = stroke(planner.synthesize_word(sign("GIVE")))
     assert np.abs(to_you - cited).max() < 3.0, "the first is the form that is cited"
 
 
@@ -64,7 +64,7 @@ def test_a_verb_that_begins_at_the_chin_agrees_with_its_object_alone() -> None:
     told = form(SIGNS, "TELL-3")
     assert [s.strong.location for s in told.segments] == ["chin", "locus:3", "locus:3"]
     assert told.segments[0] == sign("TELL").segments[0]
-    assert stroke(planner.isolated(told))[0] > 8.0
+    assert stroke(planner.synthesize_word(told))[0] > 8.0
 
 
 def test_loci_of_a_base_hand_are_mirrored() -> None:
@@ -93,7 +93,7 @@ def test_a_locus_is_a_place_like_any_other() -> None:
 
 def test_aspects_repeat_faster_or_slower() -> None:
     once, habitual, continuative = (
-        planner.isolated(form(SIGNS, gloss), signer_of(None))
+        planner.synthesize_word(form(SIGNS, gloss), signer_of(None))
         for gloss in ("LOOK", "LOOK-HABITUAL", "LOOK-CONTINUATIVE")
     )
     assert [len(one.events.passes) for one in (once, habitual, continuative)] == [1, 3, 3]
@@ -102,7 +102,7 @@ def test_aspects_repeat_faster_or_slower() -> None:
 
 
 def test_the_continuative_goes_round() -> None:
-    one = planner.isolated(form(SIGNS, "LOOK-CONTINUATIVE"), signer_of(None))
+    one = planner.synthesize_word(form(SIGNS, "LOOK-CONTINUATIVE"), signer_of(None))
     (_, stop), (begin, _), *_ = one.events.passes
     heights = one.states[stop : begin + 1, 1]
     assert heights.max() - heights[[0, -1]].max() > 2.0

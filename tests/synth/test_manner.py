@@ -22,8 +22,8 @@ def test_each_trait_changes_some_word(trait: str) -> None:
     signer = signer_of(None, only(USUAL, (trait,)))
 
     def changes(take: int, gloss: str) -> bool:
-        plain = planner.isolated(SIGNS[gloss], replace(signer, manner=PLAIN), take).states
-        states = planner.isolated(SIGNS[gloss], signer, take).states
+        plain = planner.synthesize_word(SIGNS[gloss], replace(signer, manner=PLAIN), take).states
+        states = planner.synthesize_word(SIGNS[gloss], signer, take).states
         return states.shape != plain.shape or bool(np.abs(states - plain).max() > 1e-3)
 
     assert any(changes(take, gloss) for take, gloss in product(range(5), WORDS))

@@ -44,7 +44,7 @@ class Hands:
 
 @cache
 def hands(gloss: str) -> Hands:
-    one = planner.isolated(sign(gloss), SIGNER)
+    one = planner.synthesize_word(sign(gloss), SIGNER)
     rotations, positions = seen_from_chest(one.clip, "RightHand", "LeftHand", "LeftForeArm")
     strong, weak = (
         np.einsum("tab,tnb->tna", rotations[:, k], hand.points(pose.hands(one.states)[:, k, pose.FINGERS]) * mirror)

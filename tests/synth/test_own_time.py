@@ -25,12 +25,12 @@ MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 @cache
 def made(gloss: str, *traits: str, take: int = 0, seed: int | None = None) -> IsolatedWord:
     """A word by a signer with some usual traits alone."""
-    return planner.isolated(sign(gloss), replace(signer_of(seed), manner=only(USUAL, traits)), take)
+    return planner.synthesize_word(sign(gloss), replace(signer_of(seed), manner=only(USUAL, traits)), take)
 
 
 def written(*lines: str, hands: str = "one", signer: Signer = STANDARD) -> IsolatedWord:
     text = f"WORD hands={hands}\n" + "".join(f"  {line}\n" for line in lines)
-    return planner.isolated(notation.parse(text)["WORD"], signer)
+    return planner.synthesize_word(notation.parse(text)["WORD"], signer)
 
 
 def apart(one: IsolatedWord) -> FloatArray:
@@ -250,7 +250,8 @@ def test_signs_at_the_forehead_are_lower_in_haste_and_movements_shorter() -> Non
 def test_haste_does_not_undo_a_touch(gloss: str) -> None:
     signer = replace(STANDARD, tempo=1.5, manner=PLAIN)
     plain, real = (
-        planner.isolated(sign(gloss), one) for one in (signer, replace(signer, manner=only(USUAL, ("undershoot",))))
+        planner.synthesize_word(sign(gloss), one)
+        for one in (signer, replace(signer, manner=only(USUAL, ("undershoot",))))
     )
     for one, other in ((plain.events.start, real.events.start), (plain.events.end, real.events.end)):
         before, after = (hand_clearances(x.states[[k]], x.signer)[0] for x, k in ((plain, one), (real, other)))

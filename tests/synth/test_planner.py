@@ -24,7 +24,7 @@ STRONG, WEAK = 1, 0
 
 def plainly(one: IsolatedWord) -> IsolatedWord:
     """A word as its signer makes it without any trait of manner."""
-    return planner.isolated(one.sign, replace(one.signer, manner=PLAIN), fps=one.clip.fps)
+    return planner.synthesize_word(one.sign, replace(one.signer, manner=PLAIN), fps=one.clip.fps)
 
 
 def speeds(one: IsolatedWord) -> FloatArray:
@@ -219,7 +219,7 @@ def test_a_shake_of_the_head_rotates_it_about_the_vertical() -> None:
 
 
 def test_the_same_arguments_make_the_same_bits() -> None:
-    one, two = (planner.isolated(sign("MOTHER"), signer_of(3)) for _ in range(2))
+    one, two = (planner.synthesize_word(sign("MOTHER"), signer_of(3)) for _ in range(2))
     assert np.array_equal(one.states, two.states)
     assert np.array_equal(one.clip.local_rotations, two.clip.local_rotations)
     assert np.array_equal(one.clip.root_positions, two.clip.root_positions)
@@ -227,7 +227,7 @@ def test_the_same_arguments_make_the_same_bits() -> None:
 
 
 def test_takes_differ_a_little_and_signers_more() -> None:
-    takes = [planner.isolated(sign("HELLO"), take=take) for take in range(4)]
+    takes = [planner.synthesize_word(sign("HELLO"), take=take) for take in range(4)]
     assert len({one.states.tobytes() for one in takes}) == 4
     starts = np.array([one.states[one.events.start, :3] for one in takes])
     assert np.ptp(starts, axis=0).max() < 4.0, "the same word"
@@ -237,16 +237,16 @@ def test_takes_differ_a_little_and_signers_more() -> None:
 
 
 def test_making_one_word_changes_no_other() -> None:
-    fresh = planner.isolated(sign("YOU"), STANDARD)
-    planner.isolated(sign("HELLO"), STANDARD)
-    assert np.array_equal(planner.isolated(sign("YOU"), STANDARD).states, fresh.states)
+    fresh = planner.synthesize_word(sign("YOU"), STANDARD)
+    planner.synthesize_word(sign("HELLO"), STANDARD)
+    assert np.array_equal(planner.synthesize_word(sign("YOU"), STANDARD).states, fresh.states)
 
 
 @pytest.mark.parametrize("gloss", ["HELLO", "LEARN", "CAR"])
 def test_a_faster_signer_takes_less_time(gloss: str) -> None:
     lengths = []
     for tempo in (0.7, 1.0, 1.4):
-        one = planner.isolated(sign(gloss), replace(STANDARD, tempo=tempo))
+        one = planner.synthesize_word(sign(gloss), replace(STANDARD, tempo=tempo))
         lengths.append((one.events.end - one.events.start, one.events.down - one.events.up))
     for k in (0, 1):
         assert lengths[0][k] > lengths[1][k] > lengths[2][k]
@@ -280,7 +280,7 @@ def test_another_frame_rate_gives_the_same_motion_in_time(gloss: str, fps: float
 
 
 def test_a_greater_amplitude_makes_larger_movements_in_space() -> None:
-    small, large = (planner.isolated(sign("CAR"), replace(STANDARD, amplitude=a)) for a in (0.8, 1.2))
+    small, large = (planner.synthesize_word(sign("CAR"), replace(STANDARD, amplitude=a)) for a in (0.8, 1.2))
     sizes = [np.ptp(one.states[one.events.start : one.events.end + 1, 1]) for one in (small, large)]
     assert sizes[1] / sizes[0] == pytest.approx(1.5, rel=0.1)
 
@@ -342,7 +342,7 @@ def test_a_base_hand_keeps_its_own_handshape_and_position(gloss: str) -> None:
 @pytest.mark.parametrize("gloss", ["HELLO", "LEARN", "SIGN", "NO"])
 def test_a_left_handed_signer_signs_the_mirror_image(gloss: str) -> None:
     right = replace(draw_signer(13), left_handed=False)
-    one, two = planner.isolated(sign(gloss), right), planner.isolated(sign(gloss), draw_signer(13))
+    one, two = planner.synthesize_word(sign(gloss), right), planner.synthesize_word(sign(gloss), draw_signer(13))
     assert draw_signer(13).left_handed
     assert one.events == two.events
     rotations, roots = mirror(one.clip)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from signing import SIGNS, made
-from signsplice.render.picture import dotted, draw, make_scene
+from signsplice.render.picture import draw, draw_dots, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.signer import notation, phonology, planner, preview
 from signsplice.signer.handshapes import HANDSHAPES
@@ -35,7 +35,7 @@ def dots(picture: np.ndarray) -> np.ndarray:
 def test_a_preview_has_a_column_a_posture_and_rows_of_the_hands_that_act(
     gloss: str, hands: int, tmp_path: Path
 ) -> None:
-    word = planner.isolated(SIGNS[gloss])
+    word = planner.synthesize_word(SIGNS[gloss])
     movements = sum(segment.kind == "M" for segment in word.sign.segments)
     write_preview(word, tmp_path / "a.png", size=60)
     picture = pixels(tmp_path / "a.png")
@@ -47,8 +47,8 @@ def test_a_preview_has_a_column_a_posture_and_rows_of_the_hands_that_act(
 
 def test_a_left_handed_signer_shows_the_left_hand(tmp_path: Path) -> None:
     signer = next(one for one in map(draw_signer, range(100)) if one.left_handed)
-    write_preview(planner.isolated(SIGNS["MOTHER"], signer), tmp_path / "left.png", size=60)
-    write_preview(planner.isolated(SIGNS["MOTHER"], STANDARD), tmp_path / "right.png", size=60)
+    write_preview(planner.synthesize_word(SIGNS["MOTHER"], signer), tmp_path / "left.png", size=60)
+    write_preview(planner.synthesize_word(SIGNS["MOTHER"], STANDARD), tmp_path / "right.png", size=60)
     left, right = (pixels(tmp_path / name)[2 * 78 :, :60] for name in ("left.png", "right.png"))
     assert np.abs(left - right).max() > 50
 
@@ -57,7 +57,7 @@ def test_dots_are_where_the_camera_sees_their_points() -> None:
     word = made("H  shape=B-open at=space palm=fwd fingers=up")
     scene = make_scene(word.clip)
     frame = word.events.start
-    image = dotted(draw(scene, frame, 200, 100), scene, scene.hands[frame], DOT, 3.0)
+    image = draw_dots(draw(scene, frame, 200, 100), scene, scene.hands[frame], DOT, 3.0)
     rows, columns = np.nonzero((image == DOT).all(axis=-1))
     left, right, bottom, top = scene.window
     scale = 100 / (top - bottom)
@@ -141,5 +141,5 @@ def test_the_page_names_everything_and_its_pictures_are_small() -> None:
 
 def test_preview_columns_are_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preview, "_MOST_COLUMNS", 2)
-    write_preview(planner.isolated(SIGNS["BOOK"]), tmp_path / "a.png", size=40)
+    write_preview(planner.synthesize_word(SIGNS["BOOK"]), tmp_path / "a.png", size=40)
     assert pixels(tmp_path / "a.png").shape[1] == 80

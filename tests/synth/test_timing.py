@@ -33,7 +33,7 @@ TAPS = """TAPS hands=one
 
 def made(text: str, manner: Manner, take: int = 0) -> IsolatedWord:
     (one,) = notation.parse(text).values()
-    return planner.isolated(one, signer_of(None, manner), take)
+    return planner.synthesize_word(one, signer_of(None, manner), take)
 
 
 def depth(one: IsolatedWord) -> FloatArray:
@@ -62,7 +62,7 @@ def test_each_trait_alone_changes_a_word(trait: str) -> None:
 
 @pytest.mark.parametrize("gloss", ["MOTHER", "BOOK", "HOUSE", "PLEASE", "LEARN", "fs-A"])
 def test_with_all_traits_of_timing_hands_stay_out_of_the_body_and_events_in_order(gloss: str) -> None:
-    one = planner.isolated(sign(gloss), signer_of(None, ALL))
+    one = planner.synthesize_word(sign(gloss), signer_of(None, ALL))
     assert depth(one).max() < 0.35
     e = one.events
     assert 0 < e.up < e.start < e.end < e.down < len(one) - 1
@@ -107,9 +107,9 @@ def test_a_gaussian_smooths_what_is_not_near_ends_or_touches() -> None:
 
 def test_smoothing_is_the_same_time_at_another_rate() -> None:
     slow, fast = (
-        planner.isolated(sign("MOTHER"), signer_of(None, Manner(low_pass_frames=1.0)), fps=f) for f in (30, 60)
+        planner.synthesize_word(sign("MOTHER"), signer_of(None, Manner(low_pass_frames=1.0)), fps=f) for f in (30, 60)
     )
-    plain = planner.isolated(sign("MOTHER"), signer_of(None), fps=60)
+    plain = planner.synthesize_word(sign("MOTHER"), signer_of(None), fps=60)
     changed = np.abs(fast.states - plain.states)[:, :3].max()
     assert changed == pytest.approx(np.abs(slow.states - word("MOTHER").states)[:, :3].max(), rel=0.5)
 
@@ -132,7 +132,7 @@ def test_stops_fall_between_frames_and_events_on_the_nearest() -> None:
     assert np.abs(off[:, [0, 2, 3]]).max() < 0.5
     assert off.std(axis=0)[[0, 2, 3]].min() > 0.2
     assert np.allclose(off[:, 1], 0.5 * (off[:, 0] + off[:, 2])), "what lies between moves in proportion"
-    one = planner.isolated(sign("MOTHER"), signer)
+    one = planner.synthesize_word(sign("MOTHER"), signer)
     assert one.events == word("MOTHER").events
     assert np.abs(one.states - word("MOTHER").states)[:, :3].max() > 0.3
 
@@ -233,7 +233,7 @@ def test_a_hesitating_reach_has_the_same_path_and_speed_at_its_ends() -> None:
 
 def test_sentences_hesitate_rarely_and_the_truth_of_a_pair_never() -> None:
     signer = signer_of(None, Manner(hesitation=1.0))
-    words = [planner.isolated(sign(gloss), signer) for gloss in ("MOTHER", "YES", "BOOK", "YOU")]
+    words = [planner.synthesize_word(sign(gloss), signer) for gloss in ("MOTHER", "YES", "BOOK", "YOU")]
     seen, paused = 0, 0
     for k in range(24):
         order = np.random.default_rng(k).permutation(4)
@@ -251,13 +251,13 @@ def test_sentences_hesitate_rarely_and_the_truth_of_a_pair_never() -> None:
 
 def test_stuck_hands_are_pushed_on() -> None:
     """A hand that passes the nose on a smoothed path: it was left 20 mm deep in the head."""
-    one = planner.isolated(sign("LEARN"), replace(STANDARD, manner=Manner(low_pass_frames=1.0)))
+    one = planner.synthesize_word(sign("LEARN"), replace(STANDARD, manner=Manner(low_pass_frames=1.0)))
     assert depth(one).max() < 0.35
 
 
 @pytest.mark.parametrize("trait", ["off_frame", "pass_difference", "tempo_spread"])
 def test_splines_through_uneven_knots_keep_fingers_within_their_limits(trait: str) -> None:
-    one = planner.isolated(pseudo.sign(11), signer_of(None, Manner(**{trait: 1.0})))
+    one = planner.synthesize_word(pseudo.sign(11), signer_of(None, Manner(**{trait: 1.0})))
     assert over_limit(one.clip.local_rotations) == 0.0
 
 

@@ -8,11 +8,11 @@ import pytest
 from signsplice.motion import rotation
 from signsplice.signer import hand, pose
 from signsplice.signer.arms import YIELDS, ease_wrists
-from signsplice.signer.figure import posed_signer
+from signsplice.signer.figure import pose_signer
 from signsplice.signer.handshapes import handshape, thumb_depth
 from signsplice.signer.location_targets import posture_holds
 from signsplice.signer.locations import facing, resting
-from signsplice.signer.planner import isolated
+from signsplice.signer.planner import synthesize_word
 from signsplice.signer.signer import STANDARD
 from signsplice.written.compiler import compile_sign
 from signsplice.written.tree import Motion, Place, Site, WrittenPosture, WrittenShape, WrittenSign
@@ -31,8 +31,8 @@ def test_the_written_part_touches_in_the_written_directions(
 ) -> None:
     start = WrittenPosture(WrittenShape(shape), (fingers,), (palm,), Place(place, contact="touch", hand=site))
     motions = (Motion("straight", ("o",), size="small"),)
-    word = isolated(compile_sign(WrittenSign("TRIED", "one", posture=start, motions=motions)))
-    posed = posed_signer(word.states, STANDARD)
+    word = synthesize_word(compile_sign(WrittenSign("TRIED", "one", posture=start, motions=motions)))
+    posed = pose_signer(word.states, STANDARD)
     wanted = [one for one in posture_holds(word.segments, word.sign, 30.0) if one.posture.touch]
     touches = [(stay.first, stay.posture) for stay in wanted if not stay.which]
     assert touches

@@ -474,4 +474,4 @@ def test_all_signs_of_ngt_become_trees() -> None:
 def test_a_sign_that_is_at_the_other_arm_all_along_is_signed() -> None:
     sign = notation.everyday()["HOSPITAL"]
     assert all(segment.strong.location == "upper-arm-weak" for segment in sign.segments)
-    assert len(planner.isolated(replace(sign, kind="written"))) > 30
+    assert len(planner.synthesize_word(replace(sign, kind="written"))) > 30

@@ -56,8 +56,8 @@ def test_every_code_of_the_face_shows_during_the_hands_and_is_at_rest_around_the
 def test_every_gesture_moves_its_part_during_the_hands_and_brings_it_back(table: str, code: str) -> None:
     tracks = nonmanual.body_tracks(WrittenSign("X", tiers=(Tier(table, code, lane=table),)))
     sign = notation.everyday()["MOTHER"]
-    plain = planner.isolated(sign)
-    moved = planner.isolated(replace(sign, gestures=tracks))
+    plain = planner.synthesize_word(sign)
+    moved = planner.synthesize_word(replace(sign, gestures=tracks))
     assert nonmanual.left_out(WrittenSign("X", tiers=(Tier(table, code),))) == ()
     angles = np.rad2deg(np.abs((moved.states - plain.states)[:, pose.TRUNK.start : pose.HEAD.stop])).max(axis=1)
     if not CODES[table, code]:
@@ -91,9 +91,9 @@ def test_left_and_right_are_the_signers_own(
 ) -> None:
     """The axis of the head (1 up, 2 to the front) goes towards a direction; the left arm is at +X."""
     sign = notation.everyday()["MOTHER"]
-    plain = planner.isolated(sign)
+    plain = planner.synthesize_word(sign)
     tracks = nonmanual.body_tracks(WrittenSign("X", tiers=(Tier(table, code, lane=table),)))
-    moved = planner.isolated(replace(sign, gestures=tracks))
+    moved = planner.synthesize_word(replace(sign, gestures=tracks))
     head = plain.clip.skeleton.names.index("mixamorig:Head")
     before, after = (forward(word.clip, [head])[0][:, 0, :, axis] for word in (plain, moved))
     frame = (plain.events.start + plain.events.end) // 2
@@ -149,7 +149,7 @@ def test_what_is_not_made_is_named_and_the_rest_is_made() -> None:
 
 @pytest.mark.parametrize("code", [code for table, code in CODES if table == "shoulder"])
 def test_shoulders_move_while_hands_keep_place_and_direction(code: str) -> None:
-    word = planner.isolated(notation.everyday()["MOTHER"])
+    word = planner.synthesize_word(notation.everyday()["MOTHER"])
     hands = word.events.start, word.events.end + 1
     moved = with_shoulders(word.clip, WrittenSign("X", tiers=(Tier("shoulder", code, lane="a"),)), hands)
     (turns, before), (turned, after) = forward(word.clip), forward(moved)
@@ -165,7 +165,7 @@ def test_shoulders_move_while_hands_keep_place_and_direction(code: str) -> None:
 def test_shoulders_stay_and_say_so_where_a_hand_is_in_their_way() -> None:
     text = "X  hands=one kind=written\n  X shape=flat at=shoulder by=palm palm=down fingers=in touch=yes\n  H\n"
     (sign,) = notation.parse(text).values()
-    word = planner.isolated(sign)
+    word = planner.synthesize_word(sign)
     tier = Tier("shoulder", "UB", lane="a", amount=2.0)
     made = with_shoulders(word.clip, WrittenSign("X", tiers=(tier,)), (word.events.start, word.events.end + 1))
     assert made.notes == ("the shoulders stay: the hands are in their way",)

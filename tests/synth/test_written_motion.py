@@ -72,7 +72,7 @@ MIRRORED = {
 
 def made(text: str) -> IsolatedWord:
     (written,) = parse(text).values()
-    return planner.isolated(written)
+    return planner.synthesize_word(written)
 
 
 def heights(one: IsolatedWord) -> FloatArray:

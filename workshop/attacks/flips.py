@@ -80,7 +80,7 @@ def flips(file: str, n: int, seed: int = 0) -> Counter[str]:
 
 def facts(lexicon: Lexicon) -> tuple[object, ...]:
     """All that a lexicon's index says of words. Raises ``InputError``."""
-    return [*lexicon.entries()], lexicon.glosses, lexicon._shown
+    return [*lexicon.entries()], lexicon.glosses, lexicon._display_names
 
 
 def _flip(path: Path, at: int, bit: int) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import avatars
-from signsplice.body.capsules import Avatar, BodyShape, MeshPart, shaped_capsules
+from signsplice.body.capsules import Avatar, BodyShape, MeshPart, build_capsules
 from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 
@@ -36,7 +36,7 @@ def seeds(small: Skeleton) -> list[bytes]:
 def _avatar(small: Skeleton) -> Avatar:
     roles = {role: small.names[joint] for role, joint in rig_info(small).roles.joints.items()}
     made = Avatar(small.names, small.parents, 0.01 * small.offsets, roles=roles, label="small")
-    return replace(made, body=shaped_capsules(made, BodyShape()))
+    return replace(made, body=build_capsules(made, BodyShape()))
 
 
 def _mesh(avatar: Avatar) -> MeshPart:

@@ -200,7 +200,7 @@ def _use_bundle(methods: Any) -> None:
 def _use_signs(signs: Any) -> None:
     """The motion of the first sign that is read: each takes some 20 ms."""
     for sign in itertools.islice(signs.values(), 1):
-        planner.isolated(sign)
+        planner.synthesize_word(sign)
 
 
 def _use_report(read: Any) -> None:
@@ -248,7 +248,7 @@ def _is_short(row: recipes.SentenceRecipe) -> bool:
 
 def _maker() -> SentenceMaker:
     """Makes sentences of the words that ship, opened once."""
-    return CACHE.recent(SentenceMaker, lexicon.shipped(), most=1)
+    return CACHE.recent(SentenceMaker, lexicon.open_shipped_lexicon(), most=1)
 
 
 def _use_lines(found: tuple[list[Any], list[str]]) -> None:
@@ -321,7 +321,7 @@ TARGETS = {
                _unpacked_npz),
         Target("recipes", fuzz_recipes.seeds, fuzz_recipes.mutated, _put_recipes, _load_recipes, _use_recipes),
         Target("lines", lambda: [fuzz_seeds.LINES], fuzz_mutators.of_text, _put_as("case.txt"),
-               lambda path: drawing.lines(path, lexicon.shipped()), _use_lines),
+               lambda path: drawing.lines(path, lexicon.open_shipped_lexicon()), _use_lines),
         Target("shards", fuzz_seeds.shards_seeds, fuzz_folders.of_shards, _put_folder,
                lambda path: (job.read_job(path), path), lambda read: _use_shards(*read), _unpacked_npz),
         Target("pairs", fuzz_seeds.pairs_seeds, fuzz_folders.of_pairs, _put_folder, Pairs, _use_pairs, _unpacked_npz),

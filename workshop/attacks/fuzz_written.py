@@ -85,7 +85,7 @@ def use(read: WrittenSigns) -> None:
             _check(error, sign.gloss)
     if made is None:
         return
-    clip = signing.signed(made)
+    clip = signing.animate_sign(made)
     assert np.isfinite(clip.local_rotations).all()
     assert np.isfinite(clip.root_positions).all()
     assert clip.seconds < MOST_SECONDS, f"{made.gloss}: {clip.seconds:.0f} s"

@@ -89,7 +89,7 @@ def command(folder: Path, *words: str) -> int:
 
 def commands(inputs: Path) -> list[Writer]:
     """The writers; their inputs are made in a folder."""
-    with lexicon.shipped() as words:
+    with lexicon.open_shipped_lexicon() as words:
         (inputs / "clips").mkdir()
         for gloss in words.glosses[:12]:
             save(words.clip(gloss), inputs / "clips" / f"{gloss}.bvh")
@@ -98,7 +98,7 @@ def commands(inputs: Path) -> list[Writer]:
     corpus = ("synth", "pairs", "-o", "pairs", "--words", "3", "--other-signer", "2")
 
     def make_old_lexicon(folder: Path) -> None:
-        with lexicon.building(folder / "lex") as builder, lexicon.shipped() as words:
+        with lexicon.building(folder / "lex") as builder, lexicon.open_shipped_lexicon() as words:
             builder.add(words.clip(words.glosses[20]))
 
     def run(*call: str) -> Callable[[Path], None]:
@@ -112,7 +112,7 @@ def commands(inputs: Path) -> list[Writer]:
     return [
         Writer(
             "splice -o", run("splice", one, two, "-o", "out.bvh", *classical),
-            lambda folder: save(lexicon.shipped().clip("I"), folder / "out.bvh"),
+            lambda folder: save(lexicon.open_shipped_lexicon().clip("I"), folder / "out.bvh"),
         ),
         Writer("lexicon build", run("lexicon", "build", str(inputs / "clips"), "-o", "lex"), make_old_lexicon),
         Writer("synth pairs", run(*corpus), lambda folder: None),

@@ -72,7 +72,7 @@ def mutated(kind: str, text: str, others: list[str], rng: random.Random) -> str:
 def clips(kind: str, text: str) -> list[Clip]:
     """The clips of all signs of a text. Raises ``InputError`` for what is refused."""
     if kind == "notation":
-        return [planner.isolated(sign).clip for sign in notation.parse(text).values()]
+        return [planner.synthesize_word(sign).clip for sign in notation.parse(text).values()]
     suffix = "sigml" if kind == "SiGML" else "csv"
     return list(signing.clips(text.encode("utf-8", "surrogateescape"), f"case.{suffix}", 3))
 

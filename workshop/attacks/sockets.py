@@ -30,7 +30,7 @@ import httpx
 from websockets.sync.client import connect
 
 from service_callers import WORDS, serving
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = tuple(ROOT / part / "src" for part in ("", "workshop", "research"))
@@ -312,7 +312,7 @@ def tried(name: str, folder: Path, switch: str | None = None) -> Seen:
     """A row of ``COMMANDS``, in an empty folder. ``switch``: as of ``watched``."""
     from signsplice.formats import save
 
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         for file, gloss in (("a.bvh", "HELLO"), ("b.bvh", "SIGN"), ("a.glb", "HELLO")):
             save(words.clip(gloss), folder / file)
     return watched(COMMANDS[name], folder, switch)

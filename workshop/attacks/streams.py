@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import signsplice as ss
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip
 from signsplice.splicing.engine import Piece
 
@@ -73,7 +73,7 @@ def _transition(pieces: list[Piece], seam: int) -> NDArray[np.float64]:
 
 def main() -> None:
     """Print the table's rows."""
-    lexicon = shipped()
+    lexicon = open_shipped_lexicon()
     glosses = [gloss for gloss in lexicon.glosses if not gloss.startswith("fs-")]
     for cutter in ("learned", "learned-fluent"):
         rng = np.random.default_rng(SEED)

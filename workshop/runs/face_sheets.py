@@ -19,9 +19,9 @@ import numpy as np
 from PIL import Image, ImageSequence
 
 from signsplice import read_avatar, retarget, save
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.lexicon.sentence import brows, parse, pauses, starts
-from signsplice.motion import Clip, resample, unchecked_copy
+from signsplice.motion import Clip, copy_unchecked, resample
 from signsplice.motion.face import ARKIT_CHANNELS, VISEMES, Face
 from signsplice.render import film
 from signsplice.render.picture import Image as Pixels
@@ -59,9 +59,9 @@ def heads(clip: Clip, view: str = "front", reach: float = REACH) -> Scene:
 
 def with_shapes(shapes: Sequence[Mapping[str, float]]) -> Clip:
     """A still signer with a face in each frame."""
-    clip = _held(shipped().clip("NAME"), len(shapes))
+    clip = _held(open_shipped_lexicon().clip("NAME"), len(shapes))
     weights = np.array([[shape.get(name, 0.0) for name in ARKIT_CHANNELS] for shape in shapes])
-    return unchecked_copy(clip, face=Face(ARKIT_CHANNELS, weights))
+    return copy_unchecked(clip, face=Face(ARKIT_CHANNELS, weights))
 
 
 def _held(clip: Clip, n_frames: int) -> Clip:
@@ -84,7 +84,7 @@ def write_shapes(
 
 def spliced(line: str) -> SpliceResult:
     """A sentence with its face by rule."""
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         units = parse(line, words)
         clips = [words.clip(gloss) for unit in units for gloss in unit.glosses]
     return splice(clips, SpliceOptions(face_rules=RULES), starts(units), pauses(units), brows(units))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import body_capsules, capsule_ends
 from signsplice.body.mesh import _distances, _MeshCapsules, _union, bind_pose
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
@@ -115,7 +115,7 @@ class Mannequin:
     """The surface of the mannequin's head and neck, dm about the head's joint."""
 
     def __init__(self) -> None:
-        skeleton = shipped().clip("NAME").skeleton
+        skeleton = open_shipped_lexicon().clip("NAME").skeleton
         shape, info = body_capsules(skeleton), rig_info(skeleton)
         quats, positions = bind_pose(skeleton)
         starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(quats)[None], positions[None]))

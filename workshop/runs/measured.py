@@ -485,10 +485,10 @@ def git(*words: str) -> str:
 def stamp() -> dict[str, object]:
     """What makes the figures: commit, version, words and networks."""
     from signsplice.bulk.job import hash_of_words
-    from signsplice.lexicon import shipped
+    from signsplice.lexicon import open_shipped_lexicon
     from signsplice.splicing.options import open_learned
 
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         n_words = sum(entry.kind == "sign" for entry in words.entries())
         return {
             "commit": git("rev-parse", "HEAD"),

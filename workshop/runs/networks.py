@@ -94,7 +94,7 @@ def table_of(name: str, clips: Sequence[Clip], transitions: Sequence[Transition]
 def words_of(seed: int, rest: str) -> list[Clip]:
     """Twelve pseudo-signs by a signer in a rest pose."""
     signer = replace(STANDARD if seed == 0 else draw_signer(seed), rest=rest)
-    return [planner.isolated(pseudo.sign(8_000 + 100 * seed + k), signer).clip for k in range(8)]
+    return [planner.synthesize_word(pseudo.sign(8_000 + 100 * seed + k), signer).clip for k in range(8)]
 
 
 def seam_lines() -> list[str]:

@@ -98,10 +98,10 @@ def visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]], set[st
     methods run or of which objects are made, while two words are joined.
     """
     import signsplice as ss
-    from signsplice.lexicon import shipped
+    from signsplice.lexicon import open_shipped_lexicon
 
     folder = str(Path(ss.__file__).parent) + os.sep
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         warm = [lexicon.clip("MOTHER"), lexicon.clip("HOUSE")]
         words = [lexicon.clip("I"), lexicon.clip("SIGN")]
     wanted = eval(f"ss.SpliceOptions({options})")

@@ -10,7 +10,7 @@ from typing import Any, get_type_hints
 from signsplice.errors import InputError
 from signsplice.formats.json_files import check_type
 from signsplice.splicing import bundle
-from signsplice.splicing.bundle import BundleConfig, check_fields, described
+from signsplice.splicing.bundle import BundleConfig, check_fields, config_errors
 from signsplice_workshop.corpora.number_space import NumberSpace, read_space
 
 
@@ -80,7 +80,7 @@ def config_of(stored: Mapping[str, Any], path: Path) -> PaperConfig:
     """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
     read = bundle.config_of(stored, path)
     runs, space = stored.get("runs"), stored.get("space")
-    with described(path):
+    with config_errors(path):
         check_fields(stored, PaperConfig, *_PLAIN)
         values: dict[str, Any] = {field.name: getattr(read, field.name) for field in fields(read)}
         return PaperConfig(

@@ -28,7 +28,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import load
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, read_bytes
-from signsplice.motion import Clip, concatenate, rotation, same_fps, sampled
+from signsplice.motion import Clip, concatenate, rotation, same_fps, sample_clip
 from signsplice.splicing.contracts import Cut, gap_at
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice_paper.clip_methods import TRUE_POSITIONS, ClipMethod
@@ -314,4 +314,4 @@ def _resampled(new: Clip, last: Clip, following: Clip, fps: float) -> Clip:
     parts = [replace(part, fps=new.fps) for part in (last, new, following)]
     whole = concatenate(parts)
     n_frames = max(1, round((len(new) + 1) * fps / new.fps) - 1)
-    return replace(sampled(whole, np.linspace(0.0, len(whole) - 1.0, n_frames + 2)[1:-1]), fps=fps)
+    return replace(sample_clip(whole, np.linspace(0.0, len(whole) - 1.0, n_frames + 2)[1:-1]), fps=fps)

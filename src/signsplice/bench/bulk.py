@@ -70,7 +70,7 @@ def _kinds(words: Lexicon, count: int, seed: int) -> Iterator[tuple[str, list[pa
     glosses = drawing.signs(words)
     n_pairs = min(10 * count, len(glosses) * (len(glosses) - 1))
     yield "pairs", [next(drawing.pairs(glosses))[:n_pairs]], n_pairs
-    yield "sentences", list(drawing.drawn(glosses, count, (WORDS, WORDS), seed)), count
+    yield "sentences", list(drawing.random_recipes(glosses, count, (WORDS, WORDS), seed)), count
 
 
 def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
@@ -81,24 +81,24 @@ def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
     found: dict[str, Any] = {"block": _BLOCK}
     for name, batches in (
         ("pairs", drawing.pairs(glosses, count, seed)),
-        ("sentences", drawing.drawn(glosses, count, (WORDS, WORDS), seed)),
+        ("sentences", drawing.random_recipes(glosses, count, (WORDS, WORDS), seed)),
     ):
         sentences = [maker.clips(row) for batch in batches for row in recipes.recipes_of(batch)]
         splice_many(sentences)
         times = dict.fromkeys(("new_alone", "new_together", "read_alone", "read_together"), 0.0)
         for start in range(0, len(sentences), _BLOCK):
             block = sentences[start : start + _BLOCK]
-            with _timed(times, "read_alone"):
+            with _add_cpu_time(times, "read_alone"):
                 for clips in block:
                     splice(clips)
-            with _timed(times, "read_together"):
+            with _add_cpu_time(times, "read_together"):
                 splice_many(block)
             apart = [[replace(clip) for clip in clips] for clips in block]  # a word is known by its object
-            with _timed(times, "new_alone"):
+            with _add_cpu_time(times, "new_alone"):
                 for clips in apart:
                     splice(clips)
             copies = {id(clip): replace(clip) for clips in block for clip in clips}
-            with _timed(times, "new_together"):
+            with _add_cpu_time(times, "new_together"):
                 splice_many([[copies[id(clip)] for clip in clips] for clips in block])
         n_seams = sum(len(clips) - 1 for clips in sentences)
         found[name] = {way: 1e3 * seconds / n_seams for way, seconds in times.items()}
@@ -106,7 +106,7 @@ def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
 
 
 @contextmanager
-def _timed(times: dict[str, float], name: str) -> Iterator[None]:
+def _add_cpu_time(times: dict[str, float], name: str) -> Iterator[None]:
     """Adds the processor time of a block to ``times[name]``, seconds."""
     began = time.process_time()
     yield
@@ -135,7 +135,7 @@ def memory(words: Lexicon, count: int, seed: int) -> list[dict[str, float]]:
     maker = SentenceMaker(words)
     done = 0
     stages: list[dict[str, float]] = []
-    for batch in drawing.drawn(drawing.signs(words), count, (WORDS, WORDS), seed):
+    for batch in drawing.random_recipes(drawing.signs(words), count, (WORDS, WORDS), seed):
         rows = recipes.recipes_of(batch)
         for start in range(0, len(rows), _BLOCK):
             maker.make(rows[start : start + _BLOCK])
@@ -159,7 +159,7 @@ def growth(lexicon: str, words: Lexicon, count: int, seed: int, ray: str | None)
     """
     glosses = drawing.signs(words)
     n_rows = max(count, 40)
-    batches = list(drawing.drawn(glosses, n_rows, (WORDS, WORDS), seed))
+    batches = list(drawing.random_recipes(glosses, n_rows, (WORDS, WORDS), seed))
     best: dict[int, float] = {}
     for workers in (1, 2, 2, 1):
         with tempfile.TemporaryDirectory() as folder:

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from signsplice.formats import bvh, load, save
-from signsplice.lexicon import building, open_lexicon, shipped
+from signsplice.lexicon import building, open_lexicon, open_shipped_lexicon
 from signsplice.motion import Clip, concatenate, kinematics, resample, rotation
-from signsplice.progress import Progress, counted
+from signsplice.progress import Progress, track_progress
 from signsplice.rig.info import active_span, arms
 from signsplice.splicing.contracts import Cut, Cutter, Gap
 from signsplice.splicing.curves import TRANSITIONS
@@ -72,7 +72,7 @@ def seams(repeats: int) -> dict[str, Any]:
     if not isinstance(cutter, LearnedCutter):
         return {"networks": "none to be read"}
     reader = cutter.reader
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         clips = [words.clip(gloss) for gloss in words]
     rng = np.random.default_rng(0)
     times, inside = [], []  # ms of the whole call and of the networks in it
@@ -104,7 +104,7 @@ def streams(repeats: int) -> dict[str, Any]:
     """
     cutter = choose().cutter
     reader = cutter.reader if isinstance(cutter, LearnedCutter) else None
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         clips = [words.clip(gloss) for gloss in words]
 
     def first_piece() -> float:
@@ -168,7 +168,7 @@ def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, An
         ("start", _start),
     ]
     figures: dict[str, Any] = {"joints": len(_demo_words()[0].skeleton), "repeats": repeats}
-    for name, part in counted(parts, progress):
+    for name, part in track_progress(parts, progress):
         figures[name] = part(repeats)
     return figures
 
@@ -178,16 +178,16 @@ def table(figures: dict[str, Any]) -> str:
     lines = [f"{figures['joints']} joints, medians of {figures['repeats']} runs"]
     for part, values in figures.items():
         if isinstance(values, dict):
-            lines += [f"{part:11} {name:34} {_shown(value)}" for name, value in values.items()]
+            lines += [f"{part:11} {name:34} {_format_value(value)}" for name, value in values.items()]
     return "\n".join(lines)
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     return f"{value:10.3f}" if isinstance(value, float) else f"{value!s:>10}"
 
 
 def _demo_words() -> list[Clip]:
-    with shipped() as words:
+    with open_shipped_lexicon() as words:
         return [words.clip(gloss) for gloss in ("HELLO", "I", "DEAF", "THANK-YOU", "SIGN")]
 
 

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from signsplice.children import killed_with_parent
-from signsplice.lexicon import shipped
+from signsplice.children import parent_death_hook
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.progress import Progress
 
 _N_PREFETCHED = 3
@@ -37,7 +37,7 @@ def _serving() -> Iterator[tuple[str, int]]:
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
-        preexec_fn=killed_with_parent(),
+        preexec_fn=parent_death_hook(),
     )
     assert process.stdout
     try:
@@ -64,7 +64,7 @@ def measure(
 async def _measure(
     address: str, pid: int, n_streams: int, seconds: float, rate: float, minutes: float, progress: Progress | None
 ) -> dict[str, Any]:
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         words = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]
     report = progress or (lambda *_: None)
     await _requests(address, words, 5.0, _SETTLE_S, 0)

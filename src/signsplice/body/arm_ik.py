@@ -62,7 +62,7 @@ def move_wrists(clip: Clip, moves: FloatArray, swivels: FloatArray | None = None
     return replace(clip, local_rotations=local)
 
 
-def moved_arms(clip: Clip, moves: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def solve_arm_positions(clip: Clip, moves: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Shoulders, elbows and wrists (T, 2, 3) of ``move_wrists(clip, moves)``, world axes and clip units."""
     joints = rig_info(clip.skeleton).arm_joints
     global_rotations, positions = kinematics.forward(clip, joints[:6])
@@ -77,7 +77,7 @@ def moved_arms(clip: Clip, moves: FloatArray) -> tuple[FloatArray, FloatArray, F
     return out[:, :, 0], out[:, :, 1], out[:, :, 2]
 
 
-def swivelled(shoulders: FloatArray, elbows: FloatArray, wrists: FloatArray, swivels: FloatArray) -> FloatArray:
+def swivel_elbows(shoulders: FloatArray, elbows: FloatArray, wrists: FloatArray, swivels: FloatArray) -> FloatArray:
     """The elbows (..., 3), turned by ``swivels`` (...) about the lines from shoulders to wrists."""
     axis = (wrists - shoulders) / (_length(wrists - shoulders)[..., None] + _TINY)
     return shoulders + rotation.rotate(rotation.exp(swivels[..., None] * axis), elbows - shoulders)

@@ -326,7 +326,7 @@ def capsule_ends(
     return starts, positions + np.einsum("tcab,cb->tca", rotations, body.ends)
 
 
-def shaped_capsules(skeleton: Skeleton, shape: BodyShape) -> BodyCapsules:
+def build_capsules(skeleton: Skeleton, shape: BodyShape) -> BodyCapsules:
     """The body of a skeleton whose arms are known, in a given shape."""
     info = rig_info(skeleton)
     joints, rest, height = info.roles.joints, rest_positions(skeleton), info.sizes.stature
@@ -346,7 +346,7 @@ def shaped_capsules(skeleton: Skeleton, shape: BodyShape) -> BodyCapsules:
 def _build(skeleton: Skeleton) -> BodyCapsules:
     if not any(role.endswith("UpperArm") for role in rig_info(skeleton).roles.joints):
         return _sticks(skeleton)
-    return shaped_capsules(skeleton, BodyShape())
+    return build_capsules(skeleton, BodyShape())
 
 
 def _body(rows: list[Capsule]) -> BodyCapsules:

@@ -69,7 +69,7 @@ def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
     """All pairs of a hand's capsules and those of head, neck, trunk, other arm and other hand, among these keys."""
     hands, arms, solid = _parts(body, keys)
     blocks = [(hands[side], [*solid, *arms[1 - side]]) for side in (0, 1)]
-    return _paired(body, [*blocks, (hands[0], hands[1])])
+    return _make_skin_pairs(body, [*blocks, (hands[0], hands[1])])
 
 
 def forearm_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
@@ -78,7 +78,7 @@ def forearm_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
     """
     _, arms, solid = _parts(body, keys)
     free = [n for n in solid if n in body.groups.head or n in body.groups.below_arms]
-    return _paired(
+    return _make_skin_pairs(
         body,
         [([n for n in arms[side] if body.parts[n] == "cuff"], [*free, *arms[1 - side]]) for side in (0, 1)],
     )
@@ -96,7 +96,7 @@ def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], l
     return hands, arms, solid
 
 
-def _paired(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:
+def _make_skin_pairs(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:
     side = np.array([SIDES.index(side) if side else -1 for side in body.sides], np.intp)
     rows = [_Block(np.array(own, np.intp), np.array(other, np.intp)) for own, other in blocks]
     own = np.concatenate([np.repeat(block.own, len(block.other)) for block in rows])
@@ -121,11 +121,11 @@ def near_pairs(
             out = middles[:, block.own] - ball
             radius = (np.sqrt(dot(out, out)) + reach[block.own]).max(axis=1, keepdims=True)
             b = block.other
-            away = squared_distance(ball, starts[:, b], axes[:, b], lengths[:, b])
+            away = segment_distance_squared(ball, starts[:, b], axes[:, b], lengths[:, b])
             frames, columns = np.nonzero(away < (radius + thick[b] + margin) ** 2)
             rows = frames * len(radii)
             at, own = rows[:, None] + b[columns, None], rows[:, None] + block.own
-            away = squared_distance(
+            away = segment_distance_squared(
                 _take(middles, own), _take(starts, at), _take(axes, at), lengths.reshape(-1).take(at)
             )
             most = reach[block.own] + thick[b[columns], None] + margin
@@ -142,7 +142,7 @@ def _take(points: FloatArray, at: Index) -> FloatArray:
     return points.reshape(-1, 3).take(at, axis=0)
 
 
-def squared_distance(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
+def segment_distance_squared(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
     """Squared distance of points from line segments (..., 3) with axes of squared ``length`` (...)."""
     away = point - start
     along = np.clip(dot(away, axis) / (length + TINY), 0.0, 1.0)
@@ -227,7 +227,7 @@ def depth_warnings(clip: Clip) -> list[str]:
     if not info.has_arms:
         return []
     posed = forward(clip)
-    hands, _ = posed_capsules(clip.skeleton, *posed).penetration()
+    hands, _ = pose_capsules(clip.skeleton, *posed).penetration()
     lines = []
     for name, where, most, depth in (
         ("hand", "head, trunk, the other arm or its hand", WARN_M, hands),
@@ -282,7 +282,7 @@ class PosedCapsules:
         rows = np.array([*zip_longest(*hands, fillvalue=-1)], np.intp).reshape(-1, len(hands))
         own, other = rows.T[part], others[column]  # of each hand its capsules, then -1
         at, axis = frames[:, None], axes[frames, other]
-        away = squared_distance(
+        away = segment_distance_squared(
             middles[at, own], starts[frames, other][:, None], axis[:, None], dot(axis, axis)[:, None]
         )
         least = np.maximum(reach[at, own] + thick[other, None] + slack, 0.0)
@@ -328,7 +328,7 @@ class PosedCapsules:
         if not len(at):
             return distance, out
         box = np.ix_(at, other)
-        away = np.sqrt(np.maximum(_squared_distances(middles[at], starts[box], axes[box]), 0.0))  # (F, A, B)
+        away = np.sqrt(np.maximum(_segment_distances_squared(middles[at], starts[box], axes[box]), 0.0))  # (F, A, B)
         greatest = (away - thin[rows, None] - thin[other]).min(axis=1)
         greatest = np.minimum.reduceat(greatest, bounds[:-1], axis=1)  # (F, P)
         part = np.repeat(np.arange(len(parts)), np.diff(bounds))
@@ -386,12 +386,12 @@ def _meet(
     met = np.empty((len(middles), middles.shape[1], starts.shape[1]), bool)
     for n in range(0, len(middles), step):
         at = slice(n, n + step)
-        distances = _squared_distances(middles[at], starts[at], axes[at])
+        distances = _segment_distances_squared(middles[at], starts[at], axes[at])
         met[at] = distances < np.maximum(reach[at, :, None] + thick, 0.0) ** 2
     return met
 
 
-def _squared_distances(points: FloatArray, starts: FloatArray, axes: FloatArray) -> FloatArray:
+def _segment_distances_squared(points: FloatArray, starts: FloatArray, axes: FloatArray) -> FloatArray:
     """Squared distances (T, A, B) of points (T, A, 3) from line segments, starts and axes (T, B, 3)."""
     # By matrix products: few temporary arrays.
     squares = dot(axes, axes)[:, None] + TINY
@@ -434,7 +434,7 @@ class NearPairs:
         if not len(self.frames):
             return depth, exits
         offsets = self.offsets
-        moved = None if moves is None else _weighted_rows(self.hands, moves[self.frames])
+        moved = None if moves is None else _sum_weighted_rows(self.hands, moves[self.frames])
         if moved is not None:
             offsets = offsets + moved
         depths, directions = _penetration(offsets, *self.axes, *self.radii)
@@ -452,7 +452,7 @@ class NearPairs:
             exits[self.frames[own], side] = directions[own] * self.hands[own, side, None]
         return depth, exits
 
-    def held_distance(self) -> float:
+    def persistent_contact_distance(self) -> float:
         """The least skin distance that a pair of the two hands has at both ends of the clip, clip units, negative
         inside; infinite where no pair is near at both.
         """
@@ -466,12 +466,12 @@ class NearPairs:
         return float(-np.minimum(*depths).max(initial=-np.inf))
 
 
-def _weighted_rows(weights: FloatArray, rows: FloatArray) -> FloatArray:
+def _sum_weighted_rows(weights: FloatArray, rows: FloatArray) -> FloatArray:
     """Sums (K, 3) of rows (K, S, 3), each times its weight (K, S)."""
     return np.asarray((weights[:, :, None] * rows).sum(axis=1))
 
 
-def posed_capsules(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> PosedCapsules:
+def pose_capsules(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> PosedCapsules:
     """A skeleton's capsules, from the globals of ``kinematics.forward`` for all joints."""
     body = body_capsules(skeleton)
     return PosedCapsules(body, *capsule_ends(body, global_rotations, global_positions))
@@ -481,7 +481,7 @@ def hand_depths(clip: Clip) -> FloatArray:
     """How deep (T,) a hand lies in head, trunk, the other arm or its hand, in the clip's unit; not above 0 where none
     does.
     """
-    return np.asarray(posed_capsules(clip.skeleton, *forward(clip)).penetration()[0].max(axis=1))
+    return np.asarray(pose_capsules(clip.skeleton, *forward(clip)).penetration()[0].max(axis=1))
 
 
 def overlap(

@@ -78,7 +78,7 @@ class PosedBody:
         return replace(self, starts=starts, ends=ends, wrists=wrists)
 
 
-def posed_body(clip: Clip, body: BodyCapsules) -> PosedBody:
+def pose_body(clip: Clip, body: BodyCapsules) -> PosedBody:
     """A clip's body over time, in metres."""
     info = rig_info(clip.skeleton)
     metres = info.sizes.unit.metres

@@ -147,7 +147,7 @@ class Fit:
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
         self.near = _near_contacts(self, m)
-        return self._touched(m, self.carried, np.zeros_like(m), _STEPS)
+        return self._solve_contacts(m, self.carried, np.zeros_like(m), _STEPS)
 
     def _out_of_reach(self, m: FloatArray) -> FloatArray:
         """How far (2,) the places of each hand lie beyond its arm's reach where it signs, at most, m."""
@@ -158,9 +158,9 @@ class Fit:
         """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
         base = moved.wrists - self.carried.wrists
         heights = moved.heights(self.pairs[1], self.near)
-        return self._touched(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
+        return self._solve_contacts(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
 
-    def _touched(
+    def _solve_contacts(
         self, m: FloatArray, posed: PosedBody, base: FloatArray, steps: int, heights: FloatArray | float = 0.0
     ) -> FloatArray:
         contacts = _Contacts(self.pairs[1], self.near, posed, base, heights)
@@ -204,7 +204,7 @@ class Fit:
         b, rb = _points(c, anchors.target, anchors.at)
         start, axis = c.starts[:, None, solid.target], (c.ends - c.starts)[:, None, solid.target]
         radius = c.radii[solid.target]
-        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scaled(clearance)
+        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scale_clearance(clearance)
         displacement = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
         return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, displacement)
 
@@ -217,11 +217,11 @@ class Fit:
         clearance = away - ra[:, None] - rb
         weight = _weight(clearance) * self.active.min(axis=1)[:, None, None]
         (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left, right))
-        wanted = d * ((ra[:, None] + rb + self._scaled(clearance)) / away)[..., None]
+        wanted = d * ((ra[:, None] + rb + self._scale_clearance(clearance)) / away)[..., None]
         displacement = wanted - (a[:, :, None] - b[:, None])
         return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, displacement)
 
-    def _scaled(self, clearance: FloatArray) -> FloatArray:
+    def _scale_clearance(self, clearance: FloatArray) -> FloatArray:
         """A skin distance on the other body: as it is where it is small, scaled as signing space where it is large."""
         share = np.clip((clearance - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)

@@ -25,7 +25,7 @@ from signsplice.motion import FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
-from signsplice.rig.t_pose import posed_positions
+from signsplice.rig.t_pose import positions_from_rotations
 
 _HEAD_STEP = 1e-5
 _CHIN_RADIUS = 0.024
@@ -173,7 +173,7 @@ def bind_pose(skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
             first = joints.get(f"{side}{finger}Proximal")
             for joint in () if first is None else kinematics.subtree(skeleton, first):
                 rotations[joint] = rotation.multiply(turn, rotations[joint])
-    return rotations, posed_positions(skeleton, rotations)
+    return rotations, positions_from_rotations(skeleton, rotations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,12 +223,12 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
         bends = _bends(made, [part in ("cuff", "leg") for part in parts])
         piece = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
         if bends.any():
-            piece = _merged([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
-        pieces += _creased(piece, phalanges) if kind == "hand" else [piece]
+            piece = _merge_parts([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
+        pieces += _separate_creases(piece, phalanges) if kind == "hand" else [piece]
     return (*pieces, *(head_parts(skeleton, shape, positions) if has_face else ()))
 
 
-def _creased(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshPart]:
+def _separate_creases(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshPart]:
     """A hand, and the darker creases at the joints of its fingers: where two phalanges carry the skin alike."""
     bends = np.isin(hand.joints[:, :2], phalanges).all(axis=1) & (hand.weights[:, 1] > _CREASE * hand.weights[:, 0])
     is_crease = bends[hand.triangles].all(axis=1)
@@ -260,7 +260,7 @@ def _balls(own: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
     ]  # fmt: skip
 
 
-def _merged(pieces: Sequence[MeshPart]) -> MeshPart:
+def _merge_parts(pieces: Sequence[MeshPart]) -> MeshPart:
     """Pieces as one, named and coloured as the first."""
     starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
     return replace(
@@ -333,7 +333,7 @@ def _skin(
     softness = _SOFT.get(kind, 0.28) * own.radii.mean(axis=1)
     if bends is not None:
         softness[bends] *= _BENT
-    joints, weights = _carried(_distances(vertices, own).T, softness, own.joints)
+    joints, weights = _skin_weights(_distances(vertices, own).T, softness, own.joints)
     return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
 
 
@@ -378,7 +378,7 @@ def _distances(points: FloatArray, own: _MeshCapsules) -> FloatArray:
     return out
 
 
-def _carried(
+def _skin_weights(
     distances: FloatArray, softness: FloatArray, joints: NDArray[np.intp]
 ) -> tuple[NDArray[np.int64], FloatArray]:
     """Skinning joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules of each joint.

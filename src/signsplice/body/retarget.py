@@ -14,7 +14,7 @@ import numpy as np
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.collision import Near, forearm_pairs, near_pairs, pair_clearances
-from signsplice.body.contacts import PART_M, Contact, PosedBody, find_contacts, posed_body
+from signsplice.body.contacts import PART_M, Contact, PosedBody, find_contacts, pose_body
 from signsplice.body.fit import SIGNS, Fit
 from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
@@ -70,7 +70,7 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
     skeleton = onto if isinstance(onto, Skeleton) else with_rest_pose(onto).skeleton
     held = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
     name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
-    done = _fitted(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
+    done = _fit_clip(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
     lines = [f"{clip.name}: {line}" for line in clip_warnings(clip)]
     if isinstance(onto, Avatar):
         lines = [*onto.warnings, *_face_warnings(clip, onto), *lines]
@@ -81,7 +81,7 @@ def align(clip: Clip, to: Reference) -> Retargeted:
     """``clip`` on the skeleton, frame rate, position and facing of a reference, with places and contacts kept where the
     bodies differ. Raises as ``rig.align.copy_rotations`` does.
     """
-    fitted = _fitted(clip, to)
+    fitted = _fit_clip(clip, to)
     return Retargeted(settle(fitted.clip, to), fitted.warnings, fitted.contacts)
 
 
@@ -95,8 +95,8 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
     beyond, contacts = np.zeros(2), []
     for start in range(0, max(len(source) - _OVERLAP, 1), _WINDOW - _OVERLAP):
         part = slice(start, start + _WINDOW)
-        fit = Fit(posed_body(source[part], source_body), posed_body(carried[part], body), source.fps, active[part])
-        moved, turned, after = _solved(fit, carried[part], metres)
+        fit = Fit(pose_body(source[part], source_body), pose_body(carried[part], body), source.fps, active[part])
+        moved, turned, after = _solve_arms(fit, carried[part], metres)
         beyond = np.maximum(beyond, fit.out_of_reach)
         on_skin = None if body.skin is None else SkinFit(fit, body.skin, carried[part], metres, moved)
         contacts += _contacts(fit, after, start, on_skin)
@@ -108,18 +108,18 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
     return Retargeted(out, _reach_warnings(beyond, source.name), tuple(contacts))
 
 
-def _solved(fit: Fit, carried: Clip, metres: float) -> tuple[FloatArray, FloatArray, PosedBody]:
+def _solve_arms(fit: Fit, carried: Clip, metres: float) -> tuple[FloatArray, FloatArray, PosedBody]:
     """Moves (T, 2, 3) of the wrists, m, turns (T, 2) of the elbows, and the body as it lies then."""
     moves = fit.moves()
-    shoulders, elbows, wrists = _moved_arms(carried, moves, metres)
+    shoulders, elbows, wrists = _solve_arm_positions(carried, moves, metres)
     swivels = _swivels(fit, shoulders, elbows, wrists)
-    moves = fit.refine(fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists))
-    shoulders, elbows, wrists = _moved_arms(carried, moves, metres)
-    return moves, swivels, fit.carried.with_arms(arm_ik.swivelled(shoulders, elbows, wrists, swivels), wrists)
+    moves = fit.refine(fit.carried.with_arms(arm_ik.swivel_elbows(shoulders, elbows, wrists, swivels), wrists))
+    shoulders, elbows, wrists = _solve_arm_positions(carried, moves, metres)
+    return moves, swivels, fit.carried.with_arms(arm_ik.swivel_elbows(shoulders, elbows, wrists, swivels), wrists)
 
 
-def _moved_arms(carried: Clip, moves: FloatArray, metres: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    shoulders, elbows, wrists = arm_ik.moved_arms(carried, moves / metres)
+def _solve_arm_positions(carried: Clip, moves: FloatArray, metres: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    shoulders, elbows, wrists = arm_ik.solve_arm_positions(carried, moves / metres)
     return metres * shoulders, metres * elbows, metres * wrists
 
 
@@ -131,7 +131,7 @@ def _fade_in(n_frames: int, is_later: bool) -> FloatArray:
     return weight
 
 
-def _fitted(clip: Clip, to: Reference) -> Retargeted:
+def _fit_clip(clip: Clip, to: Reference) -> Retargeted:
     carried, warnings, is_one_body = copy_rotations(clip, to, by_role=isinstance(to.skeleton, Avatar))
     source, target = clip.skeleton, to.skeleton
     if is_one_body and not isinstance(target, Avatar):

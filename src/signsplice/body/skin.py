@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.body.capsules import ARM, HEM, BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.capsules import ARM, HEM, BodyCapsules, BodyShape, build_capsules
 from signsplice.body.skin_surface import MIN_POINTS, AvatarSkin, Relief, SkinPoints, quantile, surface, window
 from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import rest_positions, subtree
@@ -307,7 +307,7 @@ class _Fitting:
 
     def __init__(self, skeleton: Skeleton, points: SkinPoints) -> None:
         info = rig_info(skeleton)
-        self.usual, self.height = shaped_capsules(skeleton, BodyShape()), info.sizes.stature
+        self.usual, self.height = build_capsules(skeleton, BodyShape()), info.sizes.stature
         self.roles = info.roles.joints
         upright = info.t_pose.rotations[self.roles.get("hips", 0)]
         self._turn = rotation.to_matrix(upright)

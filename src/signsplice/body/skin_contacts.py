@@ -168,11 +168,11 @@ def _poses(one: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, moves:
     rotations, positions = (part[one.frames] for part in kinematics.forward(carried))
     other, found = skin.hands[1] if one.what == _HANDS else skin.body, []
     for n, frame in enumerate(one.frames.tolist()):
-        hand = metres * skin.hands[one.side].posed(rotations[n], positions[n])[0] + moves[frame, one.side]
+        hand = metres * skin.hands[one.side].deform(rotations[n], positions[n])[0] + moves[frame, one.side]
         by = moves[frame, 1] if one.what == _HANDS else np.zeros(3)
         middle = hand.mean(axis=0)
         radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _NEAR_M
-        points, normals = other.posed(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
+        points, normals = other.deform(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
         tree = cKDTree(metres * points + by)
         apart = np.asarray(tree.query(hand, distance_upper_bound=_NEAR_M)[0])
         hand = hand[apart < min(_NEAR_M, apart.min() + _LOW_M)]

@@ -218,7 +218,7 @@ class SkinSurface:
     origins: FloatArray
     spacing: float
 
-    def posed(
+    def deform(
         self, rotations: FloatArray, positions: FloatArray, around: tuple[FloatArray, float] | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Points and normals in the world, from the globals (J, 3, 3) and (J, 3) of one frame; of those within a
@@ -270,7 +270,7 @@ def surface(
     corners, shares, normals = points.samples(joints, spacing, bare)
     at = np.einsum("sc,scx->sx", shares, points.positions[corners])
     one_each = np.unique(np.floor(at / spacing).astype(np.int64), axis=0, return_index=True)[1]
-    kept = one_each[~_covered(at[one_each], normals[one_each], spacing)]
+    kept = one_each[~_is_covered(at[one_each], normals[one_each], spacing)]
     used = np.unique(points.joints[corners[kept]])
     if not 0 < len(kept) * len(used) < _MOST_WEIGHTS:
         return None
@@ -303,7 +303,7 @@ def least_height(
     return float(height[over].min(initial=np.inf)), height[over], out[over]
 
 
-def _covered(points: FloatArray, normals: FloatArray, spacing: float) -> NDArray[np.bool_]:
+def _is_covered(points: FloatArray, normals: FloatArray, spacing: float) -> NDArray[np.bool_]:
     """Which points (N,) lie under others that face the same way: skin below a shirt."""
     from scipy.spatial import cKDTree  # takes long to import; only avatars need it
 

@@ -35,9 +35,9 @@ def surface(
     field = _in_blocks(field)
     origin = np.asarray(low, np.float64) - step
     counts = (np.ceil((np.asarray(high) - origin) / (_COARSE * step)).astype(int) + 1) * _COARSE + 1
-    values = _sampled(field, origin, counts, step)
+    values = _sample_field(field, origin, counts, step)
     inside = values < 0.0
-    corners = [inside[_shifted(shift, inside.shape)] for shift in product((0, 1), repeat=3)]
+    corners = [inside[_corner_slices(shift, inside.shape)] for shift in product((0, 1), repeat=3)]
     crossed = np.any(corners, axis=0) & ~np.all(corners, axis=0)
     cells = np.argwhere(crossed)
     if not len(cells):
@@ -56,18 +56,18 @@ def surface(
 def _in_blocks(field: Field) -> Field:
     """The same field, evaluated for a limited number of points at a time."""
 
-    def asked(points: FloatArray) -> FloatArray:
+    def evaluate_blocks(points: FloatArray) -> FloatArray:
         return np.concatenate([field(points[at : at + _BLOCK]) for at in range(0, max(len(points), 1), _BLOCK)])
 
-    return asked
+    return evaluate_blocks
 
 
-def _shifted(shift: tuple[int, ...], shape: tuple[int, ...]) -> tuple[slice, ...]:
+def _corner_slices(shift: tuple[int, ...], shape: tuple[int, ...]) -> tuple[slice, ...]:
     """The corners of all cells that lie at one end of each axis."""
     return tuple(slice(s, n - 1 + s) for s, n in zip(shift, shape, strict=True))
 
 
-def _sampled(field: Field, origin: FloatArray, counts: NDArray[np.int_], step: float) -> FloatArray:
+def _sample_field(field: Field, origin: FloatArray, counts: NDArray[np.int_], step: float) -> FloatArray:
     """The field on a grid; exact near the surface, elsewhere only its sign."""
     coarse = [np.arange(0, n, _COARSE) for n in counts]
     rough = _values(field, origin, coarse, step)
@@ -75,7 +75,7 @@ def _sampled(field: Field, origin: FloatArray, counts: NDArray[np.int_], step: f
     near = np.abs(rough) < reach
     wide = np.zeros_like(near)
     for shift in product((0, 1), repeat=3):  # cells with any corner near
-        wide[:-1, :-1, :-1] |= near[_shifted(shift, near.shape)]
+        wide[:-1, :-1, :-1] |= near[_corner_slices(shift, near.shape)]
     values = np.full(tuple(counts), np.inf)
     for i, j, k in np.argwhere(wide):
         values[_block(i, j, k)] = 0.0

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import BodyCapsules
 from signsplice.body.collision import Clearances, clearances
-from signsplice.body.contacts import PosedBody, posed_body
+from signsplice.body.contacts import PosedBody, pose_body
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
-from signsplice.motion.curves import spread_in_time
+from signsplice.motion.curves import smooth_over_time
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 
@@ -53,7 +53,7 @@ def keep_thumb_contacts(source: Clip, source_body: BodyCapsules, carried: Clip, 
     hands = [hand for side in SIDES if (hand := _hand(side, source_body, body, carried))]
     if not hands:
         return carried
-    then, now = posed_body(source, source_body), posed_body(carried, body)
+    then, now = pose_body(source, source_body), pose_body(carried, body)
     local = np.array(carried.local_rotations)
     global_rotations, _ = kinematics.forward(carried)
     for hand in hands:
@@ -138,7 +138,7 @@ def _turn(
     rotvecs[frames] = _solve(p, q, wanted, weight[of], hand.fingers[pairs], pivots, axes, coupled)
     width = _WIDTH_S * clip.fps
     side = int(np.ceil(3.0 * width))
-    rotvecs = spread_in_time(rotvecs, np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
+    rotvecs = smooth_over_time(rotvecs, np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
     for n, joint in enumerate(hand.firsts):
         above = rotation.from_matrix(rotations[:, clip.skeleton.parents[joint]])
         own = rotation.multiply(rotation.multiply(rotation.inverse(above), rotation.exp(rotvecs[:, n])), above)

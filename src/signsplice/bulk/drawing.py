@@ -32,7 +32,7 @@ def signs(lexicon: Lexicon) -> list[str]:
     return found
 
 
-def drawn(
+def random_recipes(
     glosses: Sequence[str],
     count: int,
     n_words: tuple[int, int],

@@ -145,7 +145,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
             raise InputError(
                 f"{out / RECIPES}: is not the file that {JOB} names; put that one back, or name a new folder"
             )
-        return _written(replace(job, **places), out)
+        return _write_job(replace(job, **places), out)
     out.mkdir(exist_ok=True)
     n_recipes = recipes.write(written, batches())
     if not n_recipes:
@@ -153,7 +153,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         raise InputError("no recipes, expected one row or more")
     digest = _hash_of(written)
     job = BulkJob(**decided, **places, n_recipes=n_recipes, recipes_sha256=digest, processor=processor())
-    _written(job, out)
+    _write_job(job, out)
     written.replace(out / RECIPES)
     return job
 
@@ -163,7 +163,7 @@ def paths(lexicon: str | Sequence[str]) -> Sequence[str]:
     return [lexicon] if isinstance(lexicon, str) else lexicon
 
 
-def _written(job: BulkJob, out: Path) -> BulkJob:
+def _write_job(job: BulkJob, out: Path) -> BulkJob:
     atomic.write(out / JOB, json.dumps(asdict(job), indent=2, ensure_ascii=False) + "\n")
     return job
 

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from signsplice.errors import FormatError, InputError
 from signsplice.formats.atomic import replacing
-from signsplice.formats.reading import format_errors, opened
+from signsplice.formats.reading import format_errors, open_file
 from signsplice.splicing.faces import RULES
 from signsplice.splicing.options import SpliceOptions
 
@@ -94,7 +94,7 @@ def read(path: str | Path) -> Iterator[pa.RecordBatch]:
     """
     path = Path(path)
     check_suffix(path)
-    with opened(path) as (file, _), format_errors(str(path), "table of recipes"):
+    with open_file(path) as (file, _), format_errors(str(path), "table of recipes"):
         if path.suffix.lower() == ".csv":
             text = pyarrow.csv.ConvertOptions(
                 column_types={name: pa.string() for name in SCHEMA.names}, null_values=[""], strings_can_be_null=True
@@ -116,7 +116,7 @@ def _batches(path: Path, stored: Iterable[pa.RecordBatch]) -> Iterator[pa.Record
     """Batches as they are in a file -> batches of ``SCHEMA``, each of ``ROWS`` rows but the last."""
     waiting: list[pa.RecordBatch] = []
     for batch in stored:
-        waiting.append(_checked(batch, path))
+        waiting.append(_cast_to_schema(batch, path))
         while sum(map(len, waiting)) >= ROWS:
             joined = pa.concat_batches(waiting)
             yield joined[:ROWS]
@@ -125,7 +125,7 @@ def _batches(path: Path, stored: Iterable[pa.RecordBatch]) -> Iterator[pa.Record
         yield pa.concat_batches(waiting)
 
 
-def _checked(batch: pa.RecordBatch, path: Path) -> pa.RecordBatch:
+def _cast_to_schema(batch: pa.RecordBatch, path: Path) -> pa.RecordBatch:
     names = batch.schema.names
     unknown = [name for name in names if name not in SCHEMA.names]
     if unknown or "glosses" not in names:
@@ -218,7 +218,7 @@ def rows(path: str | Path, start: int, stop: int) -> list[SentenceRecipe]:
     with _own(path) as file:
         groups = range(start // ROWS, min(file.num_row_groups, (stop - 1) // ROWS + 1))
         found = chain.from_iterable(file.iter_batches(ROWS, row_groups=[group]) for group in groups)
-        table = pa.Table.from_batches([_checked(batch, Path(path)) for batch in found], SCHEMA).slice(
+        table = pa.Table.from_batches([_cast_to_schema(batch, Path(path)) for batch in found], SCHEMA).slice(
             start - start // ROWS * ROWS, stop - start
         )
         if len(table) != stop - start:
@@ -230,21 +230,21 @@ def is_same(path: str | Path, batches: Iterable[pa.RecordBatch]) -> bool:
     """Whether a file that ``write`` wrote holds these rows and no others. Raises ``FormatError`` where it cannot be
     read.
     """
-    stored = _stored(path)
+    stored = _iter_stored_batches(path)
     return all(batch.equals(next(stored, None)) for batch in batches) and next(stored, None) is None
 
 
-def _stored(path: str | Path) -> Iterator[pa.RecordBatch]:
+def _iter_stored_batches(path: str | Path) -> Iterator[pa.RecordBatch]:
     with _own(path) as file:
         is_older = {*file.schema_arrow.names} < {*SCHEMA.names}
-        yield from (_checked(batch, Path(path)) if is_older else batch for batch in file.iter_batches(ROWS))
+        yield from (_cast_to_schema(batch, Path(path)) if is_older else batch for batch in file.iter_batches(ROWS))
 
 
 @contextmanager
 def _own(path: str | Path) -> Iterator[pq.ParquetFile]:
     """A file that ``write`` wrote. Raises ``FormatError`` where it, or the block, cannot read it."""
     try:
-        with opened(path) as (file, _), format_errors(str(path), "table of recipes"), pq.ParquetFile(file) as table:
+        with open_file(path) as (file, _), format_errors(str(path), "table of recipes"), pq.ParquetFile(file) as table:
             yield table
     except InputError as error:
         reason = str(error).removeprefix(f"{path}: ")[:200]

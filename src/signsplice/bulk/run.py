@@ -146,7 +146,7 @@ def run(
             (out / jobs.SUMMARY).unlink(missing_ok=True)
         unfinished, shown = set(missing), before
         try:
-            for shard in _made(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
+            for shard in _make_shards(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
                 if shard is not None:
                     done, failed = done + shard.n_rows, failed + shard.n_failed
                     unfinished.discard(shard.shard)
@@ -181,7 +181,7 @@ def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.Re
                 atomic.sweep(folder)  # what workers that were killed have left
 
 
-def _made(
+def _make_shards(
     out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int
 ) -> Iterator[ShardResult | None]:
     if ray is not None:

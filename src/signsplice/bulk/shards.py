@@ -278,22 +278,22 @@ class _Samples:
         form = self._job.format
         content = npz.encode(clip, rounded=True) if form == jobs.NPZ32 else encode(clip, f"{key}.{form}")
         suffix = ".npz" if form == jobs.NPZ32 else f".{form}"
-        self._put(f"{key}{suffix}", content)
+        self._add_member(f"{key}{suffix}", content)
         place = {"offset": self._tar.offset - -(-len(content) // 512) * 512, "n_bytes": len(content)}
         if clip.face is not None and not FORMATS[suffix].holds_faces:
-            self._put(f"{key}.face.csv", live_link.encode(clip))
-        self._put(f"{key}.json", json.dumps(made.report(), ensure_ascii=False).encode())
+            self._add_member(f"{key}.face.csv", live_link.encode(clip))
+        self._add_member(f"{key}.json", json.dumps(made.report(), ensure_ascii=False).encode())
         if self._job.poses:
             for name, positions in poses(clip).items():
                 stored = BytesIO()
                 np.save(stored, positions)
-                self._put(f"{key}.pose.{name}.npy", stored.getvalue())
+                self._add_member(f"{key}.pose.{name}.npy", stored.getvalue())
             rows = signs(made.result.spans, clip.fps)
-            self._put(f"{key}.annotations.both_hands.json", json.dumps(rows, ensure_ascii=False).encode())
-            self._put(f"{key}.signer.txt", made.signer.encode())
+            self._add_member(f"{key}.annotations.both_hands.json", json.dumps(rows, ensure_ascii=False).encode())
+            self._add_member(f"{key}.signer.txt", made.signer.encode())
         return place
 
-    def _put(self, name: str, content: bytes) -> None:
+    def _add_member(self, name: str, content: bytes) -> None:
         member = tarfile.TarInfo(name)
         member.size = len(content)
         self._tar.addfile(member, BytesIO(content))

@@ -12,7 +12,7 @@ import click
 
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEED, added, option, preset
+from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEED, combine_options, option, preset
 from signsplice.cli.terminal import require, size, warn
 from signsplice.errors import InputError
 
@@ -44,7 +44,7 @@ def _off(dial: str, text: str) -> Callable[[Any], Any]:
     return click.option(f"--no-{dial}", dial, flag_value=False, type=bool, default=None, help=text)
 
 
-dial_options = added(
+dial_options = combine_options(
     *(click.option(name, metavar=form, help=_AS_THERE) for name, form in _DIALS.items()),
     option("--avoid-collisions/--no-avoid-collisions", None, _AS_THERE, default=None),
     _off("spell", "Rows with words that the lexicon lacks fail; none is spelled."),
@@ -53,7 +53,7 @@ dial_options = added(
 )
 
 
-run_options = added(
+run_options = combine_options(
     option("-o --output", "OUT", "Folder of shards; resumes one that ended.", required=True),
     LEXICONS,
     BUNDLE,
@@ -153,7 +153,7 @@ def recipes(
                 raise InputError("--count 1 or more and --words A:B, whole numbers from 1 to 1000, expected")
             glosses = drawing.signs(opened)
             least, most = map(int, n_words)
-            made = drawing.drawn(glosses, count, (least, most), seed, signers or ("",), ranges, fixed)
+            made = drawing.random_recipes(glosses, count, (least, most), seed, signers or ("",), ranges, fixed)
         n_rows = write(output, made)
     print(f"{output}: {n_rows:,} recipe{'s' * (n_rows != 1)}")
 
@@ -232,7 +232,7 @@ def _run(
         raise InputError(f"--keep-words {keep_words}, expected 2 or more")
     out, words = Path(output), lexicons or (DEFAULT,)
     check_apart(output, [*map(lexicon_folder, words), bundle])
-    with open_words(*words) as opened, _shown(f"making {out.name}") as advance:
+    with open_words(*words) as opened, _open_progress_bar(f"making {out.name}") as advance:
         wanted = BulkOptions(words, bundle, **options)
         summary = run(out, wanted, lambda: batches(lambda: drawing.signs(opened)), workers, ray, keep_words, advance)
     warn(f"{n:,} rows failed: {reason}" for reason, n in summary.reasons.items())
@@ -264,7 +264,7 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
 
 
 @contextmanager
-def _shown(what: str) -> Iterator[Callable[[Progress], None] | None]:
+def _open_progress_bar(what: str) -> Iterator[Callable[[Progress], None] | None]:
     """A bar with rate, time left and failures, on standard error where that is a terminal."""
     if not sys.stderr.isatty():
         yield None

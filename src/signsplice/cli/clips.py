@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice import formats
-from signsplice.cli.options import ROLES, added, flag, option
+from signsplice.cli.options import ROLES, combine_options, flag, option
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
 from signsplice.formats.atomic import check_writable
@@ -36,7 +36,7 @@ def _keep(context: click.Context, parameter: click.Parameter, value: Any) -> Non
     context.meta[f"{__name__}.{parameter.name}"] = value
 
 
-def _kept(name: str) -> Any:
+def _option_value(name: str) -> Any:
     """The value of an option of the present command; None where it has no such option."""
     return click.get_current_context().meta.get(f"{__name__}.{name}")
 
@@ -57,9 +57,9 @@ def reads_clips(command: Command) -> Command:
 
 _REST_FRAME = "Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]"
 _TAKE = "Take of an .fbx file.  [default: the first that moves its joints]"
-reads_rigs = added(ROLES, reads_clips)
+reads_rigs = combine_options(ROLES, reads_clips)
 """Options of clips whose rig matters: those of ``reads_clips``, and roles for rigs not known by name."""
-reads_poses = added(
+reads_poses = combine_options(
     reads_rigs,
     option("--rest-frame", "N", _REST_FRAME, type=click.IntRange(0), expose_value=False, callback=_keep),
     option("--take", "NAME", _TAKE, expose_value=False, callback=_keep),
@@ -71,7 +71,7 @@ motion of a file is read.
 
 def limits() -> ReadLimits:
     """The limits of the clips that the present command reads."""
-    return NO_LIMITS if _kept("no_limits") else DEFAULT_LIMITS
+    return NO_LIMITS if _option_value("no_limits") else DEFAULT_LIMITS
 
 
 def load(
@@ -81,21 +81,21 @@ def load(
     ``warns``: whether to print here what of the file is left out or read otherwise. ``face``, ``face_offset``: as in
     ``formats.load``.
     """
-    row, take = formats.FORMATS.get(Path(path).suffix.lower()), _kept("take")
+    row, take = formats.FORMATS.get(Path(path).suffix.lower()), _option_value("take")
     chosen = take if take and row is not None and row.has_takes else ""
     clip = formats.load(path, limits(), take=chosen, face=face, face_offset=face_offset)
     if warns and (clip.left_out or clip.notes):
         from signsplice.rig.inspection import left_out_warnings
 
         warn(left_out_warnings(clip))
-    return posed(clip if roles is None else with_roles([clip], roles)[0])
+    return apply_rest_pose(clip if roles is None else with_roles([clip], roles)[0])
 
 
-def posed(clip: Clip) -> Clip:
+def apply_rest_pose(clip: Clip) -> Clip:
     """A clip with the rest pose of the frame that the present command names, or of its own."""
     from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
-    frame = _kept("rest_frame")
+    frame = _option_value("rest_frame")
     if frame is not None and rests_as_person(clip.skeleton):
         warn([f"{clip.name}: its zero pose shows a person; --rest-frame is not for it"])
     return with_rest_pose(clip, frame)
@@ -106,7 +106,7 @@ _FACE = (
     "beside NAME.bvh]"
 )
 _FACE_OFFSET = "Seconds from a clip's first frame to its face's first row or frame."
-reads_faces = added(
+reads_faces = combine_options(
     option("--face faces", "FACE.csv", _FACE, multiple=True),
     option("--face-offset", "S", _FACE_OFFSET, type=float, default=0.0),
 )

@@ -12,7 +12,7 @@ from signsplice.errors import InputError
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def added(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+def combine_options(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """A decorator that adds options to a command, in this order."""
 
     def add(command: Command) -> Command:

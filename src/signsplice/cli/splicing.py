@@ -15,13 +15,13 @@ import click
 from signsplice.cli.clips import (
     OUTPUT_SUFFIXES,
     SKIN,
+    apply_rest_pose,
     check_apart,
     check_outputs,
     faces_of,
     limits,
     load,
     load_avatar,
-    posed,
     reads_faces,
     reads_poses,
     with_roles,
@@ -33,7 +33,7 @@ from signsplice.cli.options import (
     BUNDLE,
     DROP_FUNCTION_WORDS,
     LEXICONS,
-    added,
+    combine_options,
     flag,
     option,
     preset,
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 Chosen = TypeVar("Chosen")
 
-_joining_options = added(
+_joining_options = combine_options(
     option("-o --output", "OUT", f"File to write: {' '.join(OUTPUT_SUFFIXES)}", required=True),
     option(
         "--transition",
@@ -67,7 +67,7 @@ _joining_options = added(
     option("--report", "R.json", "Write spans, seams and timing to this JSON file."),
     reads_poses,
 )
-_splicing_options = added(
+_splicing_options = combine_options(
     option("--cutter", "NAME", "How splice points are found: see `signsplice methods`."),
     preset(
         "--transition-time",
@@ -153,7 +153,7 @@ def sentence(
     **others: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
-    from signsplice.lexicon.sentence import parse, signed, spelled
+    from signsplice.lexicon.sentence import list_spelled_words, parse, token_glosses
     from signsplice.splicing import engine
     from signsplice.splicing.faces import RULES
     from signsplice.splicing.word import words_of
@@ -166,15 +166,15 @@ def sentence(
         for path in (output, target.report or output):
             check_apart(path, [source.path for source in words.sources])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
-        clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(signed(units))}
+        clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(token_glosses(units))}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
-    clips = {gloss: posed(clip) for gloss, clip in clips.items()}
+    clips = {gloss: apply_rest_pose(clip) for gloss, clip in clips.items()}
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses), options)
-    more = {"units": [asdict(unit) for unit in units], "spelled": spelled(units)}
+    more = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
     target.deliver(result, load_ms, more)
 
 

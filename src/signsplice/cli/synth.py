@@ -9,7 +9,7 @@ import click
 
 from signsplice.cli import plugins
 from signsplice.cli.clips import check_apart, check_output, check_outputs
-from signsplice.cli.options import added, flag, option, preset
+from signsplice.cli.options import combine_options, flag, option, preset
 from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_writable, replacing
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SEED = preset("--seed", 0, "N", "Seed of signers, takes and random choices.")
 FPS = preset("--fps", 30.0, "N", "Frame rate.")
-DRAWN = added(
+DRAWN = combine_options(
     option("-o --output", "DIR", "Folder to make; replaces one made before.", required=True),
     option("--signs", "FILE", "Signs in notation, instead of the package's."),
     option("--words", "N", "Number of words, drawn by seed.  [default: all; pairs: 100]", type=int),
@@ -58,7 +58,7 @@ def lexicon(output: str, letters: bool, forms: tuple[str, ...], seed: int, fps: 
             faults.extend(checks.warnings(word))
 
     with progress(f"signing {len(chosen)} words") as advance:
-        folders.write_lexicon(chosen, signer, Path(output), checked_rate(fps), advance, check)
+        folders.write_lexicon(chosen, signer, Path(output), check_frame_rate(fps), advance, check)
     warn(faults)
     print(f"{output}: {len(chosen)} words, signer {signer.name}; no signer has checked them")
 
@@ -96,7 +96,7 @@ def preview(file: str | None, gloss: str | None, output: str | None, folder: str
         sign = inflection.form(signs, gloss)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
-    word = planner.isolated(sign)
+    word = planner.synthesize_word(sign)
     pictures.write_preview(word, path)
     warn(checks.warnings(word))
     print(f"{path}: {sign.gloss}, {len(sign.segments)} segments, {word.clip.seconds:.2f} s with rest")
@@ -127,7 +127,9 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
         from signsplice.signer import inflection
 
         signs = notation.read(file)
-        clip = planner.isolated(inflection.form(signs, gloss or _only(file, signs)), fps=checked_rate(fps)).clip
+        clip = planner.synthesize_word(
+            inflection.form(signs, gloss or _only(file, signs)), fps=check_frame_rate(fps)
+        ).clip
     else:
         written = signing.find(file, gloss or "", lenient)
         if output and Path(output).suffix.lower() == ".signs":
@@ -137,7 +139,7 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
             warn(signing.warnings(written))
             print(f"{output}: {written.gloss} in this project's notation, without its face")
             return
-        clip = signing.signed(written, checked_rate(fps), lenient)
+        clip = signing.animate_sign(written, check_frame_rate(fps), lenient)
         warn([*signing.warnings(written), *clip.notes])
     path = output or f"{folders.file_name(clip.name)}.bvh"
     check_outputs(path, None, [file])
@@ -182,7 +184,7 @@ def _forms(path: str | None, glosses: tuple[str, ...], made: set[str]) -> list[S
     return [form for gloss, form in forms.items() if gloss not in made]
 
 
-def checked_rate(fps: float) -> float:
+def check_frame_rate(fps: float) -> float:
     """The frame rate of a call. Raises ``InputError`` if it is not from 10 to 240."""
     if not 10.0 <= fps <= 240.0:
         raise InputError(f"--fps {fps:g}, expected 10 to 240")

@@ -91,7 +91,7 @@ def load(
     row = _format(path, "read", READ_SUFFIXES)
     if take and not row.has_takes:
         raise InputError(f"{path}: take {take!r:.80}, expected none: {row.suffix} files have one motion")
-    clip = _parsed(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, take)
+    clip = _parse_content(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, take)
     if face is not None or (clip.face is None and Path(path).with_suffix(".csv").is_file()):
         from signsplice.formats import live_link
 
@@ -112,10 +112,10 @@ def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Cli
     """
     row = _format(file, "taken", WIRE_SUFFIXES)
     check_most(len(content), "bytes", limits.file_bytes, file)
-    return _parsed(row, content, file, limits, None)
+    return _parse_content(row, content, file, limits, None)
 
 
-def _parsed(
+def _parse_content(
     row: FileFormat, content: bytes, file: str, limits: ReadLimits, folder: Path | None, take: str = ""
 ) -> Clip:
     """The clip in the bytes of a file: the one boundary of all parsers."""
@@ -167,7 +167,7 @@ def check_suffix(path: str | Path) -> None:
     _format(path, "written", WRITE_SUFFIXES)
 
 
-def listed(suffixes: Sequence[str]) -> str:
+def join_suffixes(suffixes: Sequence[str]) -> str:
     """Suffixes as a phrase: ".bvh, .glb or .vrma"."""
     return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
 
@@ -179,7 +179,7 @@ def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
         return FORMATS[whole]
     if suffix in suffixes:
         return FORMATS[suffix]
-    expected = f"expected {listed(suffixes)}"
+    expected = f"expected {join_suffixes(suffixes)}"
     if suffix == ".vrm":
         raise InputError(f"{path}: is an avatar, no clip, {expected}; `signsplice convert` puts clips onto avatars")
     row = FORMATS.get(suffix)

@@ -174,7 +174,7 @@ def resumable_folder(path: Path) -> Iterator[bool]:
         path.mkdir(parents=True, exist_ok=True)
         return path
 
-    with _claimed(make):
+    with _lock_new_path(make):
         yield was_there[-1]
         _remove(path)
 
@@ -212,7 +212,7 @@ def _temporary(parent: Path, make: Callable[[Path], object], suffix: str = "") -
         return path
 
     sweep(parent)
-    with _claimed(new) as path:
+    with _lock_new_path(new) as path:
         try:
             yield path
         finally:
@@ -222,12 +222,12 @@ def _temporary(parent: Path, make: Callable[[Path], object], suffix: str = "") -
 def sweep(parent: Path) -> None:
     """Remove the temporary files and folders of a folder that no process holds."""
     for path in filter(lambda path: _TEMPORARY.fullmatch(path.name), parent.glob(".signsplice-*")):
-        with suppress(OSError), _locked(path):
+        with suppress(OSError), _lock_path(path):
             _remove(path)
 
 
 @contextmanager
-def _claimed(make: Callable[[], Path]) -> Iterator[Path]:
+def _lock_new_path(make: Callable[[], Path]) -> Iterator[Path]:
     """The path that ``make`` makes, locked; unlocked where the file system has no locks. It is made again where another
     process removes it first, until nobody else holds it. Raises ``InputError`` where that takes too long.
     """
@@ -236,7 +236,7 @@ def _claimed(make: Callable[[], Path]) -> Iterator[Path]:
         while True:
             path = make()
             try:
-                stack.enter_context(_locked(path))
+                stack.enter_context(_lock_path(path))
                 break
             except FileNotFoundError:
                 continue
@@ -250,7 +250,7 @@ def _claimed(make: Callable[[], Path]) -> Iterator[Path]:
 
 
 @contextmanager
-def _locked(path: Path) -> Iterator[None]:
+def _lock_path(path: Path) -> Iterator[None]:
     """Locks a file or folder for the block. Raises ``FileNotFoundError`` where it is gone or another by then,
     ``BlockingIOError`` where another process holds it, ``OSError`` where the system or the file system has no locks.
     """

@@ -33,7 +33,7 @@ import numpy as np
 from signsplice.body.capsules import Avatar, AvatarFile
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
-from signsplice.formats import listed
+from signsplice.formats import join_suffixes
 from signsplice.formats.fbx_avatar import as_glb
 from signsplice.formats.gltf_document import ROLES_EXTRA, VRM_0, VRM_1, Fields, chunks
 from signsplice.formats.gltf_face import bones_of, face_controls
@@ -55,10 +55,10 @@ def encode(clip: Clip, file: AvatarFile) -> bytes:
     where the avatar stands. Raises ``FormatError`` where what was not read of the file is no glTF.
     """
     with format_errors("the avatar's file", "avatar"):
-        return _written(clip, file)
+        return _encode_avatar(clip, file)
 
 
-def _written(clip: Clip, file: AvatarFile) -> bytes:
+def _encode_avatar(clip: Clip, file: AvatarFile) -> bytes:
     text, blob = chunks("the avatar", file.content)
     document: Fields = json.loads(text)
     standing = Clip(clip.skeleton, np.tile(rotation.IDENTITY, (1, len(clip.skeleton), 1)),
@@ -152,20 +152,20 @@ def _append(document: Fields, blob: bytes, writer: DocumentWriter, clip: Clip) -
     for sampler in made["animations"][0]["samplers"]:
         sampler["input"] += len(accessors)
         sampler["output"] += len(accessors)
-    accessors += [_given(row) | {"bufferView": row["bufferView"] + len(views)} for row in made["accessors"]]
-    views += [_given(row) | {"byteOffset": row["byteOffset"] + len(blob)} for row in made["bufferViews"]]
-    document["animations"] = [_given(made["animations"][0]), *(document.get("animations") or ())]
+    accessors += [_drop_empty_values(row) | {"bufferView": row["bufferView"] + len(views)} for row in made["accessors"]]
+    views += [_drop_empty_values(row) | {"byteOffset": row["byteOffset"] + len(blob)} for row in made["bufferViews"]]
+    document["animations"] = [_drop_empty_values(made["animations"][0]), *(document.get("animations") or ())]
     blob += bytes(writer.content)
     document["buffers"] = document.get("buffers") or [{}]
     document["buffers"][0]["byteLength"] = len(blob)
     return blob
 
 
-def _given(value: Any) -> Any:
+def _drop_empty_values(value: Any) -> Any:
     """Values without those that are null or empty."""
     if isinstance(value, dict):
-        return {key: _given(one) for key, one in value.items() if one is not None and one not in ({}, [])}
-    return [_given(one) for one in value] if isinstance(value, list) else value
+        return {key: _drop_empty_values(one) for key, one in value.items() if one is not None and one not in ({}, [])}
+    return [_drop_empty_values(one) for one in value] if isinstance(value, list) else value
 
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
@@ -191,7 +191,7 @@ def read_avatar(
     whatever is wrong with its content, and ``LimitError`` where that asks for more than ``limits``.
     """
     _check_suffix(str(path))
-    return _parsed(read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, roles or {}, skin)
+    return _parse_content(read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, roles or {}, skin)
 
 
 def parse_avatar(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Avatar:
@@ -200,7 +200,7 @@ def parse_avatar(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
     """
     _check_suffix(file)
     check_most(len(content), "bytes", limits.file_bytes, file)
-    return _parsed(content, file, limits, None, {}, ())
+    return _parse_content(content, file, limits, None, {}, ())
 
 
 def avatars_in(path: Path) -> list[Path]:
@@ -209,18 +209,18 @@ def avatars_in(path: Path) -> list[Path]:
         return [path]
     found = sorted(file for file in path.iterdir() if file.suffix.lower() in AVATAR_SUFFIXES and file.is_file())
     if not found:
-        raise InputError(f"{path}: a folder without avatars, expected {listed(AVATAR_SUFFIXES)} files in it")
+        raise InputError(f"{path}: a folder without avatars, expected {join_suffixes(AVATAR_SUFFIXES)} files in it")
     return found
 
 
 def _check_suffix(file: str) -> None:
     suffix = Path(file).suffix.lower()
     if suffix not in AVATAR_SUFFIXES:
-        expected = f"expected {listed(AVATAR_SUFFIXES)}"
+        expected = f"expected {join_suffixes(AVATAR_SUFFIXES)}"
         raise InputError(f"{file}: a file with suffix {suffix or '(none)'} is no avatar, {expected}")
 
 
-def _parsed(
+def _parse_content(
     content: bytes, file: str, limits: ReadLimits, folder: Path | None, roles: Mapping[str, str], skin: Sequence[str]
 ) -> Avatar:
     with format_errors(file, "avatar"), np.errstate(all="ignore"):

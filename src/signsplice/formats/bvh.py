@@ -245,11 +245,11 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
 
     Raises ``FormatError`` ("FILE:LINE: what, expected what") for anything that is not valid BVH.
     """
-    text = _checked_text(content, file)
+    text = _normalize_text(content, file)
     motion = _MOTION.search(text)
     hierarchy = Hierarchy(file, limits)
     for number, words in _lines(text, 0, len(text) if motion is None else motion.start()):
-        hierarchy.read_line(number, _decoded(words[0]))
+        hierarchy.read_line(number, _decode_line(words[0]))
     n_lines = text.count(b"\n") + 1
     if motion is None:
         hierarchy.close(None)
@@ -352,7 +352,7 @@ def _decimals(row: FloatArray) -> str:
     return " ".join(map(repr, row.tolist()))
 
 
-def _checked_text(content: bytes, file: str) -> bytes:
+def _normalize_text(content: bytes, file: str) -> bytes:
     """The file's bytes with line feeds as line ends; the file may have LF, CRLF or CR."""
     if not content or content.isspace():
         raise FormatError("the file is empty, expected HIERARCHY", file=file, line=1)
@@ -380,7 +380,7 @@ def _line_number(text: bytes, at: int) -> int:
     return text.count(b"\n", 0, at) + 1
 
 
-def _decoded(line: bytes) -> str:
+def _decode_line(line: bytes) -> str:
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError:
@@ -393,7 +393,7 @@ def _motion_head(text: bytes, start: int, n_lines: int, file: str) -> tuple[int,
     lines = _lines(text, start, len(text))
     for pattern, what in ((_FRAMES, "Frames: and a number"), (_FRAME_TIME, "Frame Time: and seconds")):
         number, line = next(lines, (n_lines, None))
-        words = "" if line is None else _decoded(line[0]).strip()
+        words = "" if line is None else _decode_line(line[0]).strip()
         match = pattern.fullmatch(words)
         if line is None or match is None or not match[1] or match[2]:
             seen = f"found {short(words)}" if words else "the file ends here"
@@ -454,7 +454,7 @@ def _numbers(rows: list[bytes]) -> FloatArray | None:
 
 def _check_width(text: bytes, row: re.Match[bytes], width: int, file: str) -> None:
     """Raise ``FormatError`` where a line does not hold as many numbers as there are channels."""
-    n_tokens = sum(1 for _ in re.finditer(r"\S+", _decoded(row[0])))
+    n_tokens = sum(1 for _ in re.finditer(r"\S+", _decode_line(row[0])))
     if n_tokens != width:
         line = _line_number(text, row.start())  # counts from the text's start: only for the line that is wrong
         is_cut = n_tokens < width and _LINE.search(text, row.end()) is None
@@ -465,7 +465,7 @@ def _check_width(text: bytes, row: re.Match[bytes], width: int, file: str) -> No
 
 def _check_numbers(text: bytes, row: re.Match[bytes], file: str) -> None:
     """Raise ``FormatError`` that says what is wrong with a number of a line."""
-    for token in _decoded(row[0]).split():
+    for token in _decode_line(row[0]).split():
         try:
             number_of(token, file, 0)
         except FormatError as error:

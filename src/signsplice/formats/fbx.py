@@ -81,8 +81,8 @@ class _Reader:
         ranks = [self._rank(order, take) for order in skeletons] if len(skeletons) > 1 else [(0, 0)]
         order = skeletons.pop(ranks.index(max(ranks)))
         times, fps = self._times(take, order)
-        quats, positions = self._sampled(take, order, times)
-        clip = self._rested(order, quats, positions, fps)
+        quats, positions = self._sample_animation(take, order, times)
+        clip = self._build_clip(order, quats, positions, fps)
         tops = [self.scene.models[other[0]].name for other in skeletons if len(other) > 1]
         takes = [other.name for other in self.scene.takes if other is not take and other.layers]
         what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
@@ -95,7 +95,7 @@ class _Reader:
         models, parents = self.scene.models, self.scene.parents
         joints = {key for key in self.scene.order if models[key].kind in BONES or key in self.scene.skinned}
         if not joints:
-            moved = {key for take in self.scene.takes for key, _ in take.moved()}
+            moved = {key for take in self.scene.takes for key, _ in take.model_curves()}
             for key in self.scene.order:
                 if (key in moved or parents.get(key) in joints) and models[key].kind not in _NO_JOINTS:
                     joints.add(key)
@@ -120,12 +120,12 @@ class _Reader:
         names = unique([self.scene.models[key].name for key in order])
         offsets = np.array([self.scene.models[key].vector(MOVES[0]) for key in order])
         skeleton = Skeleton(tuple(names), self.scene.parent_rows(order), offsets)
-        return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.moved()}.intersection(order))
+        return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.model_curves()}.intersection(order))
 
     def _take(self, name: str, joints: Set[Id]) -> Take:
         """The take of a name, or the first that moves a joint."""
         for take in self.scene.takes:
-            moves = any(key in joints for key, _ in take.moved())
+            moves = any(key in joints for key, _ in take.model_curves())
             if name == take.name if name else moves:
                 if not moves:
                     raise self._error(f"its take {name!r:.80} moves no joint")
@@ -140,7 +140,7 @@ class _Reader:
         frames.
         """
         wanted = {*order}
-        curves = [curve for key, axes in take.moved() if key in wanted for curve in axes if curve]
+        curves = [curve for key, axes in take.model_curves() if key in wanted for curve in axes if curve]
         densest = max(curves, key=lambda curve: len(curve.times)).times
         start, stop = take.span
         if stop <= start:
@@ -156,7 +156,7 @@ class _Reader:
         self.limits.check_clip(n_steps, len(order), fps, size, self.n_bytes, self.file)
         return start + np.arange(int(np.floor(n_steps + DRIFT)) + 1) / fps, fps
 
-    def _sampled(self, take: Take, order: Sequence[Id], times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _sample_animation(self, take: Take, order: Sequence[Id], times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (T, J, 4) and positions (T, J, 3) of joints relative to the joint above, the first in the world."""
         scene, rows = self.scene, {key: row for row, key in enumerate(order)}
         needed: set[Id] = set()
@@ -179,7 +179,7 @@ class _Reader:
                 quats[:, rows[key]], positions[:, rows[key]] = own.quats, own.positions
         return quats, positions
 
-    def _rested(self, order: Sequence[Id], quats: FloatArray, positions: FloatArray, fps: float) -> Clip:
+    def _build_clip(self, order: Sequence[Id], quats: FloatArray, positions: FloatArray, fps: float) -> Clip:
         """The clip of joints whose rotations and positions are relative to the joint above, in the file's axes; both
         arrays are changed.
         """

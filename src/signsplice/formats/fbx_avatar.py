@@ -52,7 +52,7 @@ class FbxMeshes:
         objects, record = self.scene.objects, self.scene.objects.records[geometry]
         at, index = record.numbers("Vertices").reshape(-1, 3), record.numbers("PolygonVertexIndex")
         record.budget.take(_VERTEX_BYTES * len(at) + _CORNER_BYTES * len(index))  # again for each model that shares it
-        carried = self._carried(key, geometry, len(at))
+        carried = self._read_skinning(key, geometry, len(at))
         if carried is None:
             return []
         blend, joints, weights = carried
@@ -80,7 +80,7 @@ class FbxMeshes:
             parts.append((materials[n] if n < len(materials) else None, part))
         return parts
 
-    def _carried(self, key: Id, geometry: Id, n: int) -> tuple[FloatArray, Rows, FloatArray] | None:
+    def _read_skinning(self, key: Id, geometry: Id, n: int) -> tuple[FloatArray, Rows, FloatArray] | None:
         """Of N vertices the matrices (N, 3, 4) to the rest pose, and the joints and weights (N, 4) that carry them.
         None where no joint does.
         """

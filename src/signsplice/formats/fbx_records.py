@@ -73,7 +73,7 @@ class Record(ABC):
         """The records within it, in order."""
 
     @property
-    def named(self) -> dict[str, Record]:
+    def child_by_name(self) -> dict[str, Record]:
         """The first record within it of each name."""
         if self._named is None:
             self._named = {child.name: child for child in reversed(self.children)}
@@ -81,7 +81,7 @@ class Record(ABC):
 
     def find(self, name: str) -> Record | None:
         """The first record within it of a name."""
-        return self.named.get(name)
+        return self.child_by_name.get(name)
 
     def all(self, name: str) -> list[Record]:
         """The records within it of a name."""

@@ -142,7 +142,7 @@ class FbxScene:
             return Transforms(turned, positions, scale, scale[:, None] * np.eye(3))
         positions = np.einsum("tab,tb->ta", above.scaling, positions)
         inherits = model.number("InheritType", _SCALE_FIRST)
-        return Transforms(turned, positions, scale, _inherited(inherits, above, turned) * scale[:, None])
+        return Transforms(turned, positions, scale, _parent_scaling(inherits, above, turned) * scale[:, None])
 
     def to_axes(self, quats: FloatArray) -> None:
         """Change rotations (..., 4) in the file's axes to X right, Y up, Z ahead."""
@@ -200,7 +200,7 @@ class FbxScene:
         return {key: cells.reshape(4, 4).T for key, cells in usable.items()}, skinned
 
 
-def _inherited(kind: int, above: Transforms, quats: FloatArray) -> FloatArray:
+def _parent_scaling(kind: int, above: Transforms, quats: FloatArray) -> FloatArray:
     """The scaling (T, 3, 3) that reaches a model with rotations ``quats`` from above."""
     if kind == _SCALE_NOT:
         return above.scaling / above.scales[..., None]

@@ -120,7 +120,7 @@ def read_curve(record: Record, ticks: float, as_bits: bool) -> KeyCurve | None:
         raise InputError(f"a curve has {len(times)} times and {len(values)} values")
     if not len(times):
         return None
-    kept = _checked_keys(times, values)
+    kept = _select_keys(times, values)
     return KeyCurve(times[kept], values[kept], lambda: _read_tangents(record, as_bits, kept, len(times)))
 
 
@@ -149,7 +149,7 @@ def read_old_curve(record: Record, ticks: float) -> KeyCurve | None:
         return constant(float(default[0])) if len(default) else None
     rows = np.array(list(_old_keys(iter(keys.values))))  # (K, 7)
     times, values = rows[:, 0] / ticks, rows[:, 1]
-    kept = _checked_keys(times, values)
+    kept = _select_keys(times, values)
     rows = rows[kept]
     tangents = Tangents(rows[:, 2].astype(np.int64), rows[:, 3:5], np.clip(rows[:, 5:], 0.0, 1.0))
     return KeyCurve(times[kept], values[kept], lambda: tangents)
@@ -186,7 +186,7 @@ def constant(value: float) -> KeyCurve:
     return KeyCurve(np.zeros(1), np.array([value]), lambda: Tangents(np.zeros(1, np.int64), *np.zeros((2, 1, 2))))
 
 
-def _checked_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_] | slice:
+def _select_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_] | slice:
     """Which keys count: of those at one time the last. Raises ``InputError`` where they are no curve."""
     steps = times[1:] - times[:-1]
     if not (np.isfinite(times.sum()) and np.isfinite(values.sum())):
@@ -258,7 +258,7 @@ class Take:
     layers: tuple[Layer, ...]
     left_out: tuple[str, ...] = ()
 
-    def moved(self) -> Iterator[tuple[Id, Curves]]:
+    def model_curves(self) -> Iterator[tuple[Id, Curves]]:
         """Each model that has curves, with those of a property."""
         for layer in self.layers:
             for (key, name), curves in layer.curves.items():

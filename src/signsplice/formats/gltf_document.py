@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
-from signsplice.formats.json_files import parse_json, shortened
+from signsplice.formats.json_files import parse_json, shorten_json
 from signsplice.formats.reading import ReadLimits, check_most, read_bytes
 from signsplice.motion import FloatArray, rotation
 from signsplice.rig.roles import ROLES
@@ -141,7 +141,7 @@ class Document:
             fits = type(value) is type(default) and not (isinstance(value, int) and value < 0)
             expected = _TYPES[type(default)]
         if not fits:
-            raise self._error(f"{where}: {name} is {shortened(value)}, expected {expected}")
+            raise self._error(f"{where}: {name} is {shorten_json(value)}, expected {expected}")
         return value
 
     def _row(self, rows: Any, number: Any, what: str) -> Any:
@@ -442,29 +442,29 @@ class SkeletonDocument(Document):
         if len(wrong):
             raise self._error(f"{what}: a rotation has length {wrong[0]:.3g}, expected 1; export the file anew")
 
-    def _named(self, node: int) -> str:
+    def _node_label(self, node: int) -> str:
         return f"node {self.nodes[node].get('name') or node!r:.80}"
 
-    def _stored_matrix(self, node: int) -> FloatArray | None:
+    def _node_matrix(self, node: int) -> FloatArray | None:
         """The matrix (4, 4) of a node that is stored as one, else None."""
         if self.nodes[node].get("matrix") is None:
             return None
-        columns = np.array(self._field(self.nodes[node], "matrix", (0.0,) * 16, self._named(node)), np.float64)
-        return self._affine(columns, f"the matrix of {self._named(node)}").reshape(4, 4)
+        columns = np.array(self._field(self.nodes[node], "matrix", (0.0,) * 16, self._node_label(node)), np.float64)
+        return self._affine(columns, f"the matrix of {self._node_label(node)}").reshape(4, 4)
 
-    def _stored_pose(self, node: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _node_trs(self, node: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position (3,), rotation (4,) and scale (3,) of a node that is stored without a matrix."""
         defaults = (("translation", (0.0,) * 3), ("rotation", (0.0, 0.0, 0.0, 1.0)), ("scale", (1.0,) * 3))
         position, quat, scale = (
-            np.array(self._field(self.nodes[node], name, default, self._named(node)), np.float64)
+            np.array(self._field(self.nodes[node], name, default, self._node_label(node)), np.float64)
             for name, default in defaults
         )
-        self._check_rotations(quat[None], self._named(node))
+        self._check_rotations(quat[None], self._node_label(node))
         return position, rotation.normalize(quat), scale
 
     def _local_pose(self, node: int) -> tuple[FloatArray, FloatArray, float]:
         """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
-        matrix, named = self._stored_matrix(node), self._named(node)
+        matrix, named = self._node_matrix(node), self._node_label(node)
         if matrix is not None:
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
             axes = matrix[:3, :3] / np.where(scale == 0.0, 1.0, scale)
@@ -472,7 +472,7 @@ class SkeletonDocument(Document):
                 raise self._error(f"the matrix of {named} mirrors or shears, expected rotation and even scale")
             position, quat = matrix[:3, 3], rotation.from_matrix(axes)
         else:
-            position, quat, scale = self._stored_pose(node)
+            position, quat, scale = self._node_trs(node)
         scale = self.scales.get(node, scale)
         if not (scale.min() > 0.0 and np.ptp(scale) <= EVEN * scale.max()):
             raise self._error(f"{named} is scaled by {scale.tolist()}, expected one positive number")

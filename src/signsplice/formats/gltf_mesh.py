@@ -90,9 +90,9 @@ class MeshReader(SkeletonDocument):
         return self._worlds[node]
 
     def _matrix(self, node: int) -> FloatArray:
-        matrix = self._stored_matrix(node)
+        matrix = self._node_matrix(node)
         if matrix is None:
-            position, quat, scale = self._stored_pose(node)
+            position, quat, scale = self._node_trs(node)
             matrix = np.eye(4)
             matrix[:3, :3], matrix[:3, 3] = rotation.to_matrix(quat) * scale, position
         if not np.isfinite(matrix).all():
@@ -121,7 +121,7 @@ class MeshReader(SkeletonDocument):
             bones = self._bones(node)
             if bones is None:
                 continue
-            for primitive in self._drawn(fields["mesh"]):
+            for primitive in self._triangle_primitives(fields["mesh"]):
                 names = (str(mesh.get("name")), str(fields.get("name")), self._material(primitive)[0])
                 part, is_skin = self._part(primitive, bones, turn, origin)
                 parts.append(part)
@@ -149,7 +149,7 @@ class MeshReader(SkeletonDocument):
         is_clothing = np.concatenate([np.full(mask.sum(), one) for mask, one in zip(skin, cloth, strict=True)])
         return tuple(parts), SkinPoints(vertices, joints, weights, triangles, is_clothing)
 
-    def _drawn(self, mesh: int) -> list[Fields]:
+    def _triangle_primitives(self, mesh: int) -> list[Fields]:
         """The primitives of a mesh that are triangles."""
         if mesh not in self._triangles_of:
             self._triangles_of[mesh] = [
@@ -232,7 +232,7 @@ class MeshReader(SkeletonDocument):
         positions = self._values(attributes["POSITION"])
         if not len(used) or used[0] < 0 or used[-1] >= len(positions) or positions.shape[1] != 3:
             raise self._error(f"a mesh of {len(positions)} vertices has triangles of others")
-        joints, weights = self._carried(attributes, used, len(rows))
+        joints, weights = self._read_skinning(attributes, used, len(rows))
         at = np.concatenate([positions[used], np.ones((len(used), 1))], axis=1)
         placed = np.zeros((len(used), 3))
         for k in range(joints.shape[1]):
@@ -245,7 +245,7 @@ class MeshReader(SkeletonDocument):
         part = MeshPart(name, colour, vertices, normals(vertices, triangles), triangles, rows[joints], weights)
         return part, loose < 0.5
 
-    def _carried(
+    def _read_skinning(
         self, attributes: Fields, used: NDArray[np.int64], n_bones: int
     ) -> tuple[NDArray[np.int64], FloatArray]:
         """Rows of bones and weights (V, 4) of the vertices ``used``: the four that carry most."""

@@ -33,7 +33,7 @@ from signsplice.formats.gltf_document import (
     to_rest_axes,
 )
 from signsplice.formats.gltf_face import FaceReader, as_object, target_names, vrm_expressions
-from signsplice.formats.json_files import shortened
+from signsplice.formats.json_files import shorten_json
 from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import shape_of
@@ -68,9 +68,9 @@ class _AnimationReader(FaceReader):
         order = self._joint_order(joints, {node for node, _ in targets})
         wanted = {*order}
         channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in wanted})
-        return self._sampled(order, roles, channels, animation)
+        return self._sample_animation(order, roles, channels, animation)
 
-    def _sampled(
+    def _sample_animation(
         self, order: list[int], roles: Mapping[str, int], channels: Mapping[tuple[int, str], Keys], animation: Fields
     ) -> Clip:
         """The clip of joint nodes ``order`` (J), parents first, that an animation moves."""
@@ -100,7 +100,9 @@ class _AnimationReader(FaceReader):
         translations[:, 0] = 0.0
         change = float(np.ptp(translations[:, 1:], axis=0).max()) if len(order) > 1 else 0.0
         stretches = change > _HELD * float(np.abs(offsets).max())
-        named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._stored_roles(names)
+        named = {role: names[rows[node]] for role, node in roles.items() if node in rows} or self._roles_from_extras(
+            names
+        )
         clip = Clip(
             Skeleton(tuple(names), parents, np.concatenate([np.zeros((1, 3)), offsets[1:]]), roles=named or None),
             local_quats,
@@ -114,7 +116,7 @@ class _AnimationReader(FaceReader):
         )
         return self._with_bones(clip)
 
-    def _stored_roles(self, names: Sequence[str]) -> dict[str, str]:
+    def _roles_from_extras(self, names: Sequence[str]) -> dict[str, str]:
         """Role -> joint name from the extras of a file that we wrote, for joints that exist."""
         extras = self.json.get("extras")
         stored = extras.get(ROLES_EXTRA) if isinstance(extras, dict) else None
@@ -128,7 +130,7 @@ class _AnimationReader(FaceReader):
             node, path = channel["target"].get("node"), channel["target"]["path"]
             if path not in _PATHS:
                 expected = ", ".join(_PATHS)
-                raise self._error(f"channel {number}: target.path is {shortened(path)}, expected one of {expected}")
+                raise self._error(f"channel {number}: target.path is {shorten_json(path)}, expected one of {expected}")
             if node is not None and path in ("rotation", "translation", "scale"):
                 self._row(self.nodes, node, "joint")
                 if (node, path) in found:
@@ -161,7 +163,7 @@ class _AnimationReader(FaceReader):
             values = values.reshape(len(times), 3, -1) if spline else values
             at_keys = values[:, 1] if spline else values
             if path == "rotation":
-                self._check_rotations(at_keys, f"keys of {self._named(node)}")
+                self._check_rotations(at_keys, f"keys of {self._node_label(node)}")
             if path == "scale":
                 if np.ptp(at_keys, axis=0).max() > EVEN * np.abs(at_keys).max():
                     raise self._error(f"node {node} changes its size over time, expected rotations and positions only")
@@ -197,7 +199,7 @@ class _AnimationReader(FaceReader):
         """
         start = min(float(keys.times[0]) for keys in channels.values())
         end = max(float(keys.times[-1]) for keys in channels.values())
-        fps = self._stored_fps(animation, [keys.times - start for keys in channels.values()])
+        fps = self._fps_from_extras(animation, [keys.times - start for keys in channels.values()])
         if fps is None:
             fps = frame_rate(max((keys.times for keys in channels.values()), key=len))
         steps = (end - start) * fps
@@ -207,7 +209,7 @@ class _AnimationReader(FaceReader):
         times[-1] = end
         return times, fps
 
-    def _stored_fps(self, animation: Fields, times: Sequence[FloatArray]) -> float | None:
+    def _fps_from_extras(self, animation: Fields, times: Sequence[FloatArray]) -> float | None:
         """The frame rate in the extras of an animation with keys at ``times``, seconds from the first; None where there
         is none, or where it is not ours and a key lies between its frames.
         """

@@ -32,7 +32,7 @@ def parse_json(content: bytes, file: str, expected: str) -> Any:
     it holds what no other program could read: NaN, infinity, whole numbers of thousands of digits, half characters.
     """
     try:
-        values = json.loads(content.decode("utf-8-sig"), parse_constant=_refused)
+        values = json.loads(content.decode("utf-8-sig"), parse_constant=_reject_constant)
         if b"\\ud" in content.lower():  # a lone surrogate can be neither printed nor written
             json.dumps(values, ensure_ascii=False).encode()
     except json.JSONDecodeError as error:
@@ -47,11 +47,11 @@ def parse_json(content: bytes, file: str, expected: str) -> Any:
     return values
 
 
-def _refused(constant: str) -> None:
+def _reject_constant(constant: str) -> None:
     raise ValueError(f"{constant} is no number of JSON")
 
 
-def shortened(value: Any) -> str:
+def shorten_json(value: Any) -> str:
     """A JSON value for a message, of at most 120 characters."""
     text = abridged(value)
     return text if len(text) <= 120 else f"{text[:117]}..."

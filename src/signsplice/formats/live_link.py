@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.errors import FormatError, InputError, LimitError
-from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, opened, read_bytes
-from signsplice.motion import Clip, FloatArray, unchecked_copy
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors, open_file, read_bytes
+from signsplice.motion import Clip, FloatArray, copy_unchecked
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 
 _TIME, _COUNT = "timecode", "blendshapecount"
@@ -61,7 +61,7 @@ def sidecar(path: Path) -> Path | None:
     file = path.with_suffix(".csv")
     if path.suffix.lower() == ".csv" or not file.is_file():
         return None
-    with opened(file) as (content, _):
+    with open_file(file) as (content, _):
         first = content.readline(10_000).decode("utf-8-sig", "replace").lower().replace('"', "")
     names = [name.strip() for name in first.split(",")]
     is_face = names[:2] == [_TIME, _COUNT] or sum(name in _CHANNELS for name in names) >= _LEAST_NAMES
@@ -100,24 +100,24 @@ def _on_clip(clip: Clip, text: str, file: str, offset_s: float) -> Clip:
         raise FormatError(f"the timecode of row {first} is no later than that of one before", file=file)
     table, times = table[later], times[later] + offset_s
     notes = _notes(channels, names, table, n_unseen, Path(file).name)
-    return _shown(clip, Face(channels, np.clip(table, 0.0, 1.0)), times, Path(file).name, notes)
+    return _attach_face(clip, Face(channels, np.clip(table, 0.0, 1.0)), times, Path(file).name, notes)
 
 
 def with_face_of(clip: Clip, other: Clip, file: str, offset_s: float = 0.0) -> Clip:
     """A clip with the face of another one, from ``file``, likewise. Raises ``InputError`` where that has none."""
     if other.face is None:
         raise InputError(f"{file}: holds no face, expected one for {clip.name!r}")
-    return _shown(clip, other.face, np.arange(len(other)) / other.fps + offset_s, Path(file).name, [])
+    return _attach_face(clip, other.face, np.arange(len(other)) / other.fps + offset_s, Path(file).name, [])
 
 
-def _shown(clip: Clip, face: Face, times: FloatArray, name: str, notes: Sequence[str]) -> Clip:
+def _attach_face(clip: Clip, face: Face, times: FloatArray, name: str, notes: Sequence[str]) -> Clip:
     """A clip with a face whose frames are shown at ``times``, seconds, and notes on it."""
     at, end = np.arange(len(clip)) / clip.fps, (len(clip) - 1) / clip.fps
     if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
         line = f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond"
         notes = [*notes, line]
     sampled = np.stack([_between(at, times, column) for column in face.weights.T], axis=1)
-    return unchecked_copy(clip, face=Face(face.channels, sampled), notes=(*clip.notes, *notes))
+    return copy_unchecked(clip, face=Face(face.channels, sampled), notes=(*clip.notes, *notes))
 
 
 def _between(at: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:

@@ -38,7 +38,7 @@ def encode(clip: Clip, rounded: bool = False) -> bytes:
     from.
     """
     skeleton = clip.skeleton
-    channels = None if clip.channels is None or rounded else clip.channels.settled()
+    channels = None if clip.channels is None or rounded else clip.channels.mask_moved_root()
     head: dict[str, Any] = {
         "version": VERSION,
         "name": clip.name,

@@ -111,7 +111,7 @@ def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) 
     Raises ``InputError`` with one line where it is missing, a folder, a pipe, a device, or not readable, and
     ``LimitError`` where it is larger than ``most_bytes``.
     """
-    with opened(path) as (file, size):
+    with open_file(path) as (file, size):
         check_most(size, "bytes", most_bytes, str(path))
         content = file.read(size + 1)
     if len(content) > size:
@@ -120,7 +120,7 @@ def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) 
 
 
 @contextmanager
-def opened(path: str | Path) -> Iterator[tuple[BinaryIO, int]]:
+def open_file(path: str | Path) -> Iterator[tuple[BinaryIO, int]]:
     """A regular file, or one that a link leads to, open for reading, and its size in bytes.
 
     Raises ``InputError`` with one line where it is missing, a folder, a pipe, a device, or not readable, in the block

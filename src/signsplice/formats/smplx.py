@@ -87,8 +87,8 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
     notes += [f"{key} is not read: bones have this project's lengths" for key in ("betas",) if _is_used(arrays, key)]
     return Clip(
         bones,
-        rotation.exp(_checked("poses", poses, poses.shape).reshape(len(poses), -1, 3)),
-        _checked("trans", roots, (len(poses), 3)),
+        rotation.exp(_check_array("poses", poses, poses.shape).reshape(len(poses), -1, 3)),
+        _check_array("trans", roots, (len(poses), 3)),
         float(arrays[rates[0]]) if rates and arrays[rates[0]].ndim == 0 else _USUAL_FPS,
         name,
         left_out=tuple(key for key in _NOT_READ if key != "betas" and _is_used(arrays, key)),
@@ -138,17 +138,17 @@ def _whole_poses(arrays: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
         key = next((name for name in names if name in arrays), "")
         joined = next((name for name, (a, b) in _JOINED.items() if a <= number < b and name in arrays), "")
         if key:
-            found.append(_checked(key, arrays[key].reshape(n_frames, -1), (n_frames, size)))
+            found.append(_check_array(key, arrays[key].reshape(n_frames, -1), (n_frames, size)))
         elif joined:
             first, stop = _JOINED[joined]
-            whole = _checked(joined, arrays[joined].reshape(n_frames, -1), (n_frames, size * (stop - first)))
+            whole = _check_array(joined, arrays[joined].reshape(n_frames, -1), (n_frames, size * (stop - first)))
             found.append(whole[:, size * (number - first) : size * (number - first + 1)])
         else:
             found.append(np.zeros((n_frames, size)))
     return np.concatenate(found, axis=1)
 
 
-def _checked(name: str, values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
+def _check_array(name: str, values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
     if values.shape != shape:
         what = "; hands in PCA need the licensed model" if values.ndim == 2 and shape[1] == 45 else ""
         raise InputError(f"{name} has shape {values.shape}, expected {shape}{what}")

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from signsplice.lexicon.builder import Builder, building
     from signsplice.lexicon.folder import build
     from signsplice.lexicon.gloss import Entry
-    from signsplice.lexicon.lexicon import Lexicon, open_lexicon, shipped
+    from signsplice.lexicon.lexicon import Lexicon, open_lexicon, open_shipped_lexicon
 
     open = open_lexicon
 
@@ -16,10 +16,10 @@ _HOMES = {
     "builder": ("Builder", "building"),
     "folder": ("build",),
     "gloss": ("Entry",),
-    "lexicon": ("Lexicon", "open_lexicon", "shipped"),
+    "lexicon": ("Lexicon", "open_lexicon", "open_shipped_lexicon"),
 }
 
-__all__ = ["Builder", "Entry", "Lexicon", "build", "building", "open", "open_lexicon", "shipped"]
+__all__ = ["Builder", "Entry", "Lexicon", "build", "building", "open", "open_lexicon", "open_shipped_lexicon"]
 
 
 def __getattr__(name: str) -> object:

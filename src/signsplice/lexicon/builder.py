@@ -17,7 +17,7 @@ from signsplice.formats.atomic import check_nothing_else, check_place, replacing
 from signsplice.lexicon import store
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
 from signsplice.lexicon.gloss import Entry, fold, gloss_of, kind_of
-from signsplice.motion import Clip, Skeleton, unchecked_copy
+from signsplice.motion import Clip, Skeleton, copy_unchecked
 from signsplice.rig.info import active_span, arms
 from signsplice.rig.inspection import clip_warnings, stray_frames
 from signsplice.rig.rest_pose import with_rest_pose
@@ -88,7 +88,7 @@ class SharedSkeletons:
     def of(self, clip: Clip) -> Clip:
         """The clip on the first skeleton that equals its own. Raises ``InputError`` for more joints than are read."""
         first = self._by_description.setdefault(store.describe(clip.skeleton), clip.skeleton)
-        return clip if first is clip.skeleton else unchecked_copy(clip, skeleton=first)
+        return clip if first is clip.skeleton else copy_unchecked(clip, skeleton=first)
 
 
 class Builder:

@@ -123,7 +123,7 @@ def build(
     check_target(output)
     folders, written = _folders_and_written(inputs)
     form = "int16" if compact else "float32"
-    signs, refused = _read_written(written, lenient)
+    signs, refused = _read_written_signs(written, lenient)
     files, left_out = gather(folders, output, recipe, signer)
     checks = " and ".join(f"`signsplice lexicon check {quote(str(folder))}`" for folder in folders)
     if left_out and not recipe:
@@ -242,7 +242,7 @@ def is_written(path: str | Path) -> bool:
     return path.suffix.lower() in SUFFIXES
 
 
-def _read_written(paths: Sequence[str | Path], lenient: bool) -> tuple[list[WrittenSign], list[str]]:
+def _read_written_signs(paths: Sequence[str | Path], lenient: bool) -> tuple[list[WrittenSign], list[str]]:
     """The signs of files and folders of written signs, and a line for each that is refused."""
     if not paths:
         return [], []
@@ -268,7 +268,7 @@ def _prepare_sign(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord |
     from signsplice.written import signing
 
     try:
-        clip = signing.signed(sign, lenient=lenient)
+        clip = signing.animate_sign(sign, lenient=lenient)
         lines = (*signing.warnings(sign), *(f"{sign.where.file}: {sign.gloss}: {line}" for line in clip.notes))
         return replace(prepare(clip, form), warnings=lines)
     except InputError as error:
@@ -282,7 +282,7 @@ def _prepare_file(task: FileTask) -> tuple[PreparedWord | str, ...]:
         return _unpack(stored.read_bytes())
     words = _read_words(task)
     if stored is not None:
-        atomic.write(stored, b"".join(_packed(word) for word in words))
+        atomic.write(stored, b"".join(_pack_word(word) for word in words))
     return words
 
 
@@ -314,7 +314,7 @@ def _word(
     """A word of a file that was read; ``faults``: of files that would have been better."""
     try:
         clip = clip if task.roles is None else with_roles(clip, task.roles)
-        clip = CACHE.recent(SharedSkeletons, most=1).of(_cut(clip, span))
+        clip = CACHE.recent(SharedSkeletons, most=1).of(_trim_clip(clip, span))
         word = prepare(clip, task.form, warns=True)
     except InputError as error:
         return f"{path}: {error}"
@@ -322,7 +322,7 @@ def _word(
     return replace(word, warnings=lines)
 
 
-def _cut(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
+def _trim_clip(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
     """The frames of a clip between two times."""
     start, end = span
     if start is None and end is None:
@@ -352,7 +352,7 @@ def _key(task: FileTask) -> str:
     return hashlib.sha256(repr(asked).encode("utf-8", "surrogateescape")).hexdigest()
 
 
-def _packed(word: PreparedWord | str) -> bytes:
+def _pack_word(word: PreparedWord | str) -> bytes:
     if isinstance(word, str):
         return json.dumps(word).encode() + b"\n"
     return json.dumps({**vars(word), "block": len(word.block)}).encode() + b"\n" + word.block

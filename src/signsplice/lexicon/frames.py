@@ -56,16 +56,16 @@ def encode(clip: Clip, form: str) -> bytes:
         tracks.append(_positions(clip.translations, clip.name))
     changing = [np.any(track != track[:1], axis=(0, 2)) for track in tracks]
     _check_memory(len(clip), changing, 0)
-    parts = [_padded(np.concatenate(changing).astype(np.uint8).tobytes())]
+    parts = [_pad_bytes(np.concatenate(changing).astype(np.uint8).tobytes())]
     for track, changes in zip(tracks, changing, strict=True):
         varying = track[:, changes]
         parts.append(track[0, ~changes].tobytes())
-        parts.append(_compressed(varying) if varying.dtype.kind == "i" else varying.tobytes())
-    block = _padded(b"".join(parts))
+        parts.append(_compress_rotations(varying) if varying.dtype.kind == "i" else varying.tobytes())
+    block = _pad_bytes(b"".join(parts))
     if clip.face is not None:
         channels = tuple(name for name in ARKIT_CHANNELS if name in clip.face.channels)
         bits = sum(1 << k for k, name in enumerate(ARKIT_CHANNELS) if name in channels)
-        block += _padded(struct.pack("<Q", bits) + clip.face.of(channels).astype("<f4").tobytes())
+        block += _pad_bytes(struct.pack("<Q", bits) + clip.face.of(channels).astype("<f4").tobytes())
     return block
 
 
@@ -76,7 +76,7 @@ def _face(block: Buffer, n_frames: int, at: int) -> Face | None:
     (bits,) = struct.unpack("<Q", bytes(_numbers(block, np.dtype(np.uint8), 8, at)))
     channels = tuple(name for k, name in enumerate(ARKIT_CHANNELS) if bits >> k & 1)
     count = n_frames * len(channels)
-    if bits >> len(ARKIT_CHANNELS) or not channels or _aligned(at + 8 + 4 * count) != len(block):
+    if bits >> len(ARKIT_CHANNELS) or not channels or _align_up(at + 8 + 4 * count) != len(block):
         raise InputError("its frames are not as many as the index says")
     weights = _numbers(block, np.dtype("<f4"), count, at + 8)
     return Face(channels, weights.reshape(n_frames, len(channels)).astype(np.float64))
@@ -96,25 +96,25 @@ def decode(block: Buffer, form: str, has_translations: bool, skeleton: Skeleton,
     changing = np.split(marks.astype(bool), np.cumsum(widths)[:-1])
     _check_memory(n_frames, changing, len(block))
     types = [np.dtype("<i2" if form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
-    at = _aligned(sum(widths))
+    at = _align_up(sum(widths))
     tracks: list[FloatArray] = []
     for changes, n_parts, dtype in zip(changing, (4, 3, 3), types, strict=False):
         n_changing = int(changes.sum())
         n_constant = len(changes) - n_changing
-        constant = _validated(_numbers(block, dtype, n_parts * n_constant, at).reshape(n_constant, n_parts))
+        constant = _dequantize(_numbers(block, dtype, n_parts * n_constant, at).reshape(n_constant, n_parts))
         at += constant.size * dtype.itemsize
         count = n_frames * n_changing * n_parts
         if dtype.kind == "i":
-            numbers, size = _decompressed(block, n_frames, count, at)
+            numbers, size = _decompress_rotations(block, n_frames, count, at)
         else:
             numbers, size = _numbers(block, dtype, count, at), count * dtype.itemsize
-        varying = _validated(numbers.reshape(n_frames, n_changing, n_parts))
+        varying = _dequantize(numbers.reshape(n_frames, n_changing, n_parts))
         at += size
         track = np.empty((n_frames, len(changes), n_parts))
         track[:, ~changes] = constant
         track[:, changes] = varying
         tracks.append(track)
-    face, bones = _face(block, n_frames, _aligned(at)), tracks[2] if has_translations else None
+    face, bones = _face(block, n_frames, _align_up(at)), tracks[2] if has_translations else None
     return Clip(skeleton, tracks[0], tracks[1][:, 0], entry.fps, entry.gloss, bones, face=face)
 
 
@@ -136,7 +136,7 @@ def _numbers(block: Buffer, dtype: np.dtype[Any], count: int, at: int) -> NDArra
     return np.frombuffer(block, dtype, count, at)
 
 
-def _compressed(rotations: NDArray[np.int16]) -> bytes:
+def _compress_rotations(rotations: NDArray[np.int16]) -> bytes:
     """Rotations (T, K, 4) in int16, compressed. Differences may overflow, which their sum undoes."""
     steps = np.diff(rotations.reshape(len(rotations), -1), axis=0, prepend=np.int16(0)).astype("<i2")
     split = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 2).T
@@ -144,8 +144,8 @@ def _compressed(rotations: NDArray[np.int16]) -> bytes:
     return struct.pack("<I", len(packed)) + packed
 
 
-def _decompressed(block: Buffer, n_frames: int, count: int, at: int) -> tuple[NDArray[np.int16], int]:
-    """The numbers (count,) that ``_compressed`` stored, and how many bytes they took. Expands to ``count`` at most."""
+def _decompress_rotations(block: Buffer, n_frames: int, count: int, at: int) -> tuple[NDArray[np.int16], int]:
+    """The numbers (count,) that ``_compress_rotations`` stored, and how many bytes they took. Expands to ``count`` at most."""
     (size,) = struct.unpack("<I", bytes(_numbers(block, np.dtype(np.uint8), 4, at)))
     packed = bytes(_numbers(block, np.dtype(np.uint8), size, at + 4))
     try:
@@ -166,7 +166,7 @@ def fingerprint(block: Buffer, skeleton_sha256: str, fps: float, n_frames: int) 
     return digest.hexdigest()
 
 
-def _validated(numbers: NDArray[Any]) -> NDArray[Any]:
+def _dequantize(numbers: NDArray[Any]) -> NDArray[Any]:
     """Numbers as stored; int16 rotations as unit quaternions in float64."""
     if numbers.dtype.kind != "i":
         return numbers
@@ -186,9 +186,9 @@ def _positions(values: FloatArray, name: str) -> NDArray[np.float32]:
     return stored
 
 
-def _aligned(n: int) -> int:
+def _align_up(n: int) -> int:
     return -(-n // _ALIGN) * _ALIGN
 
 
-def _padded(part: bytes) -> bytes:
-    return part.ljust(_aligned(len(part)), b"\0")
+def _pad_bytes(part: bytes) -> bytes:
+    return part.ljust(_align_up(len(part)), b"\0")

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.gloss import LETTER_MARK, Entry, Suggestions, fold, gloss_of
 from signsplice.lexicon.store import BUILD_HINT, SourceWord, StoredWords
-from signsplice.motion import Clip, unchecked_copy
+from signsplice.motion import Clip, copy_unchecked
 from signsplice.progress import Progress
 
 if TYPE_CHECKING:
@@ -140,12 +140,12 @@ class Lexicon:
 
     def entries(self) -> Iterator[Entry]:
         """The entries of all words that are listed, in the order of ``glosses``."""
-        return (entry for entry, _ in self._named)
+        return (entry for entry, _ in self._entry_names)
 
     def search(self, text: str) -> list[Entry]:
         """Entries with ``text`` in their gloss or a synonym, in any case; those that begin with it come first."""
         wanted = fold(text)
-        matches = [(entry, names) for entry, names in self._named if any(wanted in name for name in names)]
+        matches = [(entry, names) for entry, names in self._entry_names if any(wanted in name for name in names)]
         matches.sort(key=lambda match: not any(name.startswith(wanted) for name in match[1]))
         return [entry for entry, _ in matches]
 
@@ -185,9 +185,9 @@ class Lexicon:
         letters of both. Of words equally like, those come first that fewer edits lead to; two neighbours that change
         places are one edit.
         """
-        return tuple(self._shown[name] for name in self._suggestions.nearest(fold(gloss), n, similarity))
+        return tuple(self._display_names[name] for name in self._suggestions.nearest(fold(gloss), n, similarity))
 
-    def hyphenated(self, word: str) -> str | None:
+    def find_hyphenated_gloss(self, word: str) -> str | None:
         """The gloss that ``word`` is without its hyphens (THANKYOU: THANK-YOU), None where there is none."""
         shown = self._without_hyphens.get(fold(word))
         return None if shown is None else self.entry(shown).gloss
@@ -216,7 +216,7 @@ class Lexicon:
         return word
 
     @cached_property
-    def _named(self) -> list[tuple[Entry, list[str]]]:
+    def _entry_names(self) -> list[tuple[Entry, list[str]]]:
         """Every entry that is listed and its names, folded, in the order of ``glosses``."""
         rows, seen = list[tuple[Entry, list[str]]](), set[str]()
         for source in self.sources:
@@ -226,18 +226,18 @@ class Lexicon:
         return sorted(rows, key=lambda row: row[0].gloss)
 
     @cached_property
-    def _shown(self) -> dict[str, str]:
+    def _display_names(self) -> dict[str, str]:
         return {folded: shown for folded, shown, _ in self.names()}
 
     @cached_property
     def _suggestions(self) -> Suggestions:
-        return Suggestions(self._shown)
+        return Suggestions(self._display_names)
 
     @cached_property
     def _without_hyphens(self) -> dict[str, str]:
         return {
             folded.replace("-", ""): shown
-            for folded, shown in self._shown.items()
+            for folded, shown in self._display_names.items()
             if "-" in folded and not folded.startswith(LETTER_MARK)
         }
 
@@ -314,8 +314,8 @@ class FormsOfSigns(SignedWords["Sign"]):
         """The clip of a form, named by its gloss (2-GIVE-1)."""
         from signsplice.signer import planner
 
-        words, made = Lexicon(self._words), planner.isolated(sign)
-        clip = unchecked_copy(made.clip, skeleton=words.clip(words.glosses[0]).skeleton)
+        words, made = Lexicon(self._words), planner.synthesize_word(sign)
+        clip = copy_unchecked(made.clip, skeleton=words.clip(words.glosses[0]).skeleton)
         return clip, made.signer.name, sign.source
 
 
@@ -339,7 +339,7 @@ class WrittenWords(SignedWords["WrittenSign"]):
         """The clip of a sign, of no named signer."""
         from signsplice.written import signing
 
-        return signing.signed(sign), "", str(self.path)
+        return signing.animate_sign(sign), "", str(self.path)
 
 
 def open_lexicon(
@@ -354,7 +354,7 @@ def open_lexicon(
     sources = list[Source]()
     with ExitStack() as stack:
         for folder in map(lexicon_folder, (path, *others)):
-            words = _stored(folder)
+            words = _open_stored_words(folder)
             stack.enter_context(closing(words))
             sources += [words, FormsOfSigns(words)] if folder.resolve() == SHIPPED.resolve() else [words]
         sources += [] if fallback is None else [WrittenWords(fallback)]
@@ -362,9 +362,9 @@ def open_lexicon(
     return Lexicon(*sources)
 
 
-def shipped() -> Lexicon:
+def open_shipped_lexicon() -> Lexicon:
     """Open the words that ship with the package, without forms. Raises ``InputError`` where this build has none."""
-    return Lexicon(_stored(SHIPPED))
+    return Lexicon(_open_stored_words(SHIPPED))
 
 
 def lexicon_folder(path: str | Path | None) -> Path:
@@ -372,7 +372,7 @@ def lexicon_folder(path: str | Path | None) -> Path:
     return SHIPPED if path is None or str(path) == DEFAULT else Path(path)
 
 
-def _stored(folder: Path) -> StoredWords:
+def _open_stored_words(folder: Path) -> StoredWords:
     if folder == SHIPPED and not SHIPPED.is_dir():
         raise InputError(f"no words ship with this build of signsplice; name a lexicon, or {BUILD_HINT}")
     return StoredWords(folder)

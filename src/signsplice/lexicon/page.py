@@ -17,7 +17,7 @@ from signsplice.errors import InputError
 from signsplice.formats import atomic
 from signsplice.lexicon import Lexicon
 from signsplice.motion import Clip, rotation
-from signsplice.progress import Progress, counted
+from signsplice.progress import Progress, track_progress
 from signsplice.render.sheet import Strip, write_strips
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import clip_warnings
@@ -54,7 +54,7 @@ def write(words: Lexicon, page: Path, progress: Progress | None = None) -> list[
     """Write the page as one HTML file with its pictures inside; returns what it says of each word, the most doubtful
     first. Words that cannot be read are doubtful; what is true of most words is said once, of their rig.
     """
-    facts = [_facts(words, gloss) for gloss in counted([*words.glosses], progress)]
+    facts = [_facts(words, gloss) for gloss in track_progress([*words.glosses], progress)]
     counts = Counter(line for one in facts for line in one.doubts)
     of_the_rig = [line for line, count in counts.items() if count > max(1, len(facts) // 2)]
     facts = [replace(one, doubts=tuple(line for line in one.doubts if line not in of_the_rig)) for one in facts]

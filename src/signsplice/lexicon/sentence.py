@@ -53,7 +53,7 @@ class TypedWord:
     pause: str = ""
 
 
-def typed_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
+def split_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
     """The words of a line, split at white space and punctuation; tokens that are known as typed stay whole.
 
     Apostrophes, hyphens (``_`` is one), the point of a number and a ``#`` before a word stay; the points of an acronym
@@ -202,7 +202,7 @@ def parse(
     Raises ``UnknownGlossError`` that names every token left and similar glosses; ``InputError`` for a line without
     glosses, or a letter that the lexicon lacks.
     """
-    words = [part for word in typed_words(text, lexicon.__contains__) for part in _parts(word, lexicon)]
+    words = [part for word in split_words(text, lexicon.__contains__) for part in _parts(word, lexicon)]
     if not any(word.text for word in words):
         left_out = "".join(word.left_out for word in words)
         beside = f"; {left_out[:40]!r} stands for none" if left_out else ""
@@ -217,7 +217,7 @@ def parse(
     at = 0
     while at < len(words):
         token = _compound(words[at : at + _LONGEST_COMPOUND], lexicon) if compounds else None
-        kept = _kept(words, at) if drop_function_words else words[at].text
+        kept = _drop_function_word(words, at) if drop_function_words else words[at].text
         token = token or _token(words[at], kept, lexicon, spell, compounds)
         if token is None:
             unknown[words[at].text] = lexicon.nearest(words[at].text)
@@ -232,7 +232,7 @@ def parse(
     return readings
 
 
-def signed(tokens: Sequence[SentenceToken]) -> list[str]:
+def token_glosses(tokens: Sequence[SentenceToken]) -> list[str]:
     """The glosses of all tokens, in order. Raises ``InputError`` where every word was left out."""
     glosses = [gloss for token in tokens for gloss in token.glosses]
     if not glosses:
@@ -240,7 +240,7 @@ def signed(tokens: Sequence[SentenceToken]) -> list[str]:
     return glosses
 
 
-def spelled(tokens: Sequence[SentenceToken]) -> list[str]:
+def list_spelled_words(tokens: Sequence[SentenceToken]) -> list[str]:
     """The words, as typed, that are fingerspelled."""
     return [token.token for token in tokens if token.spelled]
 
@@ -302,11 +302,11 @@ def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | N
         joined = _HYPHEN.join(texts)
         found = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if lexicon.lists(name)), None)
         if found is not None:
-            return _joined(" ".join(texts), lexicon.entry(found).gloss)
+            return _compound_token(" ".join(texts), lexicon.entry(found).gloss)
     return None
 
 
-def _kept(words: Sequence[TypedWord], at: int) -> str:
+def _drop_function_word(words: Sequence[TypedWord], at: int) -> str:
     """The text of a word, or what is kept of it where function words are left out."""
     text, after = words[at].text, "" if words[at].ends_phrase else "".join(one.text for one in words[at + 1 : at + 2])
     return "" if is_function_word(text, after) else without_copula(text) or text
@@ -314,7 +314,7 @@ def _kept(words: Sequence[TypedWord], at: int) -> str:
 
 def _token(word: TypedWord, kept: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
     """How one word is signed of which a text is kept; None where that is unknown."""
-    read = _read(kept, lexicon, spell, compounds) if kept else SentenceToken(word.text or word.typed, ())
+    read = _resolve_text(kept, lexicon, spell, compounds) if kept else SentenceToken(word.text or word.typed, ())
     if read is None:
         return None
     if kept != word.text:
@@ -325,14 +325,14 @@ def _token(word: TypedWord, kept: str, lexicon: Lexicon, spell: bool, compounds:
     return replace(read, warning="; ".join(filter(None, (read.warning, left_out))), note=read.note or word.note)
 
 
-def _read(text: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
+def _resolve_text(text: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
     if text in lexicon:
         return SentenceToken(text, (lexicon.entry(text).gloss,))
     if _mark(text):
-        return _spelled(text, lexicon)
-    hyphenated = lexicon.hyphenated(text) if compounds else None
+        return _fingerspell_token(text, lexicon)
+    hyphenated = lexicon.find_hyphenated_gloss(text) if compounds else None
     if hyphenated is not None:
-        return _joined(text, hyphenated)
+        return _compound_token(text, hyphenated)
     bare = text.replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = _letters(bare, lexicon) if spell else ()
     if not letters or None in letters:
@@ -357,7 +357,7 @@ def _may_be_meant(gloss: str, bare: str) -> bool:
     return may_be_longer or len(meant) <= len(typed) or typed in meant.split(_HYPHEN)
 
 
-def _joined(token: str, gloss: str) -> SentenceToken:
+def _compound_token(token: str, gloss: str) -> SentenceToken:
     return SentenceToken(token, (gloss,), note=f"{token!r} is read as one gloss, {gloss}")
 
 
@@ -366,7 +366,7 @@ def _mark(text: str) -> str:
     return next((mark for mark in SPELLED_MARKS if text.lower().startswith(mark) and len(text) > len(mark)), "")
 
 
-def _spelled(token: str, lexicon: Lexicon) -> SentenceToken:
+def _fingerspell_token(token: str, lexicon: Lexicon) -> SentenceToken:
     """The letters of a token with one of ``SPELLED_MARKS``."""
     word = token[len(_mark(token)) :].replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = _letters(word, lexicon)

@@ -26,7 +26,7 @@ from typing import Any, get_type_hints
 from signsplice.errors import InputError
 from signsplice.formats import skeletons
 from signsplice.formats.json_files import check_type, parse_json
-from signsplice.formats.reading import opened
+from signsplice.formats.reading import open_file
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, decode, fingerprint
 from signsplice.lexicon.gloss import KINDS, Entry, fold
 from signsplice.motion import Clip, Skeleton
@@ -395,16 +395,16 @@ def _files(path: Path) -> tuple[Index, mmap.mmap]:
     try:
         if index.head.form not in FORMS:
             raise InputError(f"{index.path}: form {index.head.form[:40]!r}, expected one of {', '.join(FORMS)}")
-        return index, _mapped(path / FRAMES, index.head)
+        return index, _mmap_frames(path / FRAMES, index.head)
     except BaseException:
         index.close()
         raise
 
 
-def _mapped(path: Path, head: Head) -> mmap.mmap:
+def _mmap_frames(path: Path, head: Head) -> mmap.mmap:
     """The frames that belong to an index."""
     try:
-        with opened(path) as (file, size):
+        with open_file(path) as (file, size):
             if size != head.n_bytes or size < HEAD_BYTES:
                 raise InputError(f"{path}: {size} bytes, expected {head.n_bytes}; {REBUILD}")
             frames = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -442,7 +442,7 @@ def _check_path(path: Path) -> None:
 def application_id(path: Path) -> int | None:
     """The application id in a SQLite file's header, None for other files and files that cannot be read."""
     try:
-        with opened(path) as (file, _):
+        with open_file(path) as (file, _):
             head = file.read(72)
     except InputError:
         return None

@@ -7,14 +7,14 @@ from signsplice.motion.clip import (
     JoinedClips,
     Skeleton,
     at_frames,
+    batch_clips,
     bone_translations,
     concatenate,
+    copy_unchecked,
     frozen,
-    joined,
     resample,
     same_fps,
-    sampled,
-    unchecked_copy,
+    sample_clip,
 )
 from signsplice.motion.rotation import FloatArray
 
@@ -26,12 +26,12 @@ __all__ = [
     "JoinedClips",
     "Skeleton",
     "at_frames",
+    "batch_clips",
     "bone_translations",
     "concatenate",
+    "copy_unchecked",
     "frozen",
-    "joined",
     "resample",
     "same_fps",
-    "sampled",
-    "unchecked_copy",
+    "sample_clip",
 ]

@@ -1,7 +1,7 @@
 """What a motion is: a skeleton, and a clip of its joints' rotations over time.
 
 Both are frozen and checked once, when made; what is computed from them and worth keeping lies in their ``derived``.
-Functions stand outside: ``concatenate``, ``resample``, ``joined``.
+Functions stand outside: ``concatenate``, ``resample``, ``batch_clips``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from signsplice.errors import InputError
 from signsplice.hooks import html_renderers
 from signsplice.motion import rotation
-from signsplice.motion.face import Face, joined_faces
+from signsplice.motion.face import Face, concatenate_faces
 from signsplice.motion.rotation import FloatArray
 
 _UNIT_TOLERANCE = 1e-6
@@ -29,7 +29,7 @@ _LONGEST_NAME = 300
 SAME_FPS = 1e-6
 """Frame rates that differ by less than this fraction are one rate."""
 MOST_FRAMES = 1500
-"""Frames that ``joined`` lays end to end: more do not fit into a processor's nearest memory, and are no faster."""
+"""Frames that ``batch_clips`` lays end to end: more do not fit into a processor's nearest memory, and are no faster."""
 Value = TypeVar("Value")
 ChannelNames = tuple[tuple[str, ...], ...]
 
@@ -209,7 +209,7 @@ class Channels:
         """The same numbers, save those of the root, which are to be derived anew. Takes no memory."""
         return replace(self, root_moved=True)
 
-    def settled(self) -> Channels:
+    def mask_moved_root(self) -> Channels:
         """The same, with the root's numbers set to NaN in ``values`` where it was moved."""
         if not self.root_moved:
             return self
@@ -336,7 +336,7 @@ class Clip(HasDerived):
         if stop <= start:
             raise InputError(f"frames {start}:{stop} of clip {self.name!r}: none left, expected at least one")
         frames = slice(start, stop)
-        return unchecked_copy(
+        return copy_unchecked(
             self,
             **_arrays_at(self, frames),
             channels=None if self.channels is None else self.channels[frames],
@@ -378,18 +378,18 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
             raise InputError(
                 f"clip {clip.name!r} runs at {clip.fps:g} fps, {first.name!r} at {first.fps:g}; resample it first"
             )
-    return unchecked_copy(
+    return copy_unchecked(
         first,
-        **_joined_arrays(clips),
+        **_concatenate_arrays(clips),
         name=name or first.name,
         channels=first.channels and Channels.concatenate([(clip.channels, len(clip)) for clip in clips]),
-        face=joined_faces([(clip.face, len(clip)) for clip in clips])
+        face=concatenate_faces([(clip.face, len(clip)) for clip in clips])
         if any(clip.face is not None for clip in clips)
         else None,
     )
 
 
-def _joined_arrays(clips: Sequence[Clip]) -> dict[str, Any]:
+def _concatenate_arrays(clips: Sequence[Clip]) -> dict[str, Any]:
     moving = any(clip.translations is not None for clip in clips)
     return {
         "local_rotations": np.concatenate([clip.local_rotations for clip in clips]),
@@ -398,7 +398,7 @@ def _joined_arrays(clips: Sequence[Clip]) -> dict[str, Any]:
     }
 
 
-def unchecked_copy(clip: Clip, **changes: object) -> Clip:
+def copy_unchecked(clip: Clip, **changes: object) -> Clip:
     """``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``; without its
     face where the number of frames changes and no face is given.
 
@@ -416,7 +416,7 @@ def unchecked_copy(clip: Clip, **changes: object) -> Clip:
 
 def at_frames(clip: Clip, frames: slice | NDArray[np.intp]) -> Clip:
     """The frames of a clip in a slice or at indices, in any order, without the numbers of its file."""
-    return unchecked_copy(clip, **_arrays_at(clip, frames), channels=None)
+    return copy_unchecked(clip, **_arrays_at(clip, frames), channels=None)
 
 
 def _arrays_at(clip: Clip, frames: slice | NDArray[np.intp]) -> dict[str, Any]:
@@ -447,10 +447,10 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
         return clip
     step = clip.fps * speed / fps  # source frames an output frame
     n_frames = int(np.floor((len(clip) - 1) / step + 1e-9)) + 1
-    return replace(sampled(clip, np.minimum(np.arange(n_frames) * step, len(clip) - 1)), fps=fps)
+    return replace(sample_clip(clip, np.minimum(np.arange(n_frames) * step, len(clip) - 1)), fps=fps)
 
 
-def sampled(clip: Clip, at: FloatArray) -> Clip:
+def sample_clip(clip: Clip, at: FloatArray) -> Clip:
     """The frames of a clip at ``at`` (N,), counted in its frames, 0 to T - 1; slerp between neighbouring ones."""
     low = np.minimum(np.floor(at + 1e-9).astype(np.intp), len(clip) - 1)
     high = np.minimum(low + 1, len(clip) - 1)
@@ -496,7 +496,7 @@ class JoinedClips:
             yield row, slice(start, stop)
 
 
-def joined(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator[JoinedClips]:
+def batch_clips(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator[JoinedClips]:
     """Clips, each given as its parts in order, laid end to end with those of the same skeleton and rate, about ``most``
     frames at a time; the channels of files and faces are left out.
     """
@@ -509,13 +509,13 @@ def joined(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator
         first = n_frames = 0
         for k, length in enumerate(lengths):
             if n_frames and n_frames + length > most:
-                yield _joined(clips, rows[first:k], lengths[first:k])
+                yield _concatenate_batch(clips, rows[first:k], lengths[first:k])
                 first, n_frames = k, 0
             n_frames += length
-        yield _joined(clips, rows[first:], lengths[first:])
+        yield _concatenate_batch(clips, rows[first:], lengths[first:])
 
 
-def _joined(clips: Sequence[Sequence[Clip]], rows: list[int], lengths: list[int]) -> JoinedClips:
+def _concatenate_batch(clips: Sequence[Sequence[Clip]], rows: list[int], lengths: list[int]) -> JoinedClips:
     parts = [part for row in rows for part in clips[row]]
-    whole = unchecked_copy(parts[0], **_joined_arrays(parts), channels=None, face=None)
+    whole = copy_unchecked(parts[0], **_concatenate_arrays(parts), channels=None, face=None)
     return JoinedClips(rows, whole, np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp))

@@ -34,7 +34,7 @@ def between(values: FloatArray, frames: NDArray[np.intp]) -> FloatArray:
     return np.asarray(made.reshape(len(at), *values.shape[1:]))
 
 
-def spread_in_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
+def smooth_over_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
     """Pushes (T, 2, 3) spread to their neighbours in time: at each frame the weighted sum, no larger than the largest
     push nearby.
 

@@ -82,11 +82,11 @@ def complete(clip: Clip) -> tuple[ChannelNames, FloatArray]:
     derived from the rotations. A joint gets channels that it lacks only where its motion cannot be written without
     them.
     """
-    given = None if clip.channels is None else clip.channels.settled()
+    given = None if clip.channels is None else clip.channels.mask_moved_root()
     n_frames, n_joints = len(clip), len(clip.skeleton)
     usual = default_names(n_joints)
     if given is None and clip.translations is None:
-        angles = _derived(clip.local_rotations, _three(""), None).reshape(n_frames, -1)
+        angles = _nearest_euler_angles(clip.local_rotations, _three(""), None).reshape(n_frames, -1)
         return usual, np.round(np.concatenate([clip.root_positions, angles], axis=1), _DECIMALS)
     if given is not None:
         given, edited = _still_valid(clip, given)
@@ -95,12 +95,12 @@ def complete(clip: Clip) -> tuple[ChannelNames, FloatArray]:
     if given is None:
         given = Channels(usual, np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0)
     axes = [_three(rotation_axes(names)) for names in given.names]
-    angles = _given_angles(given)
+    angles = _channel_angles(given)
     spans = list(zip(given.starts, (*given.starts[1:], n_frames), strict=True))
     for order in sorted(set(axes)):
         joints = np.array([j for j in range(n_joints) if axes[j] == order])
-        angles[:, joints] = _continued(angles[:, joints], clip.local_rotations[:, joints], order, spans)
-    return _written(clip, given, axes, angles)
+        angles[:, joints] = _complete_angles(angles[:, joints], clip.local_rotations[:, joints], order, spans)
+    return _encode_channels(clip, given, axes, angles)
 
 
 def _still_valid(clip: Clip, given: Channels) -> tuple[Channels, bool]:
@@ -128,7 +128,7 @@ def _three(axes: str) -> str:
     return axes + "".join(letter for letter in "ZXY" if letter not in axes)
 
 
-def _given_angles(given: Channels) -> FloatArray:
+def _channel_angles(given: Channels) -> FloatArray:
     """Angles (T, J, 3), degrees, along each joint's three axes: as given, 0 about axes that have no channel, else
     NaN.
     """
@@ -143,7 +143,9 @@ def _given_angles(given: Channels) -> FloatArray:
     return angles
 
 
-def _continued(angles: FloatArray, rotations: FloatArray, axes: str, spans: Sequence[tuple[int, int]]) -> FloatArray:
+def _complete_angles(
+    angles: FloatArray, rotations: FloatArray, axes: str, spans: Sequence[tuple[int, int]]
+) -> FloatArray:
     """Angles (T, K, 3), degrees, of joints with one order of axes: missing ones derived, each span run on from the one
     before.
     """
@@ -151,15 +153,15 @@ def _continued(angles: FloatArray, rotations: FloatArray, axes: str, spans: Sequ
     for start, stop in spans:
         known = ~np.isnan(out[start:stop]).any(axis=(0, 2))
         if start > 0 and known.any():
-            out[start:stop, known] = _continued_span(out[start:stop, known], out[start - 1, known])
+            out[start:stop, known] = _unwrap_span(out[start:stop, known], out[start - 1, known])
         new = np.flatnonzero(~known)
         if new.size:
             before = out[start - 1, new] if start > 0 else None
-            out[start:stop, new] = _derived(rotations[start:stop, new], axes, before)
+            out[start:stop, new] = _nearest_euler_angles(rotations[start:stop, new], axes, before)
     return out
 
 
-def _continued_span(angles: FloatArray, before: FloatArray) -> FloatArray:
+def _unwrap_span(angles: FloatArray, before: FloatArray) -> FloatArray:
     """A span (S, K, 3), degrees, moved as a whole to the equal numbers nearest to ``before`` (K, 3)."""
     first = angles[0]
     other = np.stack([first[:, 0] + 180.0, 180.0 - first[:, 1], first[:, 2] + 180.0], axis=-1)
@@ -172,7 +174,7 @@ def _continued_span(angles: FloatArray, before: FloatArray) -> FloatArray:
     return np.asarray(np.where((other_cost < cost - 1e-6)[:, None], mirrored + other_shift, angles + shift))
 
 
-def _derived(rotations: FloatArray, axes: str, before: FloatArray | None) -> FloatArray:
+def _nearest_euler_angles(rotations: FloatArray, axes: str, before: FloatArray | None) -> FloatArray:
     """Angles (S, K, 3), degrees, of ``rotations`` (S, K, 4), each frame nearest to the one before it."""
     angles = rotation.to_euler(rotations, axes)
     sign = 1.0 if axes in ("XYZ", "YZX", "ZXY") else -1.0
@@ -191,7 +193,9 @@ def _derived(rotations: FloatArray, axes: str, before: FloatArray | None) -> Flo
     return np.rad2deg(angles)
 
 
-def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: FloatArray) -> tuple[ChannelNames, FloatArray]:
+def _encode_channels(
+    clip: Clip, given: Channels, axes: Sequence[str], angles: FloatArray
+) -> tuple[ChannelNames, FloatArray]:
     """Names and values (T, C) of ``angles`` and positions in the layout of ``given``, widened where it cannot hold
     them.
     """
@@ -213,7 +217,7 @@ def _written(clip: Clip, given: Channels, axes: Sequence[str], angles: FloatArra
         kept += [*given.values[:, start : start + len(channels)].T, *(nothing for _ in wider)]
     if not curves:
         return tuple(names), np.empty((len(clip), 0))
-    return tuple(names), _rounded(np.stack(curves, axis=1), np.stack(kept, axis=1), names)
+    return tuple(names), _round_new_values(np.stack(curves, axis=1), np.stack(kept, axis=1), names)
 
 
 def _positions(clip: Clip, joint: int) -> FloatArray:
@@ -230,7 +234,7 @@ def _curve(name: str, axes: str, angles: FloatArray, position: FloatArray) -> Fl
     return position[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
 
 
-def _rounded(curves: FloatArray, given: FloatArray, names: Sequence[Sequence[str]]) -> FloatArray:
+def _round_new_values(curves: FloatArray, given: FloatArray, names: Sequence[Sequence[str]]) -> FloatArray:
     """Curves (T, C), numbers that were given (T, C) among them, the others rounded. An angle that was given counts as
     long as its curve was not led elsewhere.
     """

@@ -93,7 +93,7 @@ class Face:
         most = self.weights.max(axis=0, initial=0.0).tolist()
         return tuple(name for name, weight in zip(self.channels, most, strict=True) if weight > 0.0)
 
-    def mirrored(self) -> Face:
+    def mirror(self) -> Face:
         """The face in the mirror: coefficients of the left and of the right change places."""
         return Face(tuple(_counterpart(name) for name in self.channels), self.weights)
 
@@ -106,7 +106,7 @@ def _counterpart(name: str) -> str:
     return name
 
 
-def joined_faces(parts: Sequence[tuple[Face | None, int]]) -> Face | None:
+def concatenate_faces(parts: Sequence[tuple[Face | None, int]]) -> Face | None:
     """Faces one after another, each with its number of frames, with all coefficients that any has; a part without a
     face, or without a coefficient, is at rest. None where no part has a face.
     """

@@ -14,7 +14,7 @@ import numpy as np
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 from signsplice.formats.atomic import replacing
 from signsplice.motion import Clip
-from signsplice.progress import Progress, counted
+from signsplice.progress import Progress, track_progress
 from signsplice.render import PICTURE_SUFFIXES
 from signsplice.render.picture import Scene, detail_colours, draw, make_scene
 from signsplice.render.sheet import INK, PAPER, SIGN, TRANSITION, Mark, caption, pillow, write_line, write_sheet
@@ -62,7 +62,7 @@ def write_pictures(
             return
         frames, delays = gif_timing(len(clip), clip.fps) if is_gif else ([*range(len(clip))], [])
         size = size or (GIF_SIZE if is_gif else MP4_SIZE)
-        pages = _pictures(clip, scene, size, counted(frames, progress), marks)
+        pages = _pictures(clip, scene, size, track_progress(frames, progress), marks)
         if is_gif:
             _write_gif(pages, delays, temporary)
         else:

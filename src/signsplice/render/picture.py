@@ -217,9 +217,9 @@ def draw(scene: Scene, frame: int, width: int, height: int, hand: str | None = N
     """One frame as an image (H, W, 3), 0..255; the scene's window fills it as far as it fits. ``hand``: "left" or
     "right", to draw that hand alone.
     """
-    centre, scale = _fitted(scene, width, height)
+    centre, scale = _fit_window(scene, width, height)
     canvas, zoom, skin = Canvas(2 * width, 2 * height), 2.0 * scale, scene.skin
-    points, normals = posed(scene, frame)
+    points, normals = deform_skin(scene, frame)
     points = (points - np.array([*centre, 0.0], np.float32)) * np.float32(zoom)
     points += np.array([width, height, 0.0], np.float32)
     shown = slice(None) if hand is None else np.flatnonzero(skin.hands == hand)
@@ -228,7 +228,7 @@ def draw(scene: Scene, frame: int, width: int, height: int, hand: str | None = N
     return canvas.finish(step=0.010 * zoom, near=near * zoom, far=(middle - 0.1) * zoom)
 
 
-def _fitted(scene: Scene, width: int, height: int) -> tuple[tuple[float, float], float]:
+def _fit_window(scene: Scene, width: int, height: int) -> tuple[tuple[float, float], float]:
     """The centre of the scene's window, and pixels a stature at which it fills an image."""
     left, right, bottom, top = scene.window
     return (0.5 * (left + right), 0.5 * (bottom + top)), min(width / (right - left), height / (top - bottom))
@@ -245,12 +245,12 @@ def draw_hand(scene: Scene, frame: int, side: str, size: int) -> Image:
     return draw(around_hand(scene, frame, side), frame, size, size, side)
 
 
-def dotted(image: Image, scene: Scene, points: FloatArray, colour: tuple[int, int, int], radius: float) -> Image:
+def draw_dots(image: Image, scene: Scene, points: FloatArray, colour: tuple[int, int, int], radius: float) -> Image:
     """An image that ``draw`` made of the scene, with a dot of a radius in pixels at each point (N, 3) in camera axes,
     statures.
     """
     height, width = image.shape[:2]
-    centre, scale = _fitted(scene, width, height)
+    centre, scale = _fit_window(scene, width, height)
     x, y = ((points[:, :2] - centre) * scale * (1.0, -1.0) + (0.5 * width, 0.5 * height)).T[..., None, None]
     rows, columns = np.mgrid[:height, :width] + 0.5
     out = image.copy()
@@ -258,7 +258,7 @@ def dotted(image: Image, scene: Scene, points: FloatArray, colour: tuple[int, in
     return out
 
 
-def posed(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
+def deform_skin(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
     """Vertices and normals (V, 3) of the skin in a frame, in camera axes and statures (linear blend skinning)."""
     skin = scene.skin
     rotations = scene.rotations[frame] @ skin.rotations.transpose(0, 2, 1)  # (J, 3, 3), from the bind pose

@@ -17,7 +17,7 @@ import numpy as np
 from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
 from signsplice.motion import Clip
-from signsplice.progress import Progress, counted
+from signsplice.progress import Progress, track_progress
 from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene
 
 INK, PAPER = (45, 45, 50), (244, 241, 236)
@@ -116,7 +116,7 @@ def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], pro
     image_ = pillow("Image")
     sheet = image_.new("RGB", (columns * w, -(-len(frames) // columns) * h), PAPER)
     pen = pillow("ImageDraw").Draw(sheet)
-    for n, frame in enumerate(counted(frames, progress)):
+    for n, frame in enumerate(track_progress(frames, progress)):
         x, y = n % columns * w + GAP // 2, n // columns * h + GAP // 2
         sheet.paste(image_.fromarray(draw(scene, frame, *CELL)), (x, y))
         text, in_transition = caption(marks, frame)
@@ -181,7 +181,7 @@ def write_strips(
     height = label + cell + hand + gap
     sheet = image_.new("RGB", (columns * (cell + gap) + gap, len(strips) * height), PAPER)
     pen = pillow("ImageDraw").Draw(sheet)
-    for n, strip in enumerate(counted(strips, progress)):
+    for n, strip in enumerate(track_progress(strips, progress)):
         top = n * height
         scene = make_scene(strip.clip, strip.view)
         write_line(pen, strip.caption, 0.5 * sheet.width, top + 2, sheet.width - gap, INK, 14)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import RigMismatchError
-from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, kinematics, resample, rotation, unchecked_copy
+from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, resample, rotation
 from signsplice.motion.kinematics import forward, global_quats, rest_positions
 from signsplice.rig.info import rig_info
 from signsplice.rig.rest_pose import IDENTICAL, axes_on_one_body, bones_apart, size_ratio
@@ -87,7 +87,7 @@ def place(clip: Clip, target: Placement) -> Clip:
         return clip
     local = np.array(clip.local_rotations)
     local[:, 0] = rotation.normalize(rotation.multiply(turn, local[:, 0]))
-    return unchecked_copy(
+    return copy_unchecked(
         clip,
         local_rotations=local,
         root_positions=rotation.rotate(turn, clip.root_positions) + shift,

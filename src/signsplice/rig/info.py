@@ -263,7 +263,7 @@ def _arms(clip: Clip) -> Arms:
     )
 
 
-def seen_from_trunk(own: Arms) -> tuple[FloatArray, FloatArray]:
+def hands_in_trunk_axes(own: Arms) -> tuple[FloatArray, FloatArray]:
     """Positions (T, 2, 3) and rotation matrices (T, 2, 3, 3) of the hands, from between the shoulders and in axes that
     turn and lean with the trunk: a body that sways moves no hand.
     """
@@ -320,7 +320,7 @@ class CanonicalMotion:
     has_role: NDArray[np.bool_]
     fps: float
 
-    def mirrored(self) -> CanonicalMotion:
+    def mirror(self) -> CanonicalMotion:
         """The same in the mirror: left and right are exchanged."""
         flip = np.array([-1.0, 1.0, 1.0])
         half = len(TIPS) // 2
@@ -394,6 +394,6 @@ def with_canonical_rotations(clip: Clip, quats: FloatArray) -> Clip:
     return replace(clip, local_rotations=apply_deltas(clip.skeleton, clip.local_rotations, deltas))
 
 
-def mirrored_deltas(delta_rotvecs: FloatArray) -> FloatArray:
+def mirror_deltas(delta_rotvecs: FloatArray) -> FloatArray:
     """Rotation vectors (T, R, 3) of all roles as they are in the mirror."""
     return np.asarray(delta_rotvecs[:, MIRROR] * np.array([1.0, -1.0, -1.0]))

@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, kinematics, rotation, unchecked_copy
+from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, rotation
 from signsplice.rig.align import placement
 from signsplice.rig.info import LEFT, RIGHT, Arms, RigInfo, active_span, arms, canonical_motion, rig_info
 from signsplice.rig.keyedness import explain_keyedness
@@ -61,7 +61,7 @@ class StrayFrames:
     stop: int
     warnings: tuple[str, ...] = ()
 
-    def resampled(self, step: float, n_frames: int) -> slice:
+    def resample_span(self, step: float, n_frames: int) -> slice:
         """The frames that belong, of the clip at another rate: ``n_frames``, each ``step`` of its frames on."""
         first = min(math.ceil(self.start / step - 1e-9), n_frames - 1)
         return slice(first, max(first + 1, min(math.floor((self.stop - 1) / step + 1e-9) + 1, n_frames)))
@@ -89,7 +89,7 @@ def with_ends_held(clip: Clip) -> Clip:
 def _with_ends_held(clip: Clip) -> Clip:
     found = stray_frames(clip)
     frames = np.clip(np.arange(len(clip)), found.start, found.stop - 1)
-    return unchecked_copy(at_frames(clip, frames), channels=clip.channels)
+    return copy_unchecked(at_frames(clip, frames), channels=clip.channels)
 
 
 def _stray_frames(clip: Clip) -> StrayFrames:
@@ -196,7 +196,7 @@ def _reference_poses(clip: Clip, info: RigInfo) -> list[tuple[str, bool]]:
 
 def _reference_pose(skeleton: Skeleton, bones: FloatArray, local_rotations: FloatArray) -> tuple[str, bool]:
     """The reference pose of one frame with these bones (2, 15, 3) and local rotations (J, 4), and whether exactly."""
-    lowered = _lowered_deg(bones)
+    lowered = _arm_depression_deg(bones)
     if not -_T_DEG <= lowered <= _A_DEG:
         return "", False
     if _is_straight(bones, *_NEAR_DEG):
@@ -232,14 +232,14 @@ def _bone_directions(clip: Clip) -> FloatArray:
     return np.asarray(rotation.rotate(np.concatenate(rotations, axis=2), outwards) * [[[1.0, 1, 1]], [[-1.0, 1, 1]]])
 
 
-def _lowered_deg(bones: FloatArray) -> float:
+def _arm_depression_deg(bones: FloatArray) -> float:
     """How far below the horizontal the arms of bones (2, 15, 3) point, degrees: the mean of both."""
     return float(np.rad2deg(np.arcsin(np.clip(-bones[:, :2, 1].mean(), -1.0, 1.0))))
 
 
 def _is_straight(bones: FloatArray, arm_deg: float, finger_deg: float) -> bool:
     """Whether both arms of bones (2, 15, 3) are straight, in the frontal plane, equally low, and fingers straight."""
-    lowered = np.deg2rad(_lowered_deg(bones))
+    lowered = np.deg2rad(_arm_depression_deg(bones))
     mean = np.array([np.cos(lowered), -np.sin(lowered), 0.0])
     cosines = bones @ mean
     fingers = np.einsum("skc,sc->sk", bones[:, 2:], bones[:, 1])

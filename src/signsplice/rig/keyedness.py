@@ -88,7 +88,7 @@ class _MotionFit:
             return -1.0
         return float(np.average(self.curves[:, joints].sum(axis=0) / np.maximum(n_moving, 1), weights=speed))
 
-    def keyed_seconds(self, joints: NDArray[np.bool_]) -> tuple[float, float]:
+    def keyframe_share_and_step(self, joints: NDArray[np.bool_]) -> tuple[float, float]:
         """How much of the joints' motion lies in seconds in which curves fit, and frames from key to key there."""
         speed, curves, width = self.speed[:, joints], self.curves[:, joints], round(self.rate) | 1
         n_fit, n_moving = (_running_mean(mask.astype(np.float64), width, "constant") for mask in (curves, speed > 0.0))
@@ -112,7 +112,7 @@ def _judge(*clips: Clip, explain: bool = False) -> Keyedness:
         of_arms = everything[is_arm]
         fit = max(_fits(clips, is_arm), key=lambda fit: fit.density(of_arms))
         if 0.0 <= 2.0 * fit.density(of_arms) <= KEYED_DENSITY:
-            fraction = fit.keyed_seconds(of_arms)[0]
+            fraction = fit.keyframe_share_and_step(of_arms)[0]
             return Keyedness(False, fraction, None, f"captured: {100.0 * fraction:.0f} % of {_OF_ARMS}")
     fits = _fits(clips, everything)
     moving = [fit for fit in fits if fit.density(is_arm) >= 0.0]
@@ -128,11 +128,11 @@ def _judge(*clips: Clip, explain: bool = False) -> Keyedness:
     if density < 0.0:
         return Keyedness(False, 0.0, None, "captured: hardly anything moves")
     is_keyed = density > KEYED_DENSITY
-    fraction, step = fit.keyed_seconds(judged)
+    fraction, step = fit.keyframe_share_and_step(judged)
     every = min(step * clips[0].fps / fit.rate, float(sum(map(len, clips)))) if is_keyed else None
     lines = [f"{'keyed' if is_keyed else 'captured'}: {100.0 * fraction:.0f} % of {name}"]
     if fit.density(~judged) >= 0.0:
-        lines.append(f"{100.0 * fit.keyed_seconds(~judged)[0]:.0f} % of the other joints'")
+        lines.append(f"{100.0 * fit.keyframe_share_and_step(~judged)[0]:.0f} % of the other joints'")
     if every is not None:
         lines.append(f"keys about every {every:.0f} frames")
     return Keyedness(is_keyed, fraction, every, ", ".join(lines))
@@ -143,10 +143,10 @@ _OF_ARMS, _OF_ALL = (f"{joints} motion follows lines or cubics" for joints in ("
 
 def _fits(clips: Sequence[Clip], joints: NDArray[np.bool_]) -> list[_MotionFit]:
     """The fits of some joints (J,) of clips at every rate."""
-    return [_joined(views) for views in zip(*(list(_views(clip, joints)) for clip in clips), strict=True)]
+    return [_concatenate_fits(views) for views in zip(*(list(_views(clip, joints)) for clip in clips), strict=True)]
 
 
-def _joined(fits: tuple[_MotionFit, ...]) -> _MotionFit:
+def _concatenate_fits(fits: tuple[_MotionFit, ...]) -> _MotionFit:
     """The same view of several clips as one."""
     arrays = (
         np.concatenate(parts) for parts in zip(*((fit.speed, fit.lines, fit.curves) for fit in fits), strict=True)

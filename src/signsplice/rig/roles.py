@@ -334,12 +334,14 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
 
 
 def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
-    given = _given(skeleton, override)
+    given = _resolve_override(skeleton, override)
     ancestors = _Ancestors(skeleton)
     for names in (skeleton.names, without_shared(skeleton.names)):
         index = _index(names)
         found = {rig: _with_names(given, _NAMES[rig.name], index, ancestors) for rig in CONVENTIONS}
-        best, *others = sorted(CONVENTIONS, key=lambda rig: _explained(rig, found[rig], index), reverse=True)
+        best, *others = sorted(
+            CONVENTIONS, key=lambda rig: _count_explained_joints(rig, found[rig], index), reverse=True
+        )
         if len(found[best]) >= len(given) + _MIN_ROLES:
             break
     else:
@@ -353,12 +355,12 @@ def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
     return Humanoid("custom" if given else best.name, joints)
 
 
-def _explained(convention: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> int:
+def _count_explained_joints(convention: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> int:
     """How many joints of the body a convention explains, typical joints without a role included."""
     return len(set(joints.values()).union(*(index.get(mark, ()) for mark in _MARKS[convention.name])))
 
 
-def _given(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
+def _resolve_override(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
     joints: _Joints = {}
     for role, name in override.items():
         if role not in _LINE:

@@ -70,13 +70,13 @@ def t_pose(skeleton: Skeleton, roles: Humanoid) -> TPose:
     Joints without a role follow their parents.
     """
     rotations = _rotations(skeleton, roles.joints)
-    positions = posed_positions(skeleton, rotations)
+    positions = positions_from_rotations(skeleton, rotations)
     for array in (rotations, positions):
         array.flags.writeable = False
     return TPose(rotations, positions)
 
 
-def posed_positions(skeleton: Skeleton, rotations: FloatArray) -> FloatArray:
+def positions_from_rotations(skeleton: Skeleton, rotations: FloatArray) -> FloatArray:
     """Joint positions (J, 3) under global rotations (J, 4), the root at the origin, clip units."""
     positions = np.zeros((len(skeleton), 3))
     for joint in range(1, len(skeleton)):
@@ -88,7 +88,7 @@ def posed_positions(skeleton: Skeleton, rotations: FloatArray) -> FloatArray:
 def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> FloatArray:
     role_of = {joint: role for role, joint in joints.items()}
     rested = None if skeleton.rest_pose is None else global_quats(skeleton, skeleton.rest_pose)
-    rest = rest_positions(skeleton) if rested is None else posed_positions(skeleton, rested)
+    rest = rest_positions(skeleton) if rested is None else positions_from_rotations(skeleton, rested)
     upright = _upright(rest, joints)
     rotations = np.empty((len(skeleton), 4))
     for joint in range(len(skeleton)):

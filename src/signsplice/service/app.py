@@ -24,7 +24,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
-from signsplice.formats import WIRE_SUFFIXES, listed
+from signsplice.formats import WIRE_SUFFIXES, join_suffixes
 from signsplice.formats.avatar import AVATAR_SUFFIXES
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.service import page, wire, work
@@ -214,7 +214,9 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
     @app.post("/v1/fit", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def fit(
         call: Request,
-        avatar: Annotated[UploadFile, File(description=f"{listed(AVATAR_SUFFIXES)}, whole: no other file is read.")],
+        avatar: Annotated[
+            UploadFile, File(description=f"{join_suffixes(AVATAR_SUFFIXES)}, whole: no other file is read.")
+        ],
         options: Annotated[str, Form(description="JSON: what to sign, as of /v1/sentence.")],
         file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
     ) -> Response:
@@ -231,7 +233,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
         call: Request,
         files: Annotated[
             list[UploadFile],
-            File(min_length=1, description=f"{listed((*WIRE_SUFFIXES, '.sigml'))}, in the order of signing."),
+            File(min_length=1, description=f"{join_suffixes((*WIRE_SUFFIXES, '.sigml'))}, in the order of signing."),
         ],
         options: Annotated[str, Form(description="JSON: the dials of a splice, and formats.")] = "{}",
         file: Annotated[wire.AnswerFile | None, Query(description=_ONE_FILE)] = None,

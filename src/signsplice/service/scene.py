@@ -46,10 +46,10 @@ def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Fo
         spans = (Span("sign", 0, clip.name, whole, whole),)
         unspliced = SpliceResult(clip, spans, (), (), cutter="", transition="", timing_ms={})
         report = {**reports.describe(unspliced), "timing_ms": {}}
-    return spliced(clip, report, formats)
+    return splice_response(clip, report, formats)
 
 
-def spliced(
+def splice_response(
     clip: Clip, report: Mapping[str, Any], formats: Sequence[Format], units: Rows = (), **glb_has: bool
 ) -> dict[str, Any]:
     """A clip and the report of its splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read.

@@ -174,7 +174,7 @@ class StreamSession:
                 return
             typed, arrival = word
             try:
-                words, heads = await self._run_job(work.read_typed, typed)
+                words, heads = await self._run_job(work.parse_message, typed)
                 for head in heads:
                     await self._out.put((head, arrival))
                 # A job for each, so that other streams are served between the letters of a long name.

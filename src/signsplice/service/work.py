@@ -18,7 +18,7 @@ from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
 from signsplice.lexicon.gloss import LETTER_MARK
 from signsplice.lexicon.lexicon import open_lexicon
-from signsplice.lexicon.sentence import LineGloss, SentenceToken, line_glosses, parse, signed, typed_words
+from signsplice.lexicon.sentence import LineGloss, SentenceToken, line_glosses, parse, split_words, token_glosses
 from signsplice.motion import Clip
 from signsplice.service import scene, wire
 from signsplice.service.settings import Settings
@@ -123,7 +123,7 @@ def warm_up(for_streams: bool) -> None:
         key = "warming"
         open_stream(key, wire.OpenMessage(type="open"))
         for gloss in glosses:
-            for word in read_typed(key, wire.TextMessage("text", gloss))[0]:
+            for word in parse_message(key, wire.TextMessage("text", gloss))[0]:
                 add_word(key, word)
         end_stream(key)
         close_stream(key)
@@ -142,7 +142,7 @@ def splice_glosses(
     ``uploaded``, where there is one. Raises ``InputError``.
     """
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
-    signed(units)  # raises where every word was left out
+    token_glosses(units)  # raises where every word was left out
     avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
     return _answer(words_of(units, _worker.clip, request.pauses), request, file, units, avatar)
 
@@ -198,7 +198,9 @@ def _answer(
             return Answer(scene.picture(result, file), f"image/{file}", name)
         return Answer(scene.encode(result.clip, file, **glb_has), scene.media_type(file), name)
     rows = [asdict(unit) for unit in units]
-    return Answer(scene.to_json(scene.spliced(result.clip, reports.describe(result), request.formats, rows, **glb_has)))
+    return Answer(
+        scene.to_json(scene.splice_response(result.clip, reports.describe(result), request.formats, rows, **glb_has))
+    )
 
 
 def options(dials: wire.Dials) -> SpliceOptions:
@@ -213,7 +215,7 @@ def options(dials: wire.Dials) -> SpliceOptions:
 def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
     """How a line is signed. Raises ``InputError``, also for more words or letters than a sentence may have."""
     most, lexicon = _worker.settings.max_glosses, _worker.lexicon
-    n_words = len(typed_words(text, lexicon.__contains__))
+    n_words = len(split_words(text, lexicon.__contains__))
     if n_words > most:  # before they are looked up, which takes long for many
         raise InputError(f"{n_words} words, expected at most {most}")
     try:
@@ -241,7 +243,7 @@ Typed = wire.WordMessage | wire.TextMessage
 """What the client of a stream types."""
 
 
-def read_typed(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[str, Any]]]:
+def parse_message(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[str, Any]]]:
     """The words and letters that sign what was typed into a stream, and messages of how it was read.
 
     Raises ``InputError``.

@@ -26,7 +26,7 @@ from signsplice.motion.curves import between, sparse
 from signsplice.rig.roles import SIDES
 from signsplice.signer import pose
 from signsplice.signer.figure import Figure, PosedArms
-from signsplice.signer.pose import MARGIN, led_costs
+from signsplice.signer.pose import MARGIN, swivel_costs
 from signsplice.signer.signer import COLLAR, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer
 
 _WIDTH_S = 0.10
@@ -54,13 +54,13 @@ def smooth_elbows(
     width = (_LED_S if led else _WIDTH_S) * fps
     states = turn_elbows(states, gaussian_filter1d(directions, width, axis=0, mode="nearest"), signer)
     figure = figure or Figure(states, signer)
-    posed = figure.posed(states)
+    posed = figure.pose_arms(states)
     for which in (0, 1):
         turns = _clearing(posed, which, fps, TURNS) if led else _clearing(posed, which, fps)
         if turns.any():
             states = states.copy()
             states[:, pose.TURNS.start + which] += gaussian_filter1d(turns, _CLEARING_S * fps, mode="nearest")
-            posed = figure.posed(states) if not which else posed
+            posed = figure.pose_arms(states) if not which else posed
     return states
 
 
@@ -112,7 +112,7 @@ def hardship(arm: pose.Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatA
     """What it costs (..., S) that hands with rotation vectors ``rotvecs`` (..., 3) miss their directions, or reach them
     with wrists bent farther than is comfortable, with elbows at ``swivels`` (S,); and what these elbows cost besides.
     """
-    missed, effort, strain = led_costs(arm, rotvecs, signer, swivels)
+    missed, effort, strain = swivel_costs(arm, rotvecs, signer, swivels)
     missed = np.square(missed / _MISSED)
     costs = np.square(missed) / (1.0 + 0.45 * missed)  # small misses cost little
     return costs + _EFFORT * strain, _EFFORT * effort
@@ -289,7 +289,7 @@ _TWIST_WIDTH_S, _TWIST_AROUND_S = 0.045, 0.25
 
 def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """States (T, 65) in which no forearm or wrist turns over in a frame; the states themselves where none did."""
-    arm, wrist = pose.posed_arms(states, signer)
+    arm, wrist = pose.solve_arms_and_wrists(states, signer)
     within = np.clip(wrist.angles, *_WRIST_LIMITS.T)  # (T, 2, 3)
     steps = np.diff(within, axis=0)
     turns = np.maximum(np.abs(steps[..., 0]), _SWING_WEIGHT * np.linalg.norm(steps[..., 1:], axis=-1))

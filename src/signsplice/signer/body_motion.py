@@ -73,7 +73,7 @@ def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearne
     """
     upright = states.copy()
     upright[:, 54:] = 0.0
-    capsules = Figure(upright, signer).posed(upright).capsules
+    capsules = Figure(upright, signer).pose_arms(upright).capsules
     begins, hangs = _HANGING_CM
     height = pose.hands(states)[..., 1] / signer.scale
     hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
@@ -172,7 +172,7 @@ def keep_distances(states: FloatArray, near: Nearness, signer: Signer) -> FloatA
         return states
     figure = Figure(states[frames], signer)
     for _ in range(_ROUNDS):
-        clearances, out = _clearances(figure.posed(states[frames]).capsules)
+        clearances, out = _clearances(figure.pose_arms(states[frames]).capsules)
         missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
         pushes[frames] = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
         push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")
@@ -229,7 +229,7 @@ def _reaching(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     lean = 0.06 * (np.maximum(forward.max(axis=1), 10.0) - 10.0)
     turn = 0.10 * (forward[:, 0] - forward[:, 1]) + 0.12 * (out[:, 0] - out[:, 1])
     aside = 0.06 * ((raised * (up + 20.0))[:, 1] - (raised * (up + 20.0))[:, 0])
-    return np.deg2rad(_smoothed(np.stack([lean, turn, aside], axis=-1), fps, 0.12))
+    return np.deg2rad(_smooth(np.stack([lean, turn, aside], axis=-1), fps, 0.12))
 
 
 def _meeting(near: Nearness, signer: Signer, fps: float) -> FloatArray:
@@ -238,15 +238,15 @@ def _meeting(near: Nearness, signer: Signer, fps: float) -> FloatArray:
     """
     weight = pose.smooth_step((_MEET_CM - near.head / signer.scale) / (_MEET_CM - _MEET_FULL_CM))  # (T, 2)
     wide = 2 * round(0.13 * fps) + 1  # early, and for as long as a repeated movement lasts
-    weight = _smoothed(maximum_filter1d(weight, wide, axis=0, mode="nearest"), fps, 0.10)
+    weight = _smooth(maximum_filter1d(weight, wide, axis=0, mode="nearest"), fps, 0.10)
     front = weight.max(axis=1)
-    aside = -_smoothed(near.head_side, fps, 0.06) * weight
+    aside = -_smooth(near.head_side, fps, 0.06) * weight
     return np.asarray(
         np.deg2rad(np.stack([_MEET_NOD_DEG * front, 0.0 * front, _MEET_TILT_DEG * aside.sum(axis=1)], axis=-1))
     )
 
 
-def _smoothed(values: FloatArray, fps: float, seconds: float) -> FloatArray:
+def _smooth(values: FloatArray, fps: float, seconds: float) -> FloatArray:
     return np.asarray(gaussian_filter1d(values, seconds * fps, axis=0, mode="nearest"))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from signsplice.motion import FloatArray
 from signsplice.signer import locations, pose
-from signsplice.signer.figure import ARMS, PosedSigner, posed_signer
+from signsplice.signer.figure import ARMS, PosedSigner, pose_signer
 from signsplice.signer.locations import WeakArm
 from signsplice.signer.phonology import Posture
 from signsplice.signer.planner import IsolatedWord
@@ -47,13 +47,13 @@ class _Body:
 
 def warnings(word: IsolatedWord) -> list[str]:
     """A line, with the gloss, for each kind of thing that is not as the sign says, of the worst of its segments."""
-    body = _posed(word)
-    worst = (max(found(body), default=None) for found in (_out_of_reach, _contorted, _off_the_skin))
+    body = _pose_word(word)
+    worst = (max(found(body), default=None) for found in (_out_of_reach, _find_contorted_wrists, _off_the_skin))
     return [f"{word.sign.gloss}: {line[1]}" for line in worst if line is not None]
 
 
-def _posed(word: IsolatedWord) -> _Body:
-    posed = posed_signer(word.states, word.signer)
+def _pose_word(word: IsolatedWord) -> _Body:
+    posed = pose_signer(word.states, word.signer)
     rotations, positions = posed.rotations, posed.positions
     chest = rotations[:, JOINTS["Spine2"]]
     seen = np.einsum("tba,tkb->tka", chest, positions)  # (T, J, 3)
@@ -69,7 +69,7 @@ def _sides(word: IsolatedWord) -> tuple[int, ...]:
     return (0, 1) if word.sign.two_handed else (0,)
 
 
-def _named(body: _Body, n: int) -> str:
+def _segment_label(body: _Body, n: int) -> str:
     return f"segment {n + 1} ({body.word.segments[n].segment.kind})"
 
 
@@ -84,17 +84,19 @@ def _out_of_reach(body: _Body) -> Iterator[tuple[float, str]]:
             if miss > OFF_CM:
                 made, meant = (np.linalg.norm(place - body.shoulders[one.end, side]) for place in (made, meant))
                 why = "its arm bends no farther" if meant < made else "its arm is too short"
-                where = f"at={posture.location} is out of reach in {_named(body, n)}"
+                where = f"at={posture.location} is out of reach in {_segment_label(body, n)}"
                 yield miss, f"{where}: the {_HAND_NAMES[side]} hand stays {miss:.1f} cm away, {why}"
 
 
-def _contorted(body: _Body) -> Iterator[tuple[float, str]]:
+def _find_contorted_wrists(body: _Body) -> Iterator[tuple[float, str]]:
     """Wrists that bend too far, with the angle, degrees."""
     for n, one in enumerate(body.word.segments):
         for side in _sides(body.word):
             bend = float(body.bends[one.begin : one.end + 1, side].max())
             if bend > CONTORTED_DEG:
-                line = f"the {_HAND_NAMES[side]} wrist is contorted in {_named(body, n)}: it bends by {bend:.0f}"
+                line = (
+                    f"the {_HAND_NAMES[side]} wrist is contorted in {_segment_label(body, n)}: it bends by {bend:.0f}"
+                )
                 yield bend, f"{line} degrees, expected at most {CONTORTED_DEG:.0f}; turn palm= or fingers="
 
 
@@ -108,7 +110,7 @@ def _off_the_skin(body: _Body) -> Iterator[tuple[float, str]]:
         frames = range(max(0, one.end - 1), min(one.end + 2, len(body.word)))
         miss = min(body.posed.distance(posture, frame)[0] for frame in frames) - max(meant, 0.0)
         if miss > OFF_CM:
-            line = f"by={posture.part} misses at={posture.location} by {miss:.1f} cm in {_named(body, n)}"
+            line = f"by={posture.part} misses at={posture.location} by {miss:.1f} cm in {_segment_label(body, n)}"
             yield miss, f"{line}, where it is written to touch"
 
 

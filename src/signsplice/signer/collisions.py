@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from signsplice.body.collision import PosedCapsules
 from signsplice.motion import FloatArray, curves, rotation
 from signsplice.signer import pose
-from signsplice.signer.figure import Figure, posed_signer
+from signsplice.signer.figure import Figure, pose_signer
 from signsplice.signer.phonology import MIRRORED_HANDS, Posture, on_arm
 from signsplice.signer.signer import Signer, shoulder
 
@@ -35,7 +35,7 @@ def clear_collisions(
     figure = figure or Figure(states, signer)
     level = curves.fade_window(len(states)) if ends else np.ones(len(states))
     mean = np.zeros((len(states), 2, 3))
-    depth, exits = _depths(figure.posed(states).capsules)
+    depth, exits = _depths(figure.pose_arms(states).capsules)
     for n in range(2 * _ROUNDS):
         out = exits
         if n >= _ROUNDS:
@@ -52,11 +52,11 @@ def clear_collisions(
         if mirrored:
             pushes = np.repeat(pushes.mean(axis=1, keepdims=True), 2, axis=1)
             pushes[..., 0] = -np.abs(pushes[..., 0])  # away from the other hand, though they be past one another
-        displacements = curves.spread_in_time(pushes, _KERNEL) * level[:, None, None]
+        displacements = curves.smooth_over_time(pushes, _KERNEL) * level[:, None, None]
         states = states.copy()
         pose.hands(states)[..., pose.WRIST] += displacements
         frames = np.flatnonzero(displacements.any(axis=(1, 2)))
-        depth[frames], exits[frames] = _depths(figure.posed(states[frames], frames).capsules)
+        depth[frames], exits[frames] = _depths(figure.pose_arms(states[frames], frames).capsules)
     return states
 
 
@@ -68,7 +68,7 @@ def penetration(
     direction (T, 2, 3) out of there in the chest's axes, mirrored for the weak hand as its state is. ``figure``: of
     these states but for their arms.
     """
-    return _depths((figure or Figure(states, signer)).posed(states).capsules, slack)
+    return _depths((figure or Figure(states, signer)).pose_arms(states).capsules, slack)
 
 
 def _depths(capsules: PosedCapsules, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +91,7 @@ def hand_clearances(states: FloatArray, signer: Signer, most: float = np.inf) ->
     """Distances (T, 4) between skins, cm, negative inside, or ``most`` where they are greater: of the strong hand and
     of the weak one from head and trunk, of the strong hand from the weak hand or arm, and from the weak hand alone.
     """
-    capsules = Figure(states, signer).posed(states).capsules
+    capsules = Figure(states, signer).pose_arms(states).capsules
     body, groups = capsules.body, capsules.body.groups
     solid = (*groups.head, *groups.trunk)
     parts = zip(body.parts, body.sides, strict=True)
@@ -103,7 +103,7 @@ def hand_clearances(states: FloatArray, signer: Signer, most: float = np.inf) ->
 
 def between_hands(states: FloatArray, signer: Signer, most: float = np.inf) -> FloatArray:
     """Distance (T,) between the skins of the two hands, cm, negative inside, or ``most`` where it is greater."""
-    capsules = Figure(states, signer).posed(states).capsules
+    capsules = Figure(states, signer).pose_arms(states).capsules
     return capsules.nearest(capsules.body.groups.right, (capsules.body.groups.left,), most)[0][:, 0]
 
 
@@ -119,7 +119,7 @@ def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) 
         return moves
     turned = np.concatenate([state[27:54], state[:27], state[54:]])  # the weak hand in the strong one's place
     for which, one in enumerate((state, turned) if meets else (state,)):
-        _, out = posed_signer(one[None], signer).distance(posture, 0)
+        _, out = pose_signer(one[None], signer).distance(posture, 0)
         gap = hand_clearances(one[None], signer)[0, 2 if on_arm(posture.location) else 0]
         moves[which] = (max(posture.off, 0.0) * signer.scale - gap) * out
     return moves

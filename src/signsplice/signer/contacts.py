@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from signsplice.body import collision
 from signsplice.motion import FloatArray, rotation
 from signsplice.signer import arms, locations, pose
-from signsplice.signer.figure import ARMS, PosedSigner, out_of_capsules, posed_figure, surface
+from signsplice.signer.figure import ARMS, PosedSigner, out_of_capsules, pose_figure, surface
 from signsplice.signer.hand import hand_part
 from signsplice.signer.location_targets import (
     PostureHold,
@@ -103,7 +103,7 @@ class _ContactProblem:
 def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to."""
     signer, sign, mirrored = word.signer, word.sign, word.sign.hands in MIRRORED_HANDS
-    wanted, still = word.parted(lambda posture: posture.touch)
+    wanted, still = word.partition_holds(lambda posture: posture.touch)
     targets = list[_ContactTarget]()
     for one in wanted:
         meets = mirrored and in_space(one.posture.location)
@@ -116,7 +116,7 @@ def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
     frames = np.array([one.first for one in targets])
     for n in range(_ROUNDS + 1):
         at = _Poses.of(moved[frames], signer)
-        posed = posed_figure(word.figure, at.states, frames)
+        posed = pose_figure(word.figure, at.states, frames)
         goals = np.array([location_target(posed, row, one, sign) for row, one in enumerate(targets)])
         touches = _ContactProblem(word, at, targets, goals)
         cost = np.square(_residuals(touches, np.zeros((len(frames), 1, 7)))).sum(axis=(1, 2))
@@ -133,15 +133,17 @@ def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
         elif sign.hands == "symmetric":
             like = {row: (targets[row].first, targets[row].posture) for row in some}
         firsts = {key: row for row, key in reversed(like.items())}
-        solved = dict(zip(firsts, _solved(touches[np.array([*firsts.values()])]), strict=True))
+        solved = dict(zip(firsts, _solve_arm_steps(touches[np.array([*firsts.values()])]), strict=True))
         found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(targets))])
         missing = [(replace(one, which=which), x) for one, x in zip(targets, found, strict=True)
                    for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
-        moved = resolve_collisions(_moved(moved, word.spread(missing, still, 1 + n), signer), word)
+        moved = resolve_collisions(
+            _move_arms(moved, word.interpolate_displacements(missing, still, 1 + n), signer), word
+        )
     return states
 
 
-def _moved(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
+def _move_arms(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
     """States (N, 65) with both hands' wrists, hands and elbows moved by ``steps`` (N, 2, 7)."""
     wrists, (arm, quats, swivels) = _arms(_Poses.of(states, signer), steps, signer)
     changed = states.copy()
@@ -160,7 +162,7 @@ def _arms(at: _Poses, steps: FloatArray, signer: Signer) -> tuple[FloatArray, tu
     return wrists, (arm, rotation.multiply(rotation.inverse(arm.fore), quats), swivels)
 
 
-def _solved(touches: _ContactProblem) -> FloatArray:
+def _solve_arm_steps(touches: _ContactProblem) -> FloatArray:
     """Movements (N, 7) of wrist, hand and elbow that bring about touches."""
     n = len(touches.targets)
     going, damping = np.arange(n), np.full(n, 0.1)
@@ -191,7 +193,7 @@ def _residuals(touches: _ContactProblem, x: FloatArray) -> FloatArray:
     hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in each.targets])
     _, (arm, quats, swivels) = _arms(each.poses, hands[..., None] * x.reshape(-1, 1, 7), figure.signer)
     frames = np.array([one.first for one in each.targets])
-    posed = posed_figure(figure, each.poses.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
+    posed = pose_figure(figure, each.poses.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
     rows = [slice(row * x.shape[1], (row + 1) * x.shape[1]) for row in range(len(x))]
     return np.array([_missing(posed, *one) for one in zip(rows, touches.targets, touches.goals, x, strict=True)])
 

@@ -64,20 +64,20 @@ class Figure:
         self.positions = positions - positions[:, _SPINE[2], None]
         joints, ends = self.body.joints, np.stack([self.body.starts, self.body.ends])  # (2, C, 3)
         self._ends = np.einsum("tcab,ncb->tnca", self.rotations[:, joints], ends) + self.positions[:, None, joints]
-        self._carried = bones.derived[_carried]
+        self._carried = bones.derived[_capsules_by_arm_joint]
         # Where arms are straight, what they carry is turned as the chest is.
         self._at_rest = [
             (self._ends[:, :, own] - self.positions[:, joint, None, None]).reshape(len(states), -1, 3)
             for own, joint in zip(self._carried, ARMS.ravel(), strict=True)
         ]
 
-    def posed(
+    def pose_arms(
         self, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
     ) -> PosedArms:
         """The arms of states (F, 65), which stand for the frames ``at`` of the figure's own; or other ``arms``, as of
-        ``pose.posed_arms``.
+        ``pose.solve_arms_and_wrists``.
         """
-        turned = pose.arm_rotations(*arms or pose.posed_arms(states, self.signer))
+        turned = pose.arm_rotations(*arms or pose.solve_arms_and_wrists(states, self.signer))
         rotations = rotation.to_matrix(np.stack(turned, axis=2))  # (F, 2, 4, 3, 3)
         scale, broad = self.signer.scale, np.array([-self.signer.shoulders, 1.0, 1.0])
         lengths = (UPPER_ARM * self.signer.arms * scale, FOREARM * self.signer.arms * scale)
@@ -101,7 +101,7 @@ class Figure:
         return PosedCapsules(self.body, ends[:, 0], ends[:, 1])
 
 
-def _carried(bones: Skeleton) -> list[NDArray[np.intp]]:
+def _capsules_by_arm_joint(bones: Skeleton) -> list[NDArray[np.intp]]:
     """The capsules that each of the arms' joints carries, with the fingers' ones on the hand's."""
     carriers: dict[int, int] = {}
     for joint in ARMS.ravel().tolist():
@@ -152,18 +152,18 @@ def out_of_capsules(
     return out, np.linalg.norm(out, axis=-1) - (radii[:, 0] + along * (radii[:, 1] - radii[:, 0]))
 
 
-def posed_signer(states: FloatArray, signer: Signer) -> PosedSigner:
+def pose_signer(states: FloatArray, signer: Signer) -> PosedSigner:
     """A signer, as if right-handed, in states (T, 65)."""
-    return posed_figure(Figure(states, signer), states)
+    return pose_figure(Figure(states, signer), states)
 
 
-def posed_figure(
+def pose_figure(
     figure: Figure, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
 ) -> PosedSigner:
     """A figure's signer in states (F, 65), those of the figure ``at`` some frames but for their ``arms``, which are
-    those of the states or others (``Figure.posed``).
+    those of the states or others (``Figure.pose_arms``).
     """
-    posed = figure.posed(states, at, arms)
+    posed = figure.pose_arms(states, at, arms)
     rotations, positions = figure.rotations[at].copy(), figure.positions[at].copy()
     rotations[:, ARMS], positions[:, ARMS] = posed.rotations, posed.positions
     return PosedSigner(figure.signer, states, rotations, positions, posed)

@@ -14,9 +14,9 @@ from signsplice.errors import InputError
 from signsplice.formats import save
 from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.formats.bvh import encode
-from signsplice.formats.reading import format_errors, opened, read_bytes
+from signsplice.formats.reading import format_errors, open_file, read_bytes
 from signsplice.motion import Clip
-from signsplice.progress import Progress, counted
+from signsplice.progress import Progress, track_progress
 from signsplice.signer import planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import FPS, IsolatedWord
@@ -46,9 +46,9 @@ def write_lexicon(
     rows.writerow(_COLUMNS)
     check_folder(folder, GLOSSES, _lexicon_files)
     with replacing_folder(folder) as made:
-        for sign in counted(signs, progress):
+        for sign in track_progress(signs, progress):
             name = f"{file_name(sign.gloss)}.bvh"
-            word = planner.isolated(sign, signer, fps=fps)
+            word = planner.synthesize_word(sign, signer, fps=fps)
             save(word.clip, made / name)
             if seen is not None:
                 seen(word)
@@ -77,7 +77,7 @@ def _lexicon_files(folder: Path) -> list[str]:
             raise InputError(f"{table}:{line}: is no word of `synth lexicon`; {NOT_OURS}")
         path = folder / words["file"]
         if path.exists():
-            with opened(path) as (file, _):
+            with open_file(path) as (file, _):
                 if file.read(len(hierarchy)) != hierarchy:
                     raise InputError(f"{path}: is on another skeleton than signer {signer}; {NOT_OURS}")
     return [GLOSSES, *(row[0] for row in rows[1:])]

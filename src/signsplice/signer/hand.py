@@ -230,10 +230,10 @@ def is_part(text: str) -> bool:
 
 def hand_part(text: str) -> HandPart:
     """The part of the hand that a text names or composes; see ``is_part``."""
-    return PARTS_OF_HAND[text] if text in PARTS_OF_HAND else CACHE.recent(_composed, text, most=512)
+    return PARTS_OF_HAND[text] if text in PARTS_OF_HAND else CACHE.recent(_parse_part, text, most=512)
 
 
-def _composed(text: str) -> HandPart:
+def _parse_part(text: str) -> HandPart:
     if "/" in text:
         one, other = (hand_part(name) for name in text.split("/", 1))
         return HandPart(one.names * len(other.names) + other.names * len(one.names), 0.5 * (one.skin + other.skin),

@@ -87,7 +87,7 @@ _CAPSULES = [
 ]
 
 
-def opened(states: FloatArray, ends: bool = False) -> FloatArray:
+def open_thumbs(states: FloatArray, ends: bool = False) -> FloatArray:
     """States (T, 65) with thumbs opened as far as fingers would else lie deeper in them than 3 mm; ``ends``: the frames
     belong between two others, and what is changed fades out towards both.
     """
@@ -204,7 +204,7 @@ _WORD = re.compile(
 )
 
 
-def _parsed(text: str) -> _ComposedShape | None:
+def _parse_shape(text: str) -> _ComposedShape | None:
     """What the words of a text say, without ``~``; None where it is no composed shape."""
     base, *words = re.split(r"(?<!\.w\d)\.", text)
     if base not in BASES:
@@ -240,16 +240,16 @@ def _is_bend(word: str) -> bool:
 
 def is_handshape(text: str) -> bool:
     """Whether a text names a handshape, or composes one."""
-    return text in HANDSHAPES or (text.count("~") <= 1 and all(map(_parsed, text.split("~"))))
+    return text in HANDSHAPES or (text.count("~") <= 1 and all(map(_parse_shape, text.split("~"))))
 
 
 def handshape(text: str) -> Handshape:
     """The handshape that a text names or composes; see ``is_handshape``."""
-    return HANDSHAPES[text] if text in HANDSHAPES else CACHE.recent(_composed, text, most=1024)
+    return HANDSHAPES[text] if text in HANDSHAPES else CACHE.recent(_compose_handshape, text, most=1024)
 
 
-def _composed(text: str) -> Handshape:
-    shapes = [_parsed(part) for part in text.split("~")]
+def _compose_handshape(text: str) -> Handshape:
+    shapes = [_parse_shape(part) for part in text.split("~")]
     angles = np.mean([_angles(shape) for shape in shapes if shape is not None], axis=0)
     return Handshape(text, frozen(_with_room(angles)))
 

@@ -89,11 +89,11 @@ def agree(sign: Sign, subject: str | None = None, object: str | None = None) -> 
     for s in sign.segments:
         strong, weak = _agreeing(s.strong, persons, yaw), s.weak and _agreeing(s.weak, persons, -yaw, is_weak=True)
         path, weak_path = (
-            replace(one, direction=_turned(one.direction, by)) for one, by in ((s.path, yaw), (s.weak_path, -yaw))
+            replace(one, direction=_rotate_yaw(one.direction, by)) for one, by in ((s.path, yaw), (s.weak_path, -yaw))
         )
         segments.append(replace(s, strong=strong, weak=weak, path=path, weak_path=weak_path))
     gloss = "-".join(filter(None, (subject, sign.gloss, object))).upper()
-    return _checked(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
+    return _check_sign(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
 
 
 def inflect(sign: Sign, kind: str) -> Sign:
@@ -115,15 +115,15 @@ def inflect(sign: Sign, kind: str) -> Sign:
     elif kind == "plural":
         segments[at:] = [_sidewards(s, sign) for s in segments[at:]]
     elif kind == "habitual":
-        segments[at] = replace(_repeated(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
+        segments[at] = replace(_repeat_movement(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
     else:
         lift = _ARCH_CM if goes else 0.0
-        segments[at] = replace(_repeated(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
+        segments[at] = replace(_repeat_movement(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
     gloss = f"{sign.gloss}-{kind.upper()}"
-    return _checked(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
+    return _check_sign(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
 
 
-def _repeated(segment: Segment, goes: bool, more: int) -> Segment:
+def _repeat_movement(segment: Segment, goes: bool, more: int) -> Segment:
     """A movement made ``more`` times more often; one that stays in its place goes on for as much longer."""
     times = min(segment.times + more, 8)
     if goes:
@@ -145,14 +145,14 @@ def _sidewards(segment: Segment, sign: Sign) -> Segment:
         strong = replace(strong, shift=_plus(strong.shift, 2.0 * _STEP_CM))
     weak = weak and replace(weak, shift=_plus(weak.shift, -2.0 * _STEP_CM))
     moved = replace(segment, strong=strong, weak=weak)
-    return replace(_repeated(moved, False, 1), seconds=None) if segment.kind == "M" else moved
+    return replace(_repeat_movement(moved, False, 1), seconds=None) if segment.kind == "M" else moved
 
 
 def _plus(shift: Vector, out: float) -> Vector:
     return shift[0] + out, shift[1], shift[2]
 
 
-def _checked(sign: Sign) -> Sign:
+def _check_sign(sign: Sign) -> Sign:
     found = faults(sign)
     if found:
         raise InputError(f"{sign.gloss} cannot be made: {found[0]}")
@@ -174,7 +174,7 @@ def _yaw(subject: str | None, object: str | None) -> float:
     return float(np.arctan2(out, forward))
 
 
-def _turned(v: Vector, yaw: float) -> Vector:
+def _rotate_yaw(v: Vector, yaw: float) -> Vector:
     """A vector (out, up, forward) turned about the vertical, forward going to out."""
     c, s = float(np.cos(yaw)), float(np.sin(yaw))
     return v[0] * c + v[2] * s, v[1], v[2] * c - v[0] * s
@@ -187,7 +187,7 @@ def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_w
         return posture
     if is_weak:  # which is written as if it were the strong one
         person = {"3": "3-weak", "3-weak": "3"}.get(person, person)
-    shift, palm, fingers = (_turned(v, yaw) for v in (posture.shift, posture.palm, posture.fingers))
+    shift, palm, fingers = (_rotate_yaw(v, yaw) for v in (posture.shift, posture.palm, posture.fingers))
     moved = replace(posture, location=f"locus:{person}", shift=shift, palm=palm, fingers=fingers)
     return moved if yaw == 0.0 or are_easy([moved])[0] else _facing(moved, posture.palm[2] > posture.fingers[2])
 

@@ -23,7 +23,7 @@ from signsplice.motion.kinematics import rest_positions
 from signsplice.signer import arms, hand, locations, pose
 from signsplice.signer.arms import GRID, hardship
 from signsplice.signer.collisions import NEAREST_CM, clear_collisions, penetration
-from signsplice.signer.figure import ARMS, Figure, PosedSigner, posed_figure
+from signsplice.signer.figure import ARMS, Figure, PosedSigner, pose_figure
 from signsplice.signer.hand import hand_part
 from signsplice.signer.locations import WeakArm, axes, facing, locate, on_joint, on_weak_arm
 from signsplice.signer.phonology import ON_ARM, REST, Posture, Sign, in_space, on_arm, on_base
@@ -66,7 +66,7 @@ def ease_places(sign: Sign, signer: Signer) -> Sign:
     move = _MOVES[costs.sum(axis=-1).argmin()]
     if not move.any():
         return sign
-    segments = (replace(one, strong=_shifted(one.strong, move), weak=one.weak and _shifted(one.weak, move))
+    segments = (replace(one, strong=_shift_posture(one.strong, move), weak=one.weak and _shift_posture(one.weak, move))
                 for one in sign.segments)  # fmt: skip
     return replace(sign, segments=tuple(segments))
 
@@ -76,7 +76,7 @@ def _is_open(posture: Posture, sign: Sign) -> bool:
     return on_base(posture.location) or (in_space(posture.location) and not (posture.touch and sign.hands == "one"))
 
 
-def _shifted(posture: Posture, move: FloatArray) -> Posture:
+def _shift_posture(posture: Posture, move: FloatArray) -> Posture:
     """A posture in open space moved (3,)."""
     if posture.location == REST or on_base(posture.location):
         return posture
@@ -105,7 +105,7 @@ _BEFORE = np.array([-0.35, 0.0, 0.9367])
 def apply_location_targets(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """States (T, 65) of a whole word with hands at their places at the end of each of its segments."""
     signer = word.signer
-    wanted, still = word.parted(lambda posture: posture.location not in LEFT_ALONE)
+    wanted, still = word.partition_holds(lambda posture: posture.location not in LEFT_ALONE)
     moves = np.zeros((len(states), 2, 3))
     if not wanted:
         return states
@@ -114,7 +114,7 @@ def apply_location_targets(states: FloatArray, word: WrittenMotion) -> FloatArra
     centres = [part_centre(states, one, signer) for one in wanted]
     least, best = np.inf, moves
     for n in range(_ROUNDS + 1):
-        posed = posed_figure(word.figure, move_hands(states[frames], moves[frames], signer), np.array(frames))
+        posed = pose_figure(word.figure, move_hands(states[frames], moves[frames], signer), np.array(frames))
         missing = [
             _missing(posed, rows[one.first], one, word.sign, centre)
             for one, centre in zip(wanted, centres, strict=True)
@@ -125,13 +125,13 @@ def apply_location_targets(states: FloatArray, word: WrittenMotion) -> FloatArra
         least, best = left, moves
         if n == _ROUNDS or left == 0.0:
             break
-        step = word.spread(zip(wanted, missing, strict=True), still)
+        step = word.interpolate_displacements(zip(wanted, missing, strict=True), still)
         if word.sign.hands == "base":  # a hand at the other one goes where that one goes
             missing = [
                 miss + MIRROR * step[one.first, 1] if not one.which and on_base(one.posture.location) else miss
                 for one, miss in zip(wanted, missing, strict=True)
             ]
-            step = word.spread(zip(wanted, missing, strict=True), still)
+            step = word.interpolate_displacements(zip(wanted, missing, strict=True), still)
         moves = limit_length(moves + step, _MOST_CM)
     return move_hands(states, best, signer)
 
@@ -160,13 +160,15 @@ def facing_as_written(states: FloatArray, word: WrittenMotion) -> FloatArray:
     each posture: near its shoulder a hand that is moved a little turns far with its forearm.
     """
     quats = pose.hand_rotations(states, word.signer)
-    wanted, still = word.parted(lambda posture: posture.location != REST)
+    wanted, still = word.partition_holds(lambda posture: posture.location != REST)
     if not wanted:
         return quats
     made = [rotation.inverse(quats[one.first, one.which]) for one in wanted]
     written = [facing(one.posture.palm, one.posture.fingers) for one in wanted]
     turns = [rotation.log(rotation.multiply(goal, quat)) for goal, quat in zip(written, made, strict=True)]
-    return rotation.multiply(rotation.exp(word.spread(zip(wanted, turns, strict=True), still)), quats)
+    return rotation.multiply(
+        rotation.exp(word.interpolate_displacements(zip(wanted, turns, strict=True), still)), quats
+    )
 
 
 def within_reach(states: FloatArray, signer: Signer) -> FloatArray:
@@ -243,7 +245,7 @@ class WrittenMotion:
         """Where hands are at the end of each segment, and so on (``posture_holds``)."""
         return posture_holds(self.segments, self.sign, self.fps)
 
-    def parted(self, changes: Callable[[Posture], bool]) -> tuple[list[PostureHold], list[PostureHold]]:
+    def partition_holds(self, changes: Callable[[Posture], bool]) -> tuple[list[PostureHold], list[PostureHold]]:
         """The holds of postures that ``changes`` holds for, and the others."""
         changed = [one for one in self.holds if changes(one.posture)]
         return changed, [one for one in self.holds if not changes(one.posture)]
@@ -252,7 +254,7 @@ class WrittenMotion:
         """How deep a hand lies in the body at most, cm."""
         return float(penetration(states, self.signer, figure=self.figure)[0].max())
 
-    def spread(
+    def interpolate_displacements(
         self, missing: Iterable[tuple[PostureHold, FloatArray]], still: Sequence[PostureHold] = (), parts: int = 1
     ) -> FloatArray:
         """Displacements (T, 2, C) that are what is ``missing`` (C,) of holds, 0 in those that are ``still``, go from

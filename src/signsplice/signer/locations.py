@@ -250,7 +250,7 @@ def palm(posture: Posture, weak: WeakArm, meets: bool = False) -> FloatArray:
 _LIFTED_IN_SPACE = (0.0, 0.7, -0.7)
 
 
-def lifted(posture: Posture, weak: WeakArm) -> FloatArray:
+def lift_direction(posture: Posture, weak: WeakArm) -> FloatArray:
     """The unit vector (3,) along which a hand is lifted on its way back to a posture: away from the surface that it is
     at; in space up and towards the signer.
     """

@@ -198,12 +198,12 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
         before = Posture("", "", "palm", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     changes: dict[str, object] = {}
     if "at" in fields:
-        location = _composed(line, f"{prefix}at", fields["at"], LOCATIONS, is_location)
+        location = _parse_composite(line, f"{prefix}at", fields["at"], LOCATIONS, is_location)
         changes |= {"location": location, "off": 0.0, "touch": False}
     if "shape" in fields:
-        changes["shape"] = _composed(line, f"{prefix}shape", fields["shape"], HANDSHAPES, is_handshape)
+        changes["shape"] = _parse_composite(line, f"{prefix}shape", fields["shape"], HANDSHAPES, is_handshape)
     if "by" in fields:
-        changes["part"] = _composed(line, f"{prefix}by", fields["by"], PARTS, is_part)
+        changes["part"] = _parse_composite(line, f"{prefix}by", fields["by"], PARTS, is_part)
     if "touch" in fields:
         changes["touch"] = _one_of(line, f"{prefix}touch", fields["touch"], ("yes", "no")) == "yes"
     if "off" in fields:
@@ -311,7 +311,7 @@ def _number(line: _Line, key: str, text: str, low: float, high: float, whole: bo
     return value
 
 
-def _composed(line: _Line, key: str, value: str, known: Iterable[str], is_known: Callable[[str], bool]) -> str:
+def _parse_composite(line: _Line, key: str, value: str, known: Iterable[str], is_known: Callable[[str], bool]) -> str:
     """A word that may also be composed."""
     return value if is_known(value) else _one_of(line, key, value, known)
 

@@ -51,7 +51,7 @@ def keep_path_shape(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """States (T, 65) of a whole word, free of collisions, with strokes as they are written."""
     signer, every = word.signer, word.holds
     rows = _rows(word)
-    _, still = word.parted(_is_open)
+    _, still = word.partition_holds(_is_open)
     before: list[FloatArray] = []
     goals: list[FloatArray] = []
     for first in (True, False):
@@ -72,7 +72,7 @@ def keep_path_shape(states: FloatArray, word: WrittenMotion) -> FloatArray:
         ]
         if max((float(np.linalg.norm(miss)) for _, miss in missing), default=0.0) < _LEFT_CM * signer.scale:
             break
-        whole = resolve_collisions(move_hands(states, word.spread(missing, still), signer), word)
+        whole = resolve_collisions(move_hands(states, word.interpolate_displacements(missing, still), signer), word)
         depth = word.depth(whole)
         if depth <= TOLERANCE_CM or depth <= word.depth(states):
             states = whole
@@ -121,7 +121,7 @@ def keep_base_hand(states: FloatArray, word: WrittenMotion) -> FloatArray:
         within = np.clip(times, first, last)
         fade = wendland(times, within[:, None], RADIUS_S * word.fps)
         frames = np.flatnonzero(fade[:, 0])
-        capsules = word.figure.posed(states[frames], frames).capsules
+        capsules = word.figure.pose_arms(states[frames], frames).capsules
         groups = capsules.body.groups
         apart = capsules.nearest(groups.right, (groups.left,), _TOGETHER_CM)[0]
         along = fade[frames] * back[within[frames] - first]
@@ -132,7 +132,7 @@ def keep_base_hand(states: FloatArray, word: WrittenMotion) -> FloatArray:
 
 def hold_elbows(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """States (T, 65) of a whole word with elbows that stay while hands stay: where these bend wrists least."""
-    directions, wrist = arms.directions_of(states, word.signer), pose.posed_arms(states, word.signer)[1]
+    directions, wrist = arms.directions_of(states, word.signer), pose.solve_arms_and_wrists(states, word.signer)[1]
     bent, reach = arms.beyond_easy(wrist.angles), round(_HELD_S * word.fps)
     # What is farther away in time stays; of the same frame the later one counts.
     missing = [
@@ -143,7 +143,7 @@ def hold_elbows(states: FloatArray, word: WrittenMotion) -> FloatArray:
         best = min(frames, key=lambda frame: float(np.linalg.norm(bent[frame, one.which])))
         turns = directions[best, one.which] - directions[frames, one.which]
         missing += [(replace(one, first=frame, last=frame), x) for frame, x in zip(frames, turns, strict=True)]
-    return arms.turn_elbows(states, directions + word.spread(missing), word.signer)
+    return arms.turn_elbows(states, directions + word.interpolate_displacements(missing), word.signer)
 
 
 def _in_rows(places: Sequence[FloatArray], rows: Sequence[Sequence[int]], word: WrittenMotion) -> list[FloatArray]:
@@ -206,7 +206,7 @@ def _weak_posture(every: Sequence[PostureHold], stay: PostureHold) -> Posture | 
 
 def _palms(states: FloatArray, figure: Figure) -> FloatArray:
     """Middles of both palms (T, 2, 3) in the chest's axes, each as of a right hand."""
-    arms = figure.posed(states)
+    arms = figure.pose_arms(states)
     fingers = pose.hands(states)[..., pose.FINGERS]
     centres = _PALM.centre(hand.points(fingers)) * figure.signer.hands * figure.signer.scale
     places = arms.positions[:, :, 3] + np.einsum("tkab,tkb->tka", arms.rotations[:, :, 3], centres * pose.MIRRORS)

@@ -25,7 +25,7 @@ CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 
 """Duration of one cycle of each local movement."""
 
 
-def translated(hand_state: FloatArray, displacement: FloatArray, signer: Signer) -> FloatArray:
+def translate_hand(hand_state: FloatArray, displacement: FloatArray, signer: Signer) -> FloatArray:
     """A hand state (27,) moved by ``displacement`` (3,), cm, without rotating the hand."""
     wrist = hand_state[pose.WRIST]
     moved = wrist + displacement
@@ -46,10 +46,10 @@ def without_spins(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[
     return made
 
 
-def drifted(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:
+def translate_state(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:
     """A state (65,) with the strong hand moved by ``displacement`` (3,), cm, and with it a weak hand that moves."""
-    weak = translated(state[27:54], displacement, signer) if hands in MIRRORED_HANDS else state[27:54]
-    return np.concatenate([translated(state[:27], displacement, signer), weak, state[54:]])
+    weak = translate_hand(state[27:54], displacement, signer) if hands in MIRRORED_HANDS else state[27:54]
+    return np.concatenate([translate_hand(state[:27], displacement, signer), weak, state[54:]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class PathMotion:
         both = []
         for which, t, phase in self._both(s):
             hand_state, offset = self._straight(which, t), self._offset(which, t, phase)
-            both.append(hand_state if offset is None else translated(hand_state, offset, self.signer))
+            both.append(hand_state if offset is None else translate_hand(hand_state, offset, self.signer))
         state = pose.of_hands(*both)
         return self._in_touch(state) if self.segment.keeps else state
 
@@ -113,7 +113,7 @@ class PathMotion:
         """The state (65,) with hands that stay where they touch (``keep=touch``)."""
         for _ in range(_TOUCH_ROUNDS):
             moves = into_touch(state, self.segment.strong, self.hands, self.signer)
-            hands = (translated(one, move, self.signer) for one, move in zip(pose.hands(state), moves, strict=True))
+            hands = (translate_hand(one, move, self.signer) for one, move in zip(pose.hands(state), moves, strict=True))
             state = np.concatenate([*hands, state[pose.TRUNK.start :]])
         return state
 
@@ -125,7 +125,7 @@ class PathMotion:
         lift = self.lift * np.sin(np.pi * s)
         hands = (0, 1) if self.hands == "symmetric" else (0,)
         for which in hands:
-            both[which] = translated(both[which], lift, self.signer)
+            both[which] = translate_hand(both[which], lift, self.signer)
         return pose.of_hands(*both)
 
     def of_pass(self, k: int, s: float) -> FloatArray:
@@ -135,8 +135,8 @@ class PathMotion:
             return state
         moved = locations.axes(self.segment.step) * self.size * self.signer.scale * (k // 2 + (k % 2) * s)
         strong, weak = pose.hands(state)
-        weak = weak if self.hands == "one" else translated(weak, moved * pose.MIRROR, self.signer)
-        return np.concatenate([translated(strong, moved, self.signer), weak, state[54:]])
+        weak = weak if self.hands == "one" else translate_hand(weak, moved * pose.MIRROR, self.signer)
+        return np.concatenate([translate_hand(strong, moved, self.signer), weak, state[54:]])
 
     def _both(self, s: float) -> tuple[tuple[int, float, float], tuple[int, float, float]]:
         """For strong and weak hand at progress ``s``: whose path it follows (0 strong, 1 weak), its progress, and its
@@ -306,7 +306,7 @@ def strokes(path: PathMotion, count: int, n_frames: int, *names: str | int) -> l
     return made
 
 
-def varied_rounds(path: PathMotion, *names: str | int) -> tuple[PathMotion, Callable[[float], float]]:
+def vary_rounds(path: PathMotion, *names: str | int) -> tuple[PathMotion, Callable[[float], float]]:
     """The path with later revolutions of a circle, or swings of a zigzag, smaller; and the time of each fraction of it,
     0 to 1, each revolution in a time of its own. ``names`` seed how they differ.
     """

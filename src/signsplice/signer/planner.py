@@ -36,7 +36,15 @@ from signsplice.signer.location_targets import (
     within_reach,
 )
 from signsplice.signer.locations import ON_HEAD, WeakArm, resting
-from signsplice.signer.paths import PathMotion, drifted, rounds, strokes, translated, varied_rounds, without_spins
+from signsplice.signer.paths import (
+    PathMotion,
+    rounds,
+    strokes,
+    translate_hand,
+    translate_state,
+    vary_rounds,
+    without_spins,
+)
 from signsplice.signer.phonology import MIRRORED_HANDS, REST, Posture, Segment, Sign, in_space, on_base
 from signsplice.signer.signer import PLAIN, STANDARD, Signer, stream
 from signsplice.signer.timing import LANDING_S, Events, SignTake, TimedSegment, between_frames, hold_pause, tempo_of
@@ -60,13 +68,13 @@ class SegmentPlan:
         self.jitter = 0.7 * signer.scale * rng.standard_normal(3)
         self.pace = tempo_of(sign, signer, take)
         self.postures = self._postures()
-        self._set_out()
+        self._plan_segments()
         least = fps * self.pace.least_s / signer.tempo / (self.stop + 1)
         if least > 1.0:
             self.pace = replace(self.pace, movement=least * self.pace.movement)
-            self._set_out()
+            self._plan_segments()
 
-    def _set_out(self) -> None:
+    def _plan_segments(self) -> None:
         """Set the knots and the segments in time."""
         circles = self.sign.segments[0].kind == "X" and self.sign.segments[1].path.kind == "circle"
         self.knots = [Knot(0, self._first_state(), not (circles and self.pace.landing))]
@@ -130,7 +138,7 @@ class SegmentPlan:
             if location == REST:
                 strong = resting(self.signer, self.sign.gloss)[:27]
             elif in_space(location) and not (meets and location.endswith("-mid")) and not segment.strong.touch:
-                strong = translated(strong, self.jitter, self.signer)
+                strong = translate_hand(strong, self.jitter, self.signer)
             pairs.append((strong, strong if meets else weak.hand))
         return self._undershot(without_spins(pairs))
 
@@ -158,7 +166,7 @@ class SegmentPlan:
                     shift = shift - np.array([0.0, _LOWER * amount, 0.0])
                     most = _MOST_CM * signer.manner.undershoot * signer.scale
                     shift *= min(1.0, most / float(np.linalg.norm(shift)))
-                short = translated(strong, shift, signer)
+                short = translate_hand(strong, shift, signer)
             moved.append((short, short if weak is strong else weak))
         return moved
 
@@ -197,7 +205,7 @@ class SegmentPlan:
                 self.knots.append(Knot(begin + min(n_frames - 1, round(landing)), self.landed, True))
             state, self.landed = self.knots[-1].state, None
             if pause_s and not touches(segment, self.sign):
-                state = drifted(state, drift, self.signer, self.sign.hands)
+                state = translate_state(state, drift, self.signer, self.sign.hands)
             self.knots.append(Knot(begin + n_frames, state, True))
         return TimedSegment(segment, begin, self.stop, passes)
 
@@ -212,7 +220,7 @@ class SegmentPlan:
         if segment.lift:
             surface = next((end for end in ends if not in_space(end.location)), ends[0])
             weak = WeakArm(self.signer, postures[n][1])
-            lift = locations.lifted(surface, weak) * segment.lift * self.signer.scale
+            lift = locations.lift_direction(surface, weak) * segment.lift * self.signer.scale
         carried = all(on_base(end.location) for end in ends)
         return PathMotion(
             segment, self.sign.hands, self.signer, postures[begin], postures[n], self.size, lift=lift, carried=carried
@@ -230,7 +238,7 @@ class SegmentPlan:
         if segment.seconds is not None:
             each = round(segment.seconds * self.fps / count)
         each = max(6 * revolutions if path.circles else 4, each)
-        path, turned = varied_rounds(path, self.sign.gloss, self.take, n)
+        path, turned = vary_rounds(path, self.sign.gloss, self.take, n)
         passes = []
         for k, stroke in enumerate(strokes(path, count, each, self.sign.gloss, self.take, n)):
             for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
@@ -260,12 +268,12 @@ class SegmentPlan:
         if rest and self.sign.kind == "written":
             one = self.sign.segments[n]  # hands stay for what wrists or fingers do
             stops = held or (rest[0].strong, rest[0].weak) == (one.strong, one.weak)
-        if held and self.pace.landing and not self._touched(self.sign.segments[n], end.state):
+        if held and self.pace.landing and not self._is_touching(self.sign.segments[n], end.state):
             self.landed, stops = end.state, False
             end = replace(end, state=short)
         self.knots[-1] = replace(end, stop=stops)
 
-    def _touched(self, segment: Segment, state: FloatArray) -> bool:
+    def _is_touching(self, segment: Segment, state: FloatArray) -> bool:
         """Whether hands touch at a segment's end: by the notation where a linguist wrote it, else as is seen."""
         if self.sign.kind == "written":
             return touches(segment, self.sign)
@@ -326,7 +334,7 @@ class IsolatedWord:
         return len(self.states)
 
 
-def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
+def synthesize_word(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
     """A sign in citation form, as in a dictionary: both arms rest before and after it. The same arguments give the same
     motion; another ``take`` varies it a little.
     """
@@ -348,14 +356,14 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
-        states = handshapes.opened(states)
+        states = handshapes.open_thumbs(states)
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     plan.add_overlays(states, offset)
     add_gestures(states, sign.gestures, events, fps)
     states = add_body_motion(states, events, signer, fps, near)
     segments = tuple(one.later(offset) for one in plan.timed)
     if sign.kind == "written":
-        states = _written(states, segments, sign, signer, fps)
+        states = _refine_written_states(states, segments, sign, signer, fps)
     else:
         for _ in range(2):  # a forearm that is turned can meet the other hand
             states = clear_collisions(arms.smooth_elbows(states, signer, fps), signer)
@@ -363,7 +371,7 @@ def isolated(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = 
     return IsolatedWord(sign, signer, states, clip, events, segments)
 
 
-def _written(
+def _refine_written_states(
     states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
     """States (T, 65) of a whole word of a written sign with hands at their written places, in the written directions as

@@ -65,14 +65,14 @@ _TINY = 1e-300
 _ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
 
 
-def led_costs(
+def swivel_costs(
     arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """By how much (..., S), radians, forearm and wrist miss the rotations ``rotvecs`` (..., 3) with elbows at
     ``swivels`` (S,), since they keep to their limits; what these elbows cost; and what it costs that forearm and wrist
     are not comfortable.
     """
-    turned = _turned(arm, rotvecs, swivels)
+    turned = _wrist_rotations(arm, rotvecs, swivels)
     angles = angles_of(turned)
     kept = [soft_clip(x, low, high, MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
     made = _from_forearm(np.stack(kept, axis=-1))
@@ -82,7 +82,7 @@ def led_costs(
     return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels), np.asarray(strain)
 
 
-def _turned(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
+def _wrist_rotations(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
     """Rotations (..., S, 4) from forearm to hand with elbows at ``swivels`` (S,)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     half = -0.5 * swivels[:, None]
@@ -96,11 +96,11 @@ def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: Fl
     usual = -np.deg2rad(signer.elbow_deg)
     cost = sum(np.square(angle / ease) for angle, ease in zip((*angles, swivels - usual), _EASE, strict=True))
     if signer.manner.low_elbows:
-        cost = cost + signer.manner.low_elbows * _raised_cost(arm, np.stack(angles, axis=-1), signer, swivels)
+        cost = cost + signer.manner.low_elbows * _low_elbow_cost(arm, np.stack(angles, axis=-1), signer, swivels)
     return np.asarray(cost)
 
 
-def _raised_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
+def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
     """What each candidate swivel (..., S) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
     that bends forearm and wrist beyond their limits: angles (..., S, 3) of twist, deviation and flexion.
 
@@ -342,7 +342,7 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
 
 def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer) -> FloatArray:
     """``easy_swivels`` of the bytes of rotation vectors."""
-    cost = _costs(arm, angles_of(_turned(arm, np.frombuffer(data).reshape(shape), _SWIVELS)), signer, _SWIVELS)
+    cost = _costs(arm, angles_of(_wrist_rotations(arm, np.frombuffer(data).reshape(shape), _SWIVELS)), signer, _SWIVELS)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
     return np.asarray((weight @ _SWIVELS) / weight.sum(axis=-1))
@@ -394,7 +394,7 @@ def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip
 def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 65)."""
     local_quats, roots = without_arms(states, signer)
-    turns = arm_rotations(*posed_arms(states, signer))
+    turns = arm_rotations(*solve_arms_and_wrists(states, signer))
     chain = [turns[0], *(rotation.multiply(rotation.inverse(a), b) for a, b in itertools.pairwise(turns))]
     for n, side in enumerate(_sides(signer)):
         mirror = MIRROR_QUAT if side == "Left" else 1.0
@@ -428,7 +428,7 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
     return local_quats, roots
 
 
-def posed_arms(states: FloatArray, signer: Signer) -> tuple[Arm, Wrist]:
+def solve_arms_and_wrists(states: FloatArray, signer: Signer) -> tuple[Arm, Wrist]:
     """Both arms, as right arms, of states (..., 65), strong first, and their angles."""
     both = hands(states)
     arm = solve_arm(both[..., WRIST], signer)

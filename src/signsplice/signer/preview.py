@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from signsplice.motion import FloatArray
-from signsplice.render.picture import Image, Scene, around_hand, dotted, draw, draw_hand, make_scene
+from signsplice.render.picture import Image, Scene, around_hand, draw, draw_dots, draw_hand, make_scene
 from signsplice.render.sheet import write_cells
 from signsplice.rig.roles import SIDES
 from signsplice.signer import locations, notation, planner, pose
@@ -37,7 +37,7 @@ def write_preview(word: IsolatedWord, path: Path, size: int = 230) -> None:
     for scene in scenes:
         for frame, label, frames in steps:
             trail = scene.hands[frames, [SIDES.index(side) for side in acting]].reshape(-1, 3)
-            cells.append((dotted(draw(scene, frame, size, size), scene, trail, DOT, 2.0), label))
+            cells.append((draw_dots(draw(scene, frame, size, size), scene, trail, DOT, 2.0), label))
     for side in acting:
         cells += [(draw_hand(scenes[0], frame, side, size), f"{side} hand") for frame, _, _ in steps]
     write_cells(cells, path, len(steps))
@@ -94,7 +94,7 @@ def _still(strong: Posture | None = None, weak: Posture | None = None) -> tuple[
     return state, make_scene(pose.clip(state[None], _SIGNER, 30.0))
 
 
-def _seen(scene: Scene, joint: str, point: FloatArray) -> FloatArray:
+def _project_point(scene: Scene, joint: str, point: FloatArray) -> FloatArray:
     """A point (3,) in a joint's axes, from it, cm, in camera axes (1, 3)."""
     world = scene.positions[0, JOINTS[joint]] + scene.rotations[0, JOINTS[joint]] @ point
     return np.asarray((world - scene.origin) @ scene.axes.T / scene.height)[None]
@@ -104,25 +104,27 @@ def _place(name: str) -> Image:
     """A dot at a location on the body, on the weak arm or hand, or in space from the front and from the side."""
     posture = None
     if name in ON_BASE | ON_ARM:
-        turned = locations.locate(name, WeakArm(_SIGNER, locations.weak_hand(_held(_FORWARD, _UP), _SIGNER))).normal
-        posture = _held(_FORWARD if turned[2] > -0.1 else _BACK, _UP)
+        turned = locations.locate(
+            name, WeakArm(_SIGNER, locations.weak_hand(_weak_hand_posture(_FORWARD, _UP), _SIGNER))
+        ).normal
+        posture = _weak_hand_posture(_FORWARD if turned[2] > -0.1 else _BACK, _UP)
         if name in ON_ARM:
-            posture = _held((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0))
+            posture = _weak_hand_posture((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0))
     state, scene = _still(weak=posture)
-    dot = _seen(scene, "Spine2", locations.locate(name, WeakArm(_SIGNER, state[27:54])).point)
+    dot = _project_point(scene, "Spine2", locations.locate(name, WeakArm(_SIGNER, state[27:54])).point)
     if name in IN_SPACE:
         state, side = _still()
         side = make_scene(pose.clip(state[None], _SIGNER, 30.0), "side")
-        aside = _seen(side, "Spine2", locations.locate(name, WeakArm(_SIGNER, state[27:54])).point)
-        return np.hstack([_dot(_narrowed(one, at), at, _CELL // 2) for one, at in ((scene, dot), (side, aside))])
+        aside = _project_point(side, "Spine2", locations.locate(name, WeakArm(_SIGNER, state[27:54])).point)
+        return np.hstack([_dot(_narrow_window(one, at), at, _CELL // 2) for one, at in ((scene, dot), (side, aside))])
     if name in ON_HEAD or name == "throat":
-        scene = _around(scene, _seen(scene, "Spine2", np.array([0.0, 31.0, 0.0])), 0.11)
+        scene = _around(scene, _project_point(scene, "Spine2", np.array([0.0, 31.0, 0.0])), 0.11)
     elif name in ON_BASE - ON_ARM:
         scene = around_hand(scene, 0, "left")
     return _dot(scene, dot, _CELL)
 
 
-def _held(palm: Vector, fingers: Vector) -> Posture:
+def _weak_hand_posture(palm: Vector, fingers: Vector) -> Posture:
     """An open weak hand before the chest."""
     return Posture("B-open", "space-mid", "palm", palm, fingers, shift=(0.0, -5.0, 0.0))
 
@@ -132,7 +134,7 @@ def _around(scene: Scene, centre: FloatArray, reach: float) -> Scene:
     return replace(scene, window=(x - reach, x + reach, y - reach, y + reach))
 
 
-def _narrowed(scene: Scene, at: FloatArray) -> Scene:
+def _narrow_window(scene: Scene, at: FloatArray) -> Scene:
     """The scene with a window half as wide as high, which shows the signer and a point."""
     _, _, bottom, top = scene.window
     middle, reach = 0.55 * float(at[0, 0]), 0.25 * (top - bottom)
@@ -140,7 +142,7 @@ def _narrowed(scene: Scene, at: FloatArray) -> Scene:
 
 
 def _dot(scene: Scene, at: FloatArray, width: int) -> Image:
-    return dotted(draw(scene, 0, width, _CELL), scene, at, DOT, 4.0)
+    return draw_dots(draw(scene, 0, width, _CELL), scene, at, DOT, 4.0)
 
 
 def _hand_at(posture: Posture) -> Image:
@@ -159,12 +161,12 @@ def _part(name: str) -> Image:
     point = part.centre(shape.points) + part.skin * normal
     scene = around_hand(scene, 0, "right")
     image = draw(scene, 0, _CELL, _CELL, "right")
-    return dotted(image, scene, _seen(scene, "RightHand", point * _SIGNER.hands * _SIGNER.scale), DOT, 4.0)
+    return draw_dots(image, scene, _project_point(scene, "RightHand", point * _SIGNER.hands * _SIGNER.scale), DOT, 4.0)
 
 
 def _move(sign: Sign) -> Image:
     """A movement half way, with the paths of the hands that act, from the front, from the side or from above."""
-    word = planner.isolated(sign, _SIGNER)
+    word = planner.synthesize_word(sign, _SIGNER)
     start, stop = word.events.start, word.events.end
     sides = [0, 1] if sign.two_handed else [1]
     scene = make_scene(word.clip)
@@ -174,7 +176,7 @@ def _move(sign: Sign) -> Image:
         scene = make_scene(word.clip, "front" if is_level else "side", above_deg=50.0 * is_level)
     scene = _upper(scene)
     trail = scene.hands[start : stop + 1, sides].reshape(-1, 3)
-    return dotted(draw(scene, (start + stop) // 2, _WIDE, _WIDE), scene, trail, DOT, 2.2)
+    return draw_dots(draw(scene, (start + stop) // 2, _WIDE, _WIDE), scene, trail, DOT, 2.2)
 
 
 def _upper(scene: Scene) -> Scene:
@@ -187,13 +189,13 @@ def _swing(key: str, name: str) -> Image:
     """The two frames of a local movement, or of one of head or trunk, that differ most, one over the other."""
     beside = "" if key == "local" else " local=tremble:0.1:1"
     lines = ("X  hands=one", "  X  shape=B-open at=space palm=in fingers=fwd-up", f"  M  {key}={name} for=1{beside}")
-    word = planner.isolated(notation.parse("\n".join(lines))["X"], _SIGNER)
+    word = planner.synthesize_word(notation.parse("\n".join(lines))["X"], _SIGNER)
     start, stop = word.events.start, word.events.end
     scene = _upper(make_scene(word.clip, "side" if name in ("fwd", "back") else "front"))
     if key == "local":
         scene = around_hand(scene, start, "right")
     elif key == "head":
-        scene = _around(scene, _seen(scene, "Spine2", np.array([0.0, 31.0, 0.0])), 0.11)
+        scene = _around(scene, _project_point(scene, "Spine2", np.array([0.0, 31.0, 0.0])), 0.11)
     images = np.stack([draw(scene, frame, _WIDE, _WIDE) for frame in range(start - 4, stop + 5, 2)]).astype(np.float32)
     first = images[int(np.abs(images - images.mean(axis=0)).sum(axis=(1, 2, 3)).argmax())]
     other = images[int(np.abs(images - first).sum(axis=(1, 2, 3)).argmax())]

@@ -317,7 +317,7 @@ def _quintic(start: tuple[FloatArray, ...], end: tuple[FloatArray, ...], steps: 
     return np.asarray(p + u * (v + u * (0.5 * a + u * (c3 + u * (c4 + u * c5)))))
 
 
-def taken_at(states: FloatArray, times: FloatArray) -> FloatArray:
+def warp_time(states: FloatArray, times: FloatArray) -> FloatArray:
     """States (T, 65), each number taken at a time of its own, frames (T, 65); between frames by a cubic spline."""
     frames = np.arange(len(states))
     taken = states.copy()

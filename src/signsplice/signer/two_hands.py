@@ -60,7 +60,7 @@ def with_separate_timing(
         for which, first in enumerate((6, 33)):
             times[:, first : first + 21] -= (free[:, which] * inside)[:, None] * late[which]
     times = np.clip(np.maximum.accumulate(times, axis=0), 0.0, frames[-1])
-    states = trajectory.taken_at(states, times) + shift
+    states = trajectory.warp_time(states, times) + shift
     if formed:
         trajectory.clip_fingers(states)
     return states
@@ -157,7 +157,7 @@ def _coming(
     for fraction, detour in _ATTEMPTS:
         times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
         displacement = detour * signer.scale * hill * out
-        tried = trajectory.taken_at(
+        tried = trajectory.warp_time(
             states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * (pose.SIZE - 54)])
         )
         tried[:, :3] += displacement

@@ -24,7 +24,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from signsplice.errors import SignspliceError
-from signsplice.motion import Clip, Skeleton, unchecked_copy
+from signsplice.motion import Clip, Skeleton, copy_unchecked
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.options import SpliceOptions
@@ -62,12 +62,12 @@ def splice_many(
         check_list(asked[0])
         block.append(asked)
         if sum(len(clips) for clips, _ in block) >= _WORDS_AT_ONCE:
-            out += _spliced(block, transitions)
+            out += _splice_block(block, transitions)
             block = []
-    return out + _spliced(block, transitions)
+    return out + _splice_block(block, transitions)
 
 
-def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> list[Result]:
+def _splice_block(block: Sequence[_Asked], transitions: TransitionCache | None) -> list[Result]:
     """``splice_many`` of few sentences, each step for all of them."""
     done: dict[int, Result] = {}
 
@@ -86,20 +86,20 @@ def _spliced(block: Sequence[_Asked], transitions: TransitionCache | None) -> li
     filled: dict[int, list[Seam]] = {}
     for rows in _with_same_passes(growing, planned):
         try:
-            filled |= _filled({row: (growing[row], planned[row][1]) for row in rows}, transitions)
+            filled |= _fill_seams({row: (growing[row], planned[row][1]) for row in rows}, transitions)
         except SignspliceError:  # of some of them
-            filled |= each(lambda row: _filled({row: (growing[row], planned[row][1])}, transitions)[row], rows)
+            filled |= each(lambda row: _fill_seams({row: (growing[row], planned[row][1])}, transitions)[row], rows)
     finished = each(lambda row: growing[row].finish(planned[row][0], filled[row]), filled)
     began = time.perf_counter()
     positions = iter(seam_positions([seam for seams in finished.values() for seam in seams]))
     seconds = (time.perf_counter() - began) / max(1, len(finished))
     seen = {row: [next(positions) for _ in seams] for row, seams in finished.items()}
 
-    def joined(row: int) -> SpliceResult:
+    def join_pieces(row: int) -> SpliceResult:
         growing[row].seconds["join"] += seconds
         return joined_sentence(growing[row], [*growing[row].pieces(finished[row], seen[row]), *growing[row].end()])
 
-    done |= each(joined, finished)
+    done |= each(join_pieces, finished)
     return [done[row] for row in range(len(block))]
 
 
@@ -111,7 +111,7 @@ def _with_same_passes(sentences: dict[int, Sentence], rows: Iterable[int]) -> li
     return list(groups.values())
 
 
-def _filled(
+def _fill_seams(
     sentences: dict[int, tuple[Sentence, Sequence[Seam]]], transitions: TransitionCache | None
 ) -> dict[int, list[Seam]]:
     """The seams of sentences that are filled in the same way; each sentence takes its seams' part of the time."""
@@ -165,12 +165,12 @@ class TransitionCache:
                 known[key] = self._keep(key, seam)
         for row, key in keys.items():
             if row not in done and key is not None:
-                done[row] = known[key].put_in(seams[row])
+                done[row] = known[key].apply_to(seams[row])
         return [done[row] for row in range(len(seams))]
 
     def _keep(self, key: bytes, seam: Seam) -> _FilledGap:
         clip = seam.new_frames
-        compact = unchecked_copy(
+        compact = copy_unchecked(
             clip,
             local_rotations=np.array(clip.local_rotations),  # it may be a view of the frames of many gaps
             root_positions=np.array(clip.root_positions),
@@ -193,11 +193,11 @@ class _FilledGap(NamedTuple):
     depth: float | None
     peak_m_s: float | None
 
-    def put_in(self, seam: Seam) -> Seam:
+    def apply_to(self, seam: Seam) -> Seam:
         """A planned seam whose gap has the same numbers, with these frames."""
         before, n_frames = seam.gap.before, len(self.clip)
         channels = None if before.channels is None else before.channels.forgotten(n_frames)
-        clip = unchecked_copy(self.clip, skeleton=before.skeleton, channels=channels)
+        clip = copy_unchecked(self.clip, skeleton=before.skeleton, channels=channels)
         gap = seam.gap if n_frames == seam.gap.n_frames else replace(seam.gap, n_frames=n_frames)
         return replace(
             seam, gap=gap, frames=clip, frame_warnings=self.warnings, depth=self.depth, peak_m_s=self.peak_m_s

@@ -83,7 +83,7 @@ def read_config(folder: Path) -> BundleConfig:
 
 def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
     """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
-    with described(path):
+    with config_errors(path):
         check_fields(stored, BundleConfig, *_PLAIN, "files")
         if names := [
             name
@@ -101,7 +101,7 @@ def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
 
 
 @contextmanager
-def described(path: Path) -> Iterator[None]:
+def config_errors(path: Path) -> Iterator[None]:
     """Turn what goes wrong in the block into an ``InputError`` about the bundle.json at a path."""
     try:
         yield

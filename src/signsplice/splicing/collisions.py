@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from signsplice.body import arm_ik, collision, swivel
 from signsplice.body.capsules import BodyCapsules
-from signsplice.motion import Clip, FloatArray, Skeleton, concatenate, curves, joined, kinematics, rotation
+from signsplice.motion import Clip, FloatArray, Skeleton, batch_clips, concatenate, curves, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 
@@ -79,7 +79,7 @@ def avoid_all_collisions(
     """``avoid_collisions`` of several transitions, each (``filled``, ``before``, ``after``)."""
     out = [ClearedTransition(filled, None, None) for filled, _, _ in transitions]
     windows = [(before[-1:], filled, after[:1]) for filled, before, after in transitions]
-    for block in joined(windows, _FRAMES_AT_ONCE):
+    for block in batch_clips(windows, _FRAMES_AT_ONCE):
         info = rig_info(block.clip.skeleton)
         if not info.has_arms:
             continue
@@ -136,7 +136,7 @@ def _window(filled: Clip, before: Clip, after: Clip) -> Clip:
 
 def _pose(window: Clip, fixed: int | None = None) -> _PosedWindow:
     rotations, positions = kinematics.forward(window)
-    capsules = collision.posed_capsules(window.skeleton, rotations, positions)
+    capsules = collision.pose_capsules(window.skeleton, rotations, positions)
     if fixed is not None:
         capsules = replace(capsules, body=_with_solid_arm(capsules.body, fixed))
     return _PosedWindow(window.skeleton, rotations, positions, capsules)
@@ -214,7 +214,7 @@ def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float
     own way.
     """
     groups, starts = posed.capsules.body.groups, posed.capsules.starts
-    distance = near.held_distance() * metres
+    distance = near.persistent_contact_distance() * metres
     if not np.isfinite(distance):
         return np.zeros((len(starts), 2, 3)), 0.0
     apart = starts[:, groups.left].mean(axis=1) - starts[:, groups.right].mean(axis=1)
@@ -248,7 +248,7 @@ def _avoiding_moves(
         if excess.max() <= 0.0:
             break
         push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])
-        moves[1:-1] += curves.spread_in_time(push, kernel) * fade
+        moves[1:-1] += curves.smooth_over_time(push, kernel) * fade
     return moves[1:-1]
 
 

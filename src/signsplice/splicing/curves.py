@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, bone_translations, rotation, unchecked_copy
+from signsplice.motion import Clip, FloatArray, bone_translations, copy_unchecked, rotation
 from signsplice.motion.curves import minimum_jerk
 from signsplice.splicing.contracts import Gap, Transition, find
 
@@ -103,7 +103,7 @@ class CurveTransition(Transition):
             bones = bones.reshape(-1, n_joints, 3)
         whole = Clip(before.skeleton, rotations.reshape(-1, n_joints, 4), roots.reshape(-1, 3), before.fps, "", bones)
         channels = [None if gap.before.channels is None else gap.before.channels.forgotten(n) for gap in gaps]
-        return [unchecked_copy(whole[k * n : (k + 1) * n], channels=one) for k, one in enumerate(channels)]
+        return [copy_unchecked(whole[k * n : (k + 1) * n], channels=one) for k, one in enumerate(channels)]
 
 
 def _moves_bones(gap: Gap) -> bool:

@@ -17,17 +17,17 @@ from time import perf_counter
 from signsplice.body.capsules import Avatar
 from signsplice.body.retarget import retarget
 from signsplice.errors import InputError
-from signsplice.motion import Clip, concatenate, unchecked_copy
+from signsplice.motion import Clip, concatenate, copy_unchecked
 from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut, Transition, gap_at
 from signsplice.splicing.durations import MAX_TRANSITION_S
-from signsplice.splicing.faces import eased
+from signsplice.splicing.faces import ease_face
 from signsplice.splicing.options import SpliceOptions, choose
 from signsplice.splicing.passes import AvoidCollisions, FillGaps, fill
-from signsplice.splicing.result import FaceSources, Piece, Span, SpliceResult, measured_tempo
-from signsplice.splicing.seam import ONE_CLIP, Seam, SeamScore, scored, seam_positions
+from signsplice.splicing.result import FaceSources, Piece, Span, SpliceResult, measure_tempo
+from signsplice.splicing.seam import ONE_CLIP, Seam, SeamScore, score_seam, seam_positions
 from signsplice.splicing.sentence import Sentence
 from signsplice.splicing.word import AlignedWord, FrameMap, Word, check_list
 
@@ -73,9 +73,9 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
         timing_ms={part: 1e3 * spent for part, spent in seconds.items()},
         bundle=bundle,
         contacts=sentence.contacts,
-        tempo=measured_tempo(signs, clip.fps, tempo),
+        tempo=measure_tempo(signs, clip.fps, tempo),
         face=None if clip.face is None else FaceSources(tuple(sentence.faces), sentence.face_rules),
-        system=None if system is None else system.described(),
+        system=None if system is None else system.report_entry(),
     )
 
 
@@ -132,7 +132,7 @@ def inbetween(
     # No word is cut and no duration chosen here: those two methods open no network.
     chosen = choose("ends", transition, "fixed", bundle)
     clip = with_rest_pose(clip)
-    ranges = _checked(gaps, len(clip))
+    ranges = _check_gaps(gaps, len(clip))
     entries = [0, *(stop for _, stop in ranges)]  # where each stretch that is kept begins
     ends = [*(start for start, _ in ranges), len(clip)]  # and where it ends
     began = perf_counter()
@@ -151,11 +151,11 @@ def inbetween(
     for k, (seam, seen) in enumerate(zip(planned, seam_positions(planned), strict=True)):
         kept, (start, stop), new = (entries[k], ends[k]), ranges[k], seam.new_frames
         if clip.face is not None:
-            face = eased(clip.face[:start], clip.face[stop:], start - 1, 0, stop - start, clip.fps)
-            new = unchecked_copy(new, face=face)
+            face = ease_face(clip.face[:start], clip.face[stop:], start - 1, 0, stop - start, clip.fps)
+            new = copy_unchecked(new, face=face)
         pieces += [clip[kept[0] : kept[1]], new]
         spans += [Span("sign", 0, clip.name, kept, kept), Span("transition", None, None, None, (start, stop))]
-        seams += [score for score in (scored(seam, seen).score,) if score is not None]
+        seams += [score for score in (score_seam(seam, seen).score,) if score is not None]
     kept = entries[-1], len(clip)
     pieces.append(clip[kept[0] :])
     spans.append(Span("sign", 0, clip.name, kept, kept))
@@ -174,7 +174,7 @@ def inbetween(
     )
 
 
-def _checked(gaps: Sequence[tuple[int, int]], n_frames: int) -> list[tuple[int, int]]:
+def _check_gaps(gaps: Sequence[tuple[int, int]], n_frames: int) -> list[tuple[int, int]]:
     """The gaps in order. Raises ``InputError`` where frames do not remain before, between and after them."""
     at = 0
     for start, stop in sorted(gaps):

@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, unchecked_copy
+from signsplice.motion import Clip, FloatArray, copy_unchecked
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing.passes import Pass
 from signsplice.splicing.result import Piece
@@ -58,31 +58,33 @@ class EaseFaces(Pass):
         last, n_frames = cut.pre + seam.n_held, len(seam.new_frames) - seam.n_held
         by_rules = seam.before.face_by_rules and seam.after.face_by_rules
         faces = before.face or _at_rest(len(before)), after.face or _at_rest(len(after))
-        new = eased(*faces, last, cut.post, n_frames, before.fps, has_limit=not by_rules)
+        new = ease_face(*faces, last, cut.post, n_frames, before.fps, has_limit=not by_rules)
         held = faces[0].of(new.channels)[cut.pre + 1 : last + 1]
         face = Face(new.channels, np.concatenate([held, new.weights]))
-        return replace(seam, frames=unchecked_copy(seam.new_frames, face=face))
+        return replace(seam, frames=copy_unchecked(seam.new_frames, face=face))
 
 
 def _at_rest(n_frames: int) -> Face:
     return Face(LIDS, np.zeros((n_frames, len(LIDS))))
 
 
-def eased(before: Face, after: Face, last: int, first: int, n_frames: int, fps: float, has_limit: bool = True) -> Face:
+def ease_face(
+    before: Face, after: Face, last: int, first: int, n_frames: int, fps: float, has_limit: bool = True
+) -> Face:
     """The face in ``n_frames`` new frames between frame ``last`` of one face and ``first`` of another, whose frames
     beyond say how a blink goes on. ``has_limit``: whether changes are kept below those of the two faces.
     """
     channels = tuple(name for name in ARKIT_CHANNELS if name in {*before.channels, *after.channels})
     a, b = before.of(channels), after.of(channels)  # (T, C)
     limit = largest_step(before, after) if has_limit else np.inf
-    out = _eased(a[last], b[first], n_frames, limit)
+    out = _ease_weights(a[last], b[first], n_frames, limit)
     middle = (n_frames + 1) // 2
     slowest = np.maximum(a[last] / max(middle, 1), b[first] / (n_frames + 1 - middle))  # even steps through 0
     close = [k for k, name in enumerate(channels) if name in _OPENINGS and slowest[k] <= limit] if n_frames > 2 else []
     if close:
         shut = np.zeros(len(close))
-        there = _eased(a[last, close], shut, middle - 1, limit)
-        back = _eased(shut, b[first, close], n_frames - middle, limit)
+        there = _ease_weights(a[last, close], shut, middle - 1, limit)
+        back = _ease_weights(shut, b[first, close], n_frames - middle, limit)
         out[:, close] = np.concatenate([there, shut[None], back])
     lids = [k for k, name in enumerate(channels) if name in LIDS]
     if lids and n_frames and (path := _lid_path(a[:, lids], b[:, lids], last, first, fps)):
@@ -99,7 +101,7 @@ def largest_step(*faces: Face) -> float:
     return float(np.percentile(np.concatenate(steps), LIMIT_PERCENTILE)) if steps else 0.0
 
 
-def _eased(start: FloatArray, stop: FloatArray, n_frames: int, limit: float) -> FloatArray:
+def _ease_weights(start: FloatArray, stop: FloatArray, n_frames: int, limit: float) -> FloatArray:
     """Minimum jerk (n_frames, C) between two frames, so far evened out that no step is larger than ``limit``, or than
     even ones are.
     """
@@ -166,7 +168,7 @@ def _along(path: _LidPath, n_frames: int, speeds: tuple[float, float]) -> FloatA
         points, legs, free = [start, shut, stop], [at, n_frames + 1 - at], -1
     out = [start[None]]
     for k, (a, b, n) in enumerate(zip(points[:-1], points[1:], legs, strict=True)):
-        out += [_eased(a, b, n - 1, speed if k == free else 0.0), b[None]]  # blinks at an even speed
+        out += [_ease_weights(a, b, n - 1, speed if k == free else 0.0), b[None]]  # blinks at an even speed
     return np.concatenate(out)[1:-1]
 
 
@@ -209,17 +211,17 @@ def with_rules(word: AlignedWord, brow: str | None, is_first: bool) -> AlignedWo
     weights = np.tile([shape.get(name, 0.0) for name in CHANNELS], (len(word.retimed), 1))
     if is_first:
         weights *= _ramp(len(word.retimed), word.retimed.fps)[:, None]
-    return replace(word, retimed=unchecked_copy(word.retimed, face=Face(CHANNELS, weights)))
+    return replace(word, retimed=copy_unchecked(word.retimed, face=Face(CHANNELS, weights)))
 
 
-def released(piece: Piece) -> Piece:
+def relax_brows(piece: Piece) -> Piece:
     """The last piece of a sentence with its brows back at rest, from the end of its pause on, or at its end."""
     weights, fps, pause = np.array(_face(piece.clip).weights), piece.clip.fps, piece.span.pause
     n_held = len(weights) - round(_RAMP_S * fps) if pause is None else pause.frames[1] - pause.frames[0]
     n_held = max(0, min(n_held, len(weights) - round(_RAMP_S * fps)))
     weights[n_held:, len(LIDS) :] *= 1.0 - _ramp(len(weights) - n_held, fps)[:, None]
     weights[-1, len(LIDS) :] = 0.0
-    return replace(piece, clip=unchecked_copy(piece.clip, face=Face(CHANNELS, weights)))
+    return replace(piece, clip=copy_unchecked(piece.clip, face=Face(CHANNELS, weights)))
 
 
 def _ramp(n_frames: int, fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -256,7 +258,7 @@ class Blinks:
         weights[at : at + len(lids), : len(LIDS)] = lids[:, None]
         n, blinked_s = self.n + 1, (first + at) / fps
         after = Blinks(blinked_s + _LEAST_S + _MORE_S * (n * _GOLDEN % 1.0), n)
-        return replace(piece, clip=unchecked_copy(piece.clip, face=Face(CHANNELS, weights))), after
+        return replace(piece, clip=copy_unchecked(piece.clip, face=Face(CHANNELS, weights))), after
 
 
 def _lids(fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

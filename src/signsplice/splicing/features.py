@@ -35,7 +35,7 @@ from signsplice.rig.info import (
     ROLES,
     TIPS,
     CanonicalMotion,
-    mirrored_deltas,
+    mirror_deltas,
 )
 from signsplice.rig.roles import ARM
 
@@ -82,7 +82,7 @@ def trajectory(motion: CanonicalMotion, times: FloatArray | None = None) -> Cano
     n_frames = len(motion.quats)
     if times is None:
         times = np.arange(int((n_frames - 1) * FEATURE_FPS / motion.fps + 1e-6) + 1) / FEATURE_FPS
-    return sampled(motion, frames_at(times, motion.fps, n_frames))
+    return sample_motion(motion, frames_at(times, motion.fps, n_frames))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def frames_at(times: FloatArray, fps: float, n_frames: int) -> MomentFrames:
     return MomentFrames(low, alpha, np.arange(len(at)))
 
 
-def sampled(motion: CanonicalMotion, frames: MomentFrames) -> CanonicalTrajectory:
+def sample_motion(motion: CanonicalMotion, frames: MomentFrames) -> CanonicalTrajectory:
     """A canonical motion at these moments."""
     rotations, positions = rotation.to_6d(motion.quats[frames.low]), motion.positions[frames.low]
     if len(frames.mixed):
@@ -127,7 +127,7 @@ def left_hand_busier(*trajectories: CanonicalTrajectory) -> bool:
     return left > right
 
 
-def mirrored(one: CanonicalTrajectory) -> CanonicalTrajectory:
+def mirror_trajectory(one: CanonicalTrajectory) -> CanonicalTrajectory:
     """A trajectory as it is in the mirror."""
     flip = np.array([-1.0, 1.0, 1.0])
     order = np.r_[0 : LEFT.start, RIGHT.start : RIGHT.stop, LEFT.start : LEFT.stop]
@@ -376,13 +376,13 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
     low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, moments, strict=True)])
     alpha = np.concatenate([gap.frames.alpha for gap in moments])
     mixed = np.concatenate([N_SEEN * k + gap.frames.mixed for k, gap in enumerate(moments)])
-    whole = sampled(motion, MomentFrames(low, alpha, mixed))
+    whole = sample_motion(motion, MomentFrames(low, alpha, mixed))
     positions = whole.positions.reshape(len(gaps), N_SEEN, len(TIPS), 3)
     paths = np.linalg.norm(np.diff(positions, axis=1), axis=-1).sum(axis=1)  # (G, 12) path length of each joint
     mirror = paths[:, 0] > paths[:, len(TIPS) // 2]
     if mirror.any():
         rows = np.repeat(mirror, N_SEEN)
-        part = mirrored(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
+        part = mirror_trajectory(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
         whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
         paths[mirror] = np.roll(paths[mirror], len(TIPS) // 2, axis=1)
     return [
@@ -425,4 +425,4 @@ def delta_rotvecs(answer: FloatArray, seen: GapFeatures, n_between: int) -> Floa
     basis = answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
     out = np.zeros((n_between, len(ROLES), 3))
     out[:, IS_ARM] = seen.weights[:, None] * np.tensordot(basis, answer.astype(np.float64), axes=1)
-    return mirrored_deltas(out) if seen.mirrored else out
+    return mirror_deltas(out) if seen.mirrored else out

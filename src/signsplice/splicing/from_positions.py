@@ -84,9 +84,9 @@ def rotations_from_positions(
             seen = rotation.rotate(rotation.inverse(above)[:, None], seen)
             rest = np.stack(list(bones.values()), axis=1)  # (T, C, 3)
             if _spans_plane(rest[0]):
-                local[:, joint] = _fitted(rest, seen)
+                local[:, joint] = _fit_rotations(rest, seen)
             else:
-                local[:, joint] = _transported(
+                local[:, joint] = _transport_rotations(
                     rest[:, 0], seen[:, 0], start[joint], None if end is None else end[joint]
                 )
         globals_.append(rotation.multiply(above, local[:, joint]))
@@ -118,7 +118,7 @@ class HandFit:
             below = [joint for joint in kinematics.subtree(self.skeleton, hand) if joint != hand]
             if hand in self.joints and any(joint in self.joints for joint in below):
                 for turned, fingers in (([hand], False), (below, True)):
-                    seen = self._seen(hand, fingers, local, positions)
+                    seen = self._wrist_local_positions(hand, fingers, local, positions)
                     self._maps.append((hand, turned, fingers, _LinearMap(seen, local[:, turned])))
 
     def apply(self, local: FloatArray, positions: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
@@ -132,12 +132,12 @@ class HandFit:
         places = np.concatenate([ends[:1], positions, ends[1:]])
         alpha = np.linspace(0.0, 1.0, len(rows))[:, None, None]
         for hand, turned, fingers, rotations_at in self._maps:
-            made = rotations_at(self._seen(hand, fingers, rows, places))
+            made = rotations_at(self._wrist_local_positions(hand, fingers, rows, places))
             missed = [rotation.log(rotation.multiply(rotation.inverse(made[k]), rows[k, turned])) for k in (0, -1)]
             rows[:, turned] = rotation.multiply(made, rotation.exp((1.0 - alpha) * missed[0] + alpha * missed[1]))
         return np.asarray(rotation.continuous(rows)[1:-1])
 
-    def _seen(self, hand: int, fingers: bool, local: FloatArray, positions: FloatArray) -> FloatArray:
+    def _wrist_local_positions(self, hand: int, fingers: bool, local: FloatArray, positions: FloatArray) -> FloatArray:
         """Positions (T, 3 K) of a hand's joints from the wrist, in the axes of the hand or else of the forearm."""
         axes = kinematics.global_quats(self.skeleton, local)[:, hand if fingers else self.skeleton.parents[hand]]
         below = [self.joints[joint] for joint in kinematics.subtree(self.skeleton, hand) if joint in self.joints]
@@ -187,14 +187,14 @@ def _spans_plane(offsets: FloatArray) -> bool:
     return bool(np.linalg.matrix_rank(directions, tol=0.05) >= 2)
 
 
-def _fitted(rest: FloatArray, seen: FloatArray) -> FloatArray:
+def _fit_rotations(rest: FloatArray, seen: FloatArray) -> FloatArray:
     """Rotations (T, 4) that take the bones ``rest`` (T, C, 3) nearest to ``seen`` (T, C, 3) (Kabsch 1976, by SVD)."""
     u, _, vt = np.linalg.svd(np.einsum("tca,tcb->tab", seen, rest))
     u[..., -1] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[:, None]
     return rotation.from_matrix(u @ vt)
 
 
-def _transported(rest: FloatArray, seen: FloatArray, start: FloatArray, end: FloatArray | None) -> FloatArray:
+def _transport_rotations(rest: FloatArray, seen: FloatArray, start: FloatArray, end: FloatArray | None) -> FloatArray:
     """Rotations (T, 4) that point the bone ``rest`` (T, 3) along ``seen`` (T, 3) without needless twist, from ``start``
     (4,).
     """

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body import collision
-from signsplice.motion import Clip, concatenate, joined, kinematics
+from signsplice.motion import Clip, batch_clips, concatenate, kinematics
 from signsplice.rig.info import Arms, arms, rig_info
 from signsplice.rig.roles import SIDES
 from signsplice.splicing.collisions import TOLERANCE_M, avoid_collisions, depths, turn_elbow
@@ -30,7 +30,7 @@ from signsplice.splicing.curves import find_transition
 from signsplice.splicing.durations import most_frames
 from signsplice.splicing.passes import Pass, Refill
 from signsplice.splicing.seam import Seam
-from signsplice.splicing.word import edit_of, edited
+from signsplice.splicing.word import apply_edits, edit_of
 
 _NEAR_REST, _TURNED_RAD = 0.13, np.deg2rad(20.0)
 """A hand is at rest where it is this near to where it rests from the hips, in arm lengths, and turned by no more than
@@ -95,7 +95,7 @@ def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
 
 def is_approached(clip: Clip, side: int) -> NDArray[np.bool_]:
     """For every frame (T,) whether the hand of the other side is near the arm of this one."""
-    posed = collision.posed_capsules(clip.skeleton, *kinematics.forward(clip))
+    posed = collision.pose_capsules(clip.skeleton, *kinematics.forward(clip))
     body = posed.body
     own = [n for n, of in enumerate(body.sides) if of == SIDES[side] and body.parts[n] not in ("leg", "shoe")]
     other = body.groups.right if side == 0 else body.groups.left
@@ -188,7 +188,7 @@ def _let_free(seam: Seam, hand: IdleHand, avoids: bool) -> Seam:
         # A way around the body may be longer, and faster, than the transition's own.
         if peak < least and path.depth <= max(TOLERANCE_M, seam.depth or 0.0):
             best, least = path, peak
-    return seam if best is None else _put_in(seam, hand, best)
+    return seam if best is None else _apply_arm_path(seam, hand, best)
 
 
 def _frames_free(seam: Seam, hand: IdleHand) -> int:
@@ -238,7 +238,7 @@ def _arm_path(seam: Seam, hand: IdleHand, n_more: int, avoids: bool) -> _ArmPath
         frames = concatenate([before[stop - n_more : stop], seam.new_frames])
         gap = gap_at(before, after, Cut(cut.pre - n_more, post), len(frames), entry, seam.gap.keyed)
     curve = find_transition("quintic").between(gap)
-    new = edited(frames, [edit_of(frames, curve, 0, arm_joints(frames, hand.side))])
+    new = apply_edits(frames, [edit_of(frames, curve, 0, arm_joints(frames, hand.side))])
     depth = 0.0
     if avoids:
         cleared = avoid_collisions(new, gap.before, gap.after, fixed=1 - hand.side)
@@ -247,7 +247,7 @@ def _arm_path(seam: Seam, hand: IdleHand, n_more: int, avoids: bool) -> _ArmPath
     return _ArmPath(new, n_more, _peak(_window(gap, new), hand.side), depth)
 
 
-def _put_in(seam: Seam, hand: IdleHand, path: _ArmPath) -> Seam:
+def _apply_arm_path(seam: Seam, hand: IdleHand, path: _ArmPath) -> Seam:
     """The seam with an arm's new frames in the transition, and as an edit in the sign."""
     cut, n_frames, n_more = seam.retimed_cut, seam.gap.n_frames, path.n_more
     joints = arm_joints(path.clip, hand.side)
@@ -279,7 +279,7 @@ def _is_faster(seam: Seam, speed: float) -> bool:
 def with_peaks(seams: Sequence[Seam]) -> list[Seam]:
     """The seams with the highest speed of wrists in their new frames; without it on rigs whose arms are not known."""
     out = list(seams)
-    for block in joined([(seam.gap.before[-1:], seam.new_frames, seam.gap.after[:1]) for seam in seams]):
+    for block in batch_clips([(seam.gap.before[-1:], seam.new_frames, seam.gap.after[:1]) for seam in seams]):
         info = rig_info(block.clip.skeleton)
         if not info.has_arms:
             continue

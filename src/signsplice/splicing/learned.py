@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import log_softmax
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, JoinedClips, joined
+from signsplice.motion import Clip, FloatArray, JoinedClips, batch_clips
 from signsplice.rig.info import FEATURE_FPS, CanonicalMotion, apply_deltas, canonical_motion, rig_info
 from signsplice.splicing import features
 from signsplice.splicing.bundle import Array, Sessions, read_config
@@ -234,7 +234,7 @@ class WordReader:
     def _reading(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
         key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, False)
         if key not in word.readings:
-            tokens = features.word_tokens(features.mirrored(word.trajectory) if mirror else word.trajectory)
+            tokens = features.word_tokens(features.mirror_trajectory(word.trajectory) if mirror else word.trajectory)
             first = len(tokens) - WORD_FRAMES if key[1] else 0
             tokens = tokens[first : first + WORD_FRAMES]
             n, n_phases = len(tokens), len(features.PHASES)
@@ -342,7 +342,7 @@ class LearnedCutter(Cutter):
         pairs = list(pairwise(clips))
         if self.whole:
             words = [self.reader.alone(clip) for clip in clips]
-            scored = [self._scored_alone(*word) for word in words]
+            scored = [self._score_word(*word) for word in words]
             readings = [(p, q) for (p, _), (_, q) in pairwise(words)]
             seams = [(left, entered) for (left, _), (_, entered) in pairwise(scored)]
         else:
@@ -363,7 +363,7 @@ class LearnedCutter(Cutter):
         """
         return _seam_scores(p, q, *self._log_probabilities(p, q))
 
-    def _scored_alone(self, end: WordReading, beginning: WordReading) -> tuple[FloatArray, FloatArray]:
+    def _score_word(self, end: WordReading, beginning: WordReading) -> tuple[FloatArray, FloatArray]:
         """``_log_probabilities`` of a word before and after itself, kept as long as what was read of it."""
         if end not in self._scores:
             self._scores[end] = self._log_probabilities(end, beginning)
@@ -415,13 +415,15 @@ class LearnedTransition(Transition):
         made = self.base.fill(gaps)
         bent = [row for row, gap in enumerate(gaps) if _within_limits(gap) and not gap.is_keyed]
         windows = [_window(gaps[row], made[row]) for row in bent]
-        for block in joined(windows):
+        for block in batch_clips(windows):
             rows = [bent[row] for row in block.rows]
-            for row, clip in zip(rows, self._bent(block, windows, [made[row] for row in rows]), strict=True):
+            for row, clip in zip(rows, self._bend_arms(block, windows, [made[row] for row in rows]), strict=True):
                 made[row] = clip
         return made
 
-    def _bent(self, block: JoinedClips, windows: Sequence[tuple[Clip, Clip, Clip]], bases: list[Clip]) -> list[Clip]:
+    def _bend_arms(
+        self, block: JoinedClips, windows: Sequence[tuple[Clip, Clip, Clip]], bases: list[Clip]
+    ) -> list[Clip]:
         """The curves of some gaps with their arms bent by the network."""
         counts = [(frames, len(windows[row][0]), len(windows[row][1])) for row, frames in block]
         seen = features.all_gap_features(canonical_motion(block.clip), counts)

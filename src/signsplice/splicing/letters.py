@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
 from signsplice.lexicon.gloss import LETTER_MARK
-from signsplice.motion import Clip, FloatArray, rotation, unchecked_copy
-from signsplice.rig.info import Arms, active_span, arms, rig_info, seen_from_trunk
+from signsplice.motion import Clip, FloatArray, copy_unchecked, rotation
+from signsplice.rig.info import Arms, active_span, arms, hands_in_trunk_axes, rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.passes import AvoidCollisions, Pass, Refill
@@ -63,7 +63,7 @@ def spelling_side(p: Arms, pre: int, q: Arms, post: int) -> int | None:
     return None if len(sides) > 1 or lifts.min(axis=1).max() > _RAISED else sides.pop()
 
 
-def held_until(clip: Clip, entry: int, speed: float = 1.0) -> int:
+def last_letter_hold_end(clip: Clip, entry: int, speed: float = 1.0) -> int:
     """The frame up to which the last letter of a word is kept at least; ``entry`` where that is not known."""
     try:
         still = still_frames(clip, arms(clip), speed)
@@ -90,7 +90,7 @@ def still_frames(clip: Clip, own: Arms, speed: float) -> NDArray[np.intp]:
     angles = rotation.angle_between(clip.local_rotations[1:, joints], clip.local_rotations[:-1, joints]).max(
         axis=1, initial=0.0
     )
-    steps = np.linalg.norm(np.diff(seen_from_trunk(own)[0][:, spelling], axis=0), axis=-1).max(axis=1) * own.metres
+    steps = np.linalg.norm(np.diff(hands_in_trunk_axes(own)[0][:, spelling], axis=0), axis=-1).max(axis=1) * own.metres
     rate = clip.fps / speed  # of frames in the time of the recording
     moves = (angles * rate > _STILL_RAD_S) | (steps * rate > _STILL_M_S)  # (T - 1,)
     still = ~(np.append(moves, False) | np.append(False, moves))
@@ -185,7 +185,7 @@ def _rotation_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, 
     joints = hand_joints(before, spelling)
     angles = rotation.angle_between(before.local_rotations[pre, joints], after.local_rotations[post, joints])
     (start, start_axes), (end, end_axes) = (
-        [seen[frame, spelling] for seen in seen_from_trunk(own)] for own, frame in ((p, pre), (q, post))
+        [seen[frame, spelling] for seen in hands_in_trunk_axes(own)] for own, frame in ((p, pre), (q, post))
     )
     cosine = np.einsum("hab,hab->h", start_axes, end_axes)
     hands = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0))
@@ -313,7 +313,7 @@ class MoveFingers(Pass):
                 entering.append(Edit(tuple(joints), cut.post, entered))
         if not (leaving or entering):
             return seam
-        frames = unchecked_copy(seam.new_frames, local_rotations=new)
+        frames = copy_unchecked(seam.new_frames, local_rotations=new)
         moved = replace(seam, frames=frames, leaving=(*seam.leaving, *leaving), entering=(*seam.entering, *entering))
         return moved.with_gap(len(new))
 

@@ -32,7 +32,7 @@ from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.motion.cache import CACHE
 from signsplice.rig.info import canonical_motion, with_canonical_rotations
 from signsplice.signer.signer import STATURE_CM, skeleton
-from signsplice.splicing.bundle import BUNDLE_FILE, WEIGHTS, Array, Sessions, bundle_sha256, described, read_config
+from signsplice.splicing.bundle import BUNDLE_FILE, WEIGHTS, Array, Sessions, bundle_sha256, config_errors, read_config
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.from_positions import clip_of_positions
@@ -154,7 +154,7 @@ class LpTransformer(PositionSplicer):
         for key in ("system", "fps", "fr", "runs"):
             if stored.get(key) is None:
                 raise InputError(f"{graphs.config.path}: has no {key!r}; export the system anew")
-        with described(graphs.config.path):
+        with config_errors(graphs.config.path):
             runs = stored["runs"]
             self.name, self.fps, self.fr = str(stored["system"]), float(stored["fps"]), int(stored["fr"])
             self.most_frames, self.token_bias = int(runs["most_frames"]), float(runs.get("token_bias", 0.0))

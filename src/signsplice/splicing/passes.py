@@ -166,14 +166,14 @@ def signature(passes: Sequence[Pass], identity: Callable[[Transition], object]) 
     """What decides new frames besides their gap, with each transition by an ``identity`` of it: of two lists of passes
     with one signature, those that batch do the same.
     """
-    return tuple(tuple(_described(one, identity)) for one in passes if one.batches)
+    return tuple(tuple(_pass_signature(one, identity)) for one in passes if one.batches)
 
 
-def _described(part: Pass | Refill, identity: Callable[[Transition], object]) -> list[object]:
+def _pass_signature(part: Pass | Refill, identity: Callable[[Transition], object]) -> list[object]:
     described: list[object] = [f"{type(part).__module__}.{type(part).__qualname__}"]
     for value in vars(part).values():
         if isinstance(value, Refill):
-            described += _described(value, identity)
+            described += _pass_signature(value, identity)
         else:
             described.append(identity(value) if isinstance(value, Transition) else value)
     return described

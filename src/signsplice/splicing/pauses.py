@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, concatenate, sampled
+from signsplice.motion import Clip, FloatArray, concatenate, sample_clip
 from signsplice.rig.info import rig_info
 from signsplice.splicing.contracts import Cut, Cutter, cut_clips
-from signsplice.splicing.letters import held_until
+from signsplice.splicing.letters import last_letter_hold_end
 from signsplice.splicing.passes import Pass
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import pace
@@ -49,7 +49,7 @@ def with_pause(word: AlignedWord, mark: str, cutter: Cutter, speed: float) -> Al
     if len(clip) < 3:
         return word
     (cut,) = cut_clips(cutter, [clip, clip])
-    kept, at = _last_posture(clip, held_until(clip, 0, speed) if word.is_letter else cut.pre, cut.post)
+    kept, at = _last_posture(clip, last_letter_hold_end(clip, 0, speed) if word.is_letter else cut.pre, cut.post)
     sources = np.arange(len(word.retimed), dtype=np.float64) if word.frames.sources is None else word.frames.sources
     while kept > 0 and sources[word.frames.last(kept)] > len(clip) - 2:  # a tempo may go on to the last frame there
         kept -= 1
@@ -64,7 +64,7 @@ def with_pause(word: AlignedWord, mark: str, cutter: Cutter, speed: float) -> Al
         sources[sources > leave + n_more],
     ])  # fmt: skip
     frames = FrameMap(np.concatenate([sources[:first], held]), word.frames.n_left_out)
-    retimed = concatenate([word.retimed[:first], sampled(clip, held)], name=word.retimed.name)
+    retimed = concatenate([word.retimed[:first], sample_clip(clip, held)], name=word.retimed.name)
     return replace(word, retimed=retimed, frames=frames, held=HeldEnd(mark, kept, leave))
 
 

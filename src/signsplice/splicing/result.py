@@ -152,7 +152,7 @@ class SpliceResult:
         return [Mark(span.kind, span.name or "", *span.output) for span in self.spans]
 
 
-def measured_tempo(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str | float) -> ReachedTempo:
+def measure_tempo(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str | float) -> ReachedTempo:
     """The tempo of a sentence whose ``signs`` have these names and output frames, half-open, in order."""
     asked = None if tempo == CITATION else seconds_a_sign(tempo)
     mode: Literal["citation", "natural", "seconds"] = "seconds"

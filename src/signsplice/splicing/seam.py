@@ -13,13 +13,13 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from signsplice.motion import Clip, FloatArray, joined, kinematics, rotation
+from signsplice.motion import Clip, FloatArray, batch_clips, kinematics, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import JUMP_DEG, JUMP_M_S
 from signsplice.splicing.contracts import CONTEXT, Cut, Gap, gap_at
 from signsplice.splicing.durations import FAST_M_S
-from signsplice.splicing.word import AlignedWord, Edit, edited
+from signsplice.splicing.word import AlignedWord, Edit, apply_edits
 
 SeamKind = Literal["signs", "letters", "slid letters", "reformed letters", "system", "one clip"]
 """signs: two words of which at least one is no letter. letters: two of one spelled word that look different. slid,
@@ -139,12 +139,12 @@ class Seam:
     @cached_property
     def before_clip(self) -> Clip:
         """The retimed word before, with its edits so far."""
-        return edited(self.before.retimed, (*self.earlier, *self.leaving))
+        return apply_edits(self.before.retimed, (*self.earlier, *self.leaving))
 
     @cached_property
     def after_clip(self) -> Clip:
         """The retimed word after, with its edits so far."""
-        return edited(self.after.retimed, self.entering)
+        return apply_edits(self.after.retimed, self.entering)
 
     def with_gap(self, n_frames: int) -> Seam:
         """The seam with a gap of ``n_frames`` between the words as they are edited now; its frames are those that were
@@ -156,7 +156,7 @@ class Seam:
         return replace(self, gap=gap, gap_edits=self.edits)
 
 
-def planned_seam(
+def plan_seam(
     kind: SeamKind,
     before: AlignedWord,
     after: AlignedWord,
@@ -179,7 +179,7 @@ def planned_seam(
     return Seam(kind, before, after, cut, gap, warnings)
 
 
-def scored(seam: Seam, positions: FloatArray) -> Seam:
+def score_seam(seam: Seam, positions: FloatArray) -> Seam:
     """The finished seam with its score; ``positions``: of ``seam_positions``."""
     gap, is_one_clip, is_system = seam.gap, seam.kind == ONE_CLIP, seam.kind == SYSTEM
     fps, first = gap.before.fps, min(len(gap.before), CONTEXT)
@@ -232,7 +232,7 @@ def seam_positions(seams: Sequence[Seam]) -> list[FloatArray]:
         (seam.gap.before[-CONTEXT:], *(() if seam.frames is None else (seam.frames,)), seam.gap.after[:CONTEXT])
         for seam in seams
     ]
-    for block in joined(windows):
+    for block in batch_clips(windows):
         info = rig_info(block.clip.skeleton)
         seen = [info.roles.joints[role] for role in (*_HANDS, *_FEET) if role in info.roles.joints]
         positions = kinematics.forward(block.clip, [0, *seen])[1][:, 1:] * info.sizes.unit.metres

@@ -13,13 +13,13 @@ from signsplice.body.contacts import Contact
 from signsplice.motion import Clip, FloatArray
 from signsplice.rig.align import Reference
 from signsplice.splicing import stages
-from signsplice.splicing.faces import BLINKS, BROWS, Blinks, released, with_rules
+from signsplice.splicing.faces import BLINKS, BROWS, Blinks, relax_brows, with_rules
 from signsplice.splicing.options import SpliceOptions, not_options
 from signsplice.splicing.passes import Entering, Pass, check_order, fill, run
 from signsplice.splicing.pauses import last_kept
 from signsplice.splicing.result import Pause, Piece, Remade, Span
-from signsplice.splicing.seam import Seam, scored, seam_positions
-from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, as_word, edited
+from signsplice.splicing.seam import Seam, score_seam, seam_positions
+from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, apply_edits, as_word
 
 
 class Sentence:
@@ -104,12 +104,12 @@ class Sentence:
             before, stop = seam.before, seam.retimed_cut.pre + 1
             sign = _sign_piece(before, self._entered_by, (*seam.earlier, *seam.leaving), stop, self._n_out)
             waits = before.held is not None  # a blink for the pause that follows
-            out.append(self._put_out(sign, () if waits else (before,)))
+            out.append(self._emit_piece(sign, () if waits else (before,)))
             if seam.frames is not None:
                 output = self._n_out, self._n_out + seam.gap.n_frames
                 new = _transition_piece(seam.frames, output, seam.n_held, before.held)
-                out.append(self._put_out(new, (before, seam.after)))
-            self._last, self._entered_by = seam.after, scored(seam, seen)
+                out.append(self._emit_piece(new, (before, seam.after)))
+            self._last, self._entered_by = seam.after, score_seam(seam, seen)
         self.seconds["join"] += perf_counter() - began
         return out
 
@@ -123,8 +123,8 @@ class Sentence:
         began = perf_counter()
         pieces = _last_pieces(word, entered_by, self._n_out)
         if self.face_rules and word.face_by_rules:
-            pieces[-1] = released(pieces[-1])
-        pieces = [self._put_out(one, (word,) if one is pieces[-1] else (), is_last=True) for one in pieces]
+            pieces[-1] = relax_brows(pieces[-1])
+        pieces = [self._emit_piece(one, (word,) if one is pieces[-1] else (), is_last=True) for one in pieces]
         self.seconds["join"] += perf_counter() - began
         return pieces
 
@@ -143,7 +143,7 @@ class Sentence:
             word = with_rules(word, given.brow if BROWS in self.face_rules else None, index == 0)
         return word
 
-    def _put_out(self, piece: Piece, words: Sequence[AlignedWord], is_last: bool = False) -> Piece:
+    def _emit_piece(self, piece: Piece, words: Sequence[AlignedWord], is_last: bool = False) -> Piece:
         """A piece as it is put out, with a blink where one is due and the faces of its ``words``, if there are any, are
         by rule.
         """
@@ -165,10 +165,10 @@ def _sign_piece(word: AlignedWord, entered_by: Seam | None, edits: Sequence[Edit
         source=word.frames.source(start, stop),
         output=(output, output + stop - start),
         warp=word.frames.warp(start, stop, output),
-        remade=edited_part(edits, word.clip.skeleton.names, (start, stop), output) if edits else None,
+        remade=describe_edits(edits, word.clip.skeleton.names, (start, stop), output) if edits else None,
     )
     score = None if entered_by is None else entered_by.score
-    return Piece(edited(word.retimed, edits)[start:stop], span, score, word.warnings)
+    return Piece(apply_edits(word.retimed, edits)[start:stop], span, score, word.warnings)
 
 
 def _transition_piece(new: Clip, output: tuple[int, int], n_held: int, held: HeldEnd | None) -> Piece:
@@ -187,11 +187,11 @@ def _last_pieces(word: AlignedWord, entered_by: Seam | None, output: int) -> lis
     if word.held is None or stop == n_frames:
         return [sign]
     n_held, begin = max(0, word.frames.last(word.held.leave) + 1 - stop), sign.span.output[1]
-    rest = edited(word.retimed, edits)[stop:]
+    rest = apply_edits(word.retimed, edits)[stop:]
     return [sign, _transition_piece(rest, (begin, begin + n_frames - stop), n_held, word.held)]
 
 
-def edited_part(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:
+def describe_edits(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:
     """What a span of a word's retimed ``frames``, the first of which is frame ``output`` of the sentence, says of edits
     in it; None where it holds none. Several edits are one part, from the first frame to the last.
     """

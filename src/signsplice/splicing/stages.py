@@ -27,13 +27,20 @@ from signsplice.splicing.contracts import Cut
 from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, TravelDuration
 from signsplice.splicing.faces import EaseFaces
 from signsplice.splicing.idle_hands import NATURAL, FreeHands, WristSpeeds
-from signsplice.splicing.letters import SLIDE_M, MoveFingers, ReformLetters, SlideLetters, cut_letters, held_until
+from signsplice.splicing.letters import (
+    SLIDE_M,
+    MoveFingers,
+    ReformLetters,
+    SlideLetters,
+    cut_letters,
+    last_letter_hold_end,
+)
 from signsplice.splicing.options import Methods, SpliceOptions
 from signsplice.splicing.passes import AvoidCollisions, FillGaps, LengthenGaps, Pass, Refill
 from signsplice.splicing.pauses import HoldPauses, with_pause
-from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, planned_seam
+from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, plan_seam
 from signsplice.splicing.systems import NoSpliceError, WholeSystem, misses_message
-from signsplice.splicing.tempo import retimed
+from signsplice.splicing.tempo import retime_word
 from signsplice.splicing.word import AlignedWord, FrameMap, Word, cut_words
 
 
@@ -87,7 +94,7 @@ class Planner:
         aligned = align(held, replace(to, fps=clip.fps))
         resampled = resample(aligned.clip, fps, speed)
         step = clip.fps * speed / fps
-        kept = stray.resampled(step, len(resampled))
+        kept = stray.resample_span(step, len(resampled))
         shown, own = resampled, aligned.clip
         if held is not clip:
             shown, own = resampled[kept], aligned.clip[stray.start : stray.stop]
@@ -109,7 +116,7 @@ class Planner:
     def time(self, word: AlignedWord, given: Word) -> AlignedWord:
         """The word at the tempo asked for, and held at the mark after it, where one is ``given``."""
         if self._seconds is not None:
-            word = retimed(word, self.methods.cutter, self._seconds)
+            word = retime_word(word, self.methods.cutter, self._seconds)
         if given.pause is not None and self.options.whole_system is None:
             word = with_pause(word, given.pause, self.methods.cutter, self.options.sign_speed)
         return replace(word, starts=given.starts)
@@ -174,10 +181,10 @@ class Planner:
         """
         pre = max(chosen.pre if before.held is None else before.held.leave, before.entry)
         if before.arrival_s and before.held is None:
-            pre = max(pre, held_until(before.clip, before.entry, self.options.sign_speed))
+            pre = max(pre, last_letter_hold_end(before.clip, before.entry, self.options.sign_speed))
         cut = Cut(pre, chosen.post)
         n_frames, lines = self._n_frames(before.clip, after.clip, cut)
-        return planned_seam(SIGNS, before, after, cut, n_frames, (*lines, *warnings))
+        return plan_seam(SIGNS, before, after, cut, n_frames, (*lines, *warnings))
 
     def _seam_of_letters(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
         """The seam of two letters; as that of two signs, with a warning, where no hand is still."""
@@ -193,7 +200,7 @@ class Planner:
         kind = SLID if letters.slides else REFORMED if letters.is_doubled else LETTERS
         slide_m = before.slide_m + SLIDE_M if letters.slides and n_frames else 0.0
         arrival_s = (n_frames + 1) / after.clip.fps
-        return planned_seam(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
+        return plan_seam(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
         """Number of new frames, by the user's time or the duration, and warnings; the human median where the rig has no

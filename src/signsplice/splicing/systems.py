@@ -100,7 +100,7 @@ class WholeSystem(Method, ABC):
         """What a clip is aligned to: ``to``, the first clip's place, by default."""
         return to
 
-    def described(self) -> dict[str, Any]:
+    def report_entry(self) -> dict[str, Any]:
         """The report's ``system``."""
         return {"name": self.name, "bundle": self.sha256, **self.facts}
 

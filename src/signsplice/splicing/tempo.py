@@ -17,8 +17,8 @@ from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import Near, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.contacts import PART_M, find_contacts, posed_body
-from signsplice.motion import Clip, FloatArray, kinematics, sampled
+from signsplice.body.contacts import PART_M, find_contacts, pose_body
+from signsplice.motion import Clip, FloatArray, kinematics, sample_clip
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.contracts import Cutter
 from signsplice.splicing.durations import running_sign_s
@@ -206,7 +206,7 @@ def prominent_peaks(values: FloatArray, prominence: float) -> list[int]:
 def contact_frames(clip: Clip) -> list[tuple[int, int]]:
     """Half-open frame ranges in which a hand touches head, trunk, arm or the other hand."""
     body = body_capsules(clip.skeleton)
-    posed, pairs = posed_body(clip, body), skin_pairs(body, frozenset(body.keys))
+    posed, pairs = pose_body(clip, body), skin_pairs(body, frozenset(body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, PART_M)
     distance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
     near = Near(frames, k, distance)
@@ -220,7 +220,7 @@ a sentence shows the played frames just outside of these.
 _DECIMALS = 4
 
 
-def retimed(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWord:
+def retime_word(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWord:
     """A word brought to a tempo of ``seconds`` a sign, as far as human peaks allow; the word itself where the sign is
     no longer than that, where it is a letter, whose tempo the seams between letters decide, or, with a warning, where
     the rig's arms are not known by name.
@@ -242,7 +242,7 @@ def retimed(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWord:
         return word
     # Rounded as they count in the whole clip: sampling that at a warp's frames gives the same fractions, bit for bit.
     sources = np.round(_source_frames(rates) + n_left_out, _DECIMALS) - n_left_out
-    return replace(word, retimed=sampled(clip, sources), frames=replace(word.frames, sources=sources))
+    return replace(word, retimed=sample_clip(clip, sources), frames=replace(word.frames, sources=sources))
 
 
 def _sign(word: AlignedWord, cutter: Cutter) -> tuple[int, int]:

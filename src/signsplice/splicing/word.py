@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from signsplice.body.contacts import Contact
-from signsplice.motion import Clip, FloatArray, bone_translations, unchecked_copy
+from signsplice.motion import Clip, FloatArray, bone_translations, copy_unchecked
 from signsplice.splicing.contracts import Cut, Cutter, cut_clips
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def edit_of(clip: Clip, new: Clip, first_frame: int, joints: Sequence[int]) -> E
     return Edit(tuple(columns), first_frame, new.local_rotations[:, columns], bones)
 
 
-def edited(clip: Clip, edits: Sequence[Edit]) -> Clip:
+def apply_edits(clip: Clip, edits: Sequence[Edit]) -> Clip:
     """The retimed clip of a word with its edits, each over those before it; the clip itself without any."""
     if not edits:
         return clip
@@ -111,7 +111,7 @@ def edited(clip: Clip, edits: Sequence[Edit]) -> Clip:
         local[edit.first_frame : edit.stop, columns] = edit.rotations
         if bones is not None and edit.translations is not None:
             bones[edit.first_frame : edit.stop, columns] = edit.translations
-    return unchecked_copy(clip, local_rotations=local, translations=clip.translations if bones is None else bones)
+    return copy_unchecked(clip, local_rotations=local, translations=clip.translations if bones is None else bones)
 
 
 @dataclass(frozen=True, eq=False)

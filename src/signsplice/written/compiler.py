@@ -19,9 +19,9 @@ from signsplice.signer.locations import WeakArm, strong_hand
 from signsplice.signer.notation import notation_path, notation_text, parse
 from signsplice.signer.phonology import Path, Posture, Segment, Sign, faults, on_base
 from signsplice.signer.signer import STANDARD
-from signsplice.written.hands import KINDS, HandState, checked, from_skin, palm_point, weak_arm
+from signsplice.written.hands import KINDS, HandState, complete_hand_state, from_skin, palm_point, weak_arm
 from signsplice.written.nonmanual import body_tracks
-from signsplice.written.steps import Step, View, common_tempo, spread, steps
+from signsplice.written.steps import Step, View, common_tempo, steps, subdivide_steps
 from signsplice.written.tree import (
     Pair,
     Place,
@@ -43,7 +43,7 @@ class Tracked:
     back: bool = False
 
 
-def collapsed(track: list[Tracked]) -> list[Segment]:
+def collapse_repetitions(track: list[Tracked]) -> list[Segment]:
     """Segments with repetitions of one movement as ``times=``, of circles and local movements as more of them."""
     out: list[Segment] = []
     k = 0
@@ -106,7 +106,7 @@ def compile_sign(sign: WrittenSign, lenient: bool = False) -> Sign:
     what is not written of a posture is as usual.
     """
     try:
-        made = _compiled(sign, lenient)
+        made = _compile_parts(sign, lenient)
     except InputError as error:
         raise InputError(f"{_where(sign)}: {error}") from error
     if found := faults(made):
@@ -118,7 +118,7 @@ def _where(sign: WrittenSign) -> str:
     return f"{sign.where.file}: {sign.gloss}" if sign.where.file else sign.gloss
 
 
-def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
+def _compile_parts(sign: WrittenSign, lenient: bool) -> Sign:
     parts = sign.parts or (sign,)
     gloss = re.sub(r"[\s=:]+", "-", sign.gloss.strip()) or "SIGN"
     mirrored = all(is_symmetric(part) for part in parts)
@@ -127,7 +127,7 @@ def _compiled(sign: WrittenSign, lenient: bool) -> Sign:
     alternating = mirrored and any(map(alternates, parts))
     if alternating and not _one_move(made):
         made, alternating = _Compiler(parts, "base", lenient), False
-    hands, segments = "alternating" if alternating else made.hands, collapsed(made.track)
+    hands, segments = "alternating" if alternating else made.hands, collapse_repetitions(made.track)
     if any(s.kind == "M" for s in segments):
         segments = [*segments, Segment("H", segments[-1].strong, segments[-1].weak)]
     else:
@@ -157,7 +157,7 @@ def _source(sign: WrittenSign) -> str:
 
 
 def _one_move(made: _Compiler) -> bool:
-    moves = [s for s in collapsed(made.track) if s.kind == "M"]
+    moves = [s for s in collapse_repetitions(made.track) if s.kind == "M"]
     return len(moves) == 1 and (moves[0].path.kind == "circle" or not moves[0].strong.touch)
 
 
@@ -182,15 +182,15 @@ class _Compiler:
         self.saved = {}
         own = is_two_handed(sign)
         if sign.hands != "weak":
-            self.strong = checked(self.strong.written(sign.posture, self.kind), self.lenient)
+            self.strong = complete_hand_state(self.strong.apply_written_posture(sign.posture, self.kind), self.lenient)
         if sign.holdover:
             self.weak = held
         elif self.hands == "base" and own:
-            start = self.weak.written(sign.posture, self.kind, literal=sign.hands == "weak")
+            start = self.weak.apply_written_posture(sign.posture, self.kind, literal=sign.hands == "weak")
             if self.kind == "one":
-                start = HandState(1, start.shape).written(_WEAK_ARM, "one", literal=True)
-                start = start.written(sign.posture.weak, "one", literal=True)
-            self.weak = checked(start, self.lenient)
+                start = HandState(1, start.shape).apply_written_posture(_WEAK_ARM, "one", literal=True)
+                start = start.apply_written_posture(sign.posture.weak, "one", literal=True)
+            self.weak = complete_hand_state(start, self.lenient)
         self._place(
             sign.posture, first=True, hands=(sign.hands != "weak", self.hands == "base" and own and not sign.holdover)
         )
@@ -205,8 +205,8 @@ class _Compiler:
                 moves = sign.hands not in ("one", "two") or splits((motion,))
                 its = steps(motion, weak_view, 100 + n) if moves else [_of_weak_hand(step) for step in mine]
             count = max(len(mine), len(its))
-            strong_steps += spread(mine, count)
-            weak_steps += spread(its, count)
+            strong_steps += subdivide_steps(mine, count)
+            weak_steps += subdivide_steps(its, count)
         for mine_step, its_step in zip(strong_steps, weak_steps, strict=True):
             self._step(mine_step, its_step)
 
@@ -217,21 +217,23 @@ class _Compiler:
         if mine.brushing is not None:
             self._brush(mine.brushing)
         before = self.weak.posture
-        if mine.anywhere and not (on_base(self.strong.made.location) and its.path.kind == "circle"):
-            mine = replace(mine, path=from_skin(mine.path, self.strong.made, before, self.hands == "symmetric"))
+        if mine.anywhere and not (on_base(self.strong.current_posture.location) and its.path.kind == "circle"):
+            mine = replace(
+                mine, path=from_skin(mine.path, self.strong.current_posture, before, self.hands == "symmetric")
+            )
         if its.anywhere:
-            its = replace(its, path=from_skin(its.path, self.weak.made, None, False))
+            its = replace(its, path=from_skin(its.path, self.weak.current_posture, None, False))
         targets = [mine.target, its.target]
         if mine.swaps or its.swaps:
             self._swap()
-        self.weak = self._moved(self.weak, its, None, None)
+        self.weak = self._move_hand(self.weak, its, None, None)
         alone = its.path.kind != "straight" and not _same_direction(mine, its)
-        self.strong = self._moved(self.strong, mine, self.weak.posture, before, alone)
+        self.strong = self._move_hand(self.strong, mine, self.weak.posture, before, alone)
         for target in dict.fromkeys(t for t in targets if t is not None):
             self._place(target, first=False, hands=(target is mine.target, target is its.target))
         self._emit(mine, its, first=False)
 
-    def _moved(
+    def _move_hand(
         self, state: HandState, step: Step, weak: Posture | None, before: Posture | None, alone: bool = False
     ) -> HandState:
         """A hand after a step, places apart."""
@@ -239,26 +241,26 @@ class _Compiler:
             return state
         if step.back is not None and (state.which, step.back) in self.saved:
             saved = self.saved[state.which, step.back]
-            return saved if unit(step.beyond) is None else saved.moved(step.beyond, weak, before)
-        changed = state.written(step.target, self.kind, step.literal)
-        return changed.moved(step.travel, weak, before, fast=step.tempo > 1.0, alone=alone)
+            return saved if unit(step.beyond) is None else saved.move_by(step.beyond, weak, before)
+        changed = state.apply_written_posture(step.target, self.kind, step.literal)
+        return changed.move_by(step.travel, weak, before, fast=step.tempo > 1.0, alone=alone)
 
     def _swap(self) -> None:
         """Let hands exchange their shapes, directions and places."""
         if self.weak.posture is None:
             raise InputError("hands exchange, but the sign has one")
-        a, b = self.strong.made, self.weak.made
+        a, b = self.strong.current_posture, self.weak.current_posture
         one, other = palm_point(a, b), palm_point(b, None)
-        self.strong = self.strong.moved(plus((-other[0], other[1], other[2]), one, -1.0), b, b)
-        self.weak = self.weak.moved(plus((-one[0], one[1], one[2]), other, -1.0), None, None)
+        self.strong = self.strong.move_by(plus((-other[0], other[1], other[2]), one, -1.0), b, b)
+        self.weak = self.weak.move_by(plus((-one[0], one[1], one[2]), other, -1.0), None, None)
 
     def _brush(self, brushing: Place | Pair) -> None:
         """Let the hand touch first what it then brushes along."""
-        if self.strong.made.touch:
+        if self.strong.current_posture.touch:
             return
         along = replace(brushing, contact="touch")
         posture = WrittenPosture(place=along) if isinstance(along, Place) else WrittenPosture(pair=along)
-        self.strong = self.strong.written(posture, self.kind)
+        self.strong = self.strong.apply_written_posture(posture, self.kind)
         self._place(posture, first=False, hands=(True, False))
         self._emit(Step(), Step(), first=False)
 
@@ -319,7 +321,7 @@ class _Compiler:
                 forward = max(forward, _PAIR_FORWARD)
                 where = Spot(f"space:{0.0 - out:.4g},{up:.4g},{forward:.4g}")  # as the weak hand sees it
             self.weak = self.weak.at(replace(where, part=weak_part), False)
-        weak = self.weak.made
+        weak = self.weak.current_posture
         if pair.weak is None and pair.strong is None:
             self.strong = self._nearest(weak, gap)
         else:
@@ -330,7 +332,7 @@ class _Compiler:
         """The strong hand so far from the midline that the skins of both hands, which mirror one another, are ``gap``
         apart.
         """
-        made = replace(self.strong.made, touch=False)
+        made = replace(self.strong.current_posture, touch=False)
         nobody = WeakArm(STANDARD, np.zeros(27))
         for _ in range(4):
             state = strong_hand(made, nobody, meets=True)
@@ -345,7 +347,7 @@ class _Compiler:
         if place is not None:
             return spot(place, own_side=False)
         if self.hands == "symmetric" and not first:
-            _, up, forward = palm_point(self.strong.made, None, meets=True)
+            _, up, forward = palm_point(self.strong.current_posture, None, meets=True)
             return Spot(f"space:0,{up:.2f},{forward:.2f}")
         if self.strong.place is not None:
             return spot(self.strong.place, own_side=False)
@@ -356,7 +358,7 @@ class _Compiler:
         middle = palm_point(weak, None)
         arm = weak_arm(weak)
         out = -middle[0] + 9.0 + gap
-        usual = self.strong.at(Spot("base-palm", part="palm"), False).made
+        usual = self.strong.at(Spot("base-palm", part="palm"), False).current_posture
         zero = palm_point(usual, weak)
         for _ in range(4):
             shift = plus((out, middle[1], middle[2]), zero, -1.0)
@@ -370,8 +372,8 @@ class _Compiler:
 
     def _emit(self, mine: Step, its: Step, first: bool) -> None:
         """Add a movement to the postures of both hands now, or the first posture."""
-        strong = self.strong.made
-        weak = self.weak.made if self.hands == "base" else None
+        strong = self.strong.current_posture
+        weak = self.weak.current_posture if self.hands == "base" else None
         last = self.track[-1].segment if self.track else None
         if last is None:
             self.track.append(Tracked(Segment("X", strong, weak)))

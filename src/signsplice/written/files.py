@@ -32,7 +32,7 @@ _NUMBER = re.compile(r"[\d\s.,:;+-]*")
 _SAMPLE = 50
 
 
-def decoded(content: bytes, name: str) -> str:
+def decode_text(content: bytes, name: str) -> str:
     """The text of a file in UTF-8, UTF-16 with its mark, or Windows' Western code page."""
     encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     for one in (encoding, "cp1252"):
@@ -158,7 +158,7 @@ def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> Wri
             if len(named) == 1:
                 raise
             items.append(error)
-    return _numbered(items, str(given[0]))
+    return _number_glosses(items, str(given[0]))
 
 
 def _below(folder: Path) -> list[Path]:
@@ -174,7 +174,7 @@ def _below(folder: Path) -> list[Path]:
 
 def parse(content: bytes, name: str, lenient: bool = False) -> WrittenSigns:
     """The signs of a file's content; its suffix says what it is. Raises as ``read`` does."""
-    return _numbered([*_signs(content, name, lenient)], name)
+    return _number_glosses([*_signs(content, name, lenient)], name)
 
 
 def one(text: str, gloss: str = "SIGN", lenient: bool = False) -> WrittenSign:
@@ -182,7 +182,7 @@ def one(text: str, gloss: str = "SIGN", lenient: bool = False) -> WrittenSign:
     return _of_text(text, Reading("<text>", gloss, lenient, by_line=False))
 
 
-def _numbered(items: Sequence[WrittenSign | InputError], name: str) -> WrittenSigns:
+def _number_glosses(items: Sequence[WrittenSign | InputError], name: str) -> WrittenSigns:
     """What is read, with a number at a gloss that comes again. Raises ``FormatError`` where it is nothing."""
     if not items:
         raise FormatError("holds no sign, expected hamgestural_sign, hns_sign or HamNoSys", file=name)
@@ -209,7 +209,7 @@ def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | I
     if suffix in (".sigml", ".xml") or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         yield from _of_xml(content, name, lenient)
         return
-    text = decoded(content, name)
+    text = decode_text(content, name)
     rows = json_rows(text, name) if suffix == ".json" else table_rows(text, name, suffix)
     for n, (gloss, notation, line) in enumerate(rows):
         if n >= _MOST_SIGNS:
@@ -225,7 +225,10 @@ def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | I
 def _of_text(text: str, reading: Reading) -> WrittenSign:
     if text.lstrip().startswith("<"):
         root = parse_xml(f"<hns_sign>{text}</hns_sign>".encode(), reading.file)
-        found = [e for e in root.named(*_SIGNS) if e is not root] or [*root.children[0].named(*_SIGNS), root][:1]
+        found = [e for e in root.find_elements(*_SIGNS) if e is not root] or [
+            *root.children[0].find_elements(*_SIGNS),
+            root,
+        ][:1]
         return _reader(found[0])(found[0], reading)
     return hamnosys.sign(symbols.tokens(text, reading), reading)
 
@@ -233,10 +236,10 @@ def _of_text(text: str, reading: Reading) -> WrittenSign:
 def _of_xml(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | InputError]:
     root = parse_xml(content, name)
     for child in root.children if root.tag == "sigml" else ():
-        if not any(child.named(*_SIGNS)):
+        if not any(child.find_elements(*_SIGNS)):
             what = f"<{child.tag[:60]}> is no sign that is read, and is left out"
             yield FormatError(what, file=name, line=child.line)
-    for n, element in enumerate(root.named(*_SIGNS)):
+    for n, element in enumerate(root.find_elements(*_SIGNS)):
         if n >= _MOST_SIGNS:
             raise FormatError(f"holds more than {_MOST_SIGNS:,} signs", file=name)
         try:

@@ -21,8 +21,8 @@ from signsplice.written.tree import (
     WrittenPosture,
     WrittenShape,
     WrittenSign,
-    flipped,
-    merged,
+    merge_postures,
+    symmetry_kind,
     weak_has_own,
     with_weak,
 )
@@ -92,7 +92,7 @@ class _Gestural:
             elif motions:
                 self.reading.note(f"<{child.tag}> after the first motion is left out", child.line)
             else:
-                posture = merged(posture, self.posture(child)) or posture
+                posture = merge_postures(posture, self.posture(child)) or posture
         if not e.children:
             raise self.reading.error("is empty, expected hand configurations", "<sign_manual>", e.line)
         return WrittenSign(
@@ -107,7 +107,7 @@ class _Gestural:
             return "weak"
         if not both and not any(flips):
             return "two" if weak_has_own(posture, motions) else "one"
-        return flipped(*flips)
+        return symmetry_kind(*flips)
 
     # --- postures
 
@@ -218,7 +218,7 @@ class _Gestural:
             self.refuse(e, "is no element that is known")
             return Motion("hold", where=self.reading.where(f"<{e.tag}>", e.line))
         self.check(e)
-        makers = {"tgt_motion": self.targeted, "rpt_motion": self.repeated}
+        makers = {"tgt_motion": self.parse_target_motion, "rpt_motion": self.parse_repetition}
         made = makers[e.tag](e) if e.tag in makers else self.simple(e)
         named = self.choice(e, "manner")
         given = {key: True for key in MANNER if self.flag(e, key) or named == key}
@@ -274,25 +274,25 @@ class _Gestural:
         found = WrittenPosture(place=along) if self.flag(e, "brushing") else None
         for child in e.children:
             if child.tag in ("location_bodyarm", "location_hand"):
-                found = merged(found, self.posture(child))
+                found = merge_postures(found, self.posture(child))
             else:
                 self.refuse(child, f"is no part of <{e.tag}>")
         return found or WrittenPosture()
 
-    def targeted(self, e: Element) -> Motion:
+    def parse_target_motion(self, e: Element) -> Motion:
         """A motion that ends in a posture."""
         inner, posture = list[Motion](), WrittenPosture()
         for child in e.children:
             if child.tag in POSTURES:
-                posture = merged(posture, self.posture(child)) or posture
+                posture = merge_postures(posture, self.posture(child)) or posture
             else:
                 inner.append(self.motion(child))
         if len(inner) > 1:
             self.refuse(e, f"has {len(inner)} motions, expected one")
         made = inner[0] if inner else Motion("posture")
-        return replace(made, target=merged(made.target, posture))
+        return replace(made, target=merge_postures(made.target, posture))
 
-    def repeated(self, e: Element) -> Motion:
+    def parse_repetition(self, e: Element) -> Motion:
         """A motion that is made more than once."""
         parts = tuple(map(self.motion, e.children))
         if not parts:

@@ -20,7 +20,7 @@ from signsplice.written import symbols
 from signsplice.written.hamnosys_slots import Slots
 from signsplice.written.nonmanual import hns_tiers
 from signsplice.written.reading import Element, Reading, below
-from signsplice.written.symbols import CLOSERS, Token, check_length, compound, is_action, is_posture, mended
+from signsplice.written.symbols import CLOSERS, Token, check_length, compound, is_action, is_posture, repair_symbols
 from signsplice.written.tree import (
     Motion,
     Pair,
@@ -28,8 +28,8 @@ from signsplice.written.tree import (
     WrittenManner,
     WrittenPosture,
     WrittenSign,
-    flipped,
-    merged,
+    merge_postures,
+    symmetry_kind,
     weak_has_own,
 )
 
@@ -51,7 +51,7 @@ def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
     reading is lenient.
     """
     check_length(len(found), reading)
-    balanced = mended(found, reading)
+    balanced = repair_symbols(found, reading)
     parts = [_part(part, reading) for part in compound(balanced)]
     if len(parts) == 1:
         return replace(parts[0], notes=tuple(reading.notes))
@@ -74,9 +74,9 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
     rest = list[Token]()
     for t in balanced[front:]:
         if t.name in (*_SYMMETRY, "nonipsi"):
-            reading.note(f"{t.shown} is read as if it stood first", t.position)
+            reading.note(f"{t.ham_name} is read as if it stood first", t.position)
         elif t.name == "nomotion" and not rest:
-            reading.note(f"{t.shown} before the posture is left out", t.position)
+            reading.note(f"{t.ham_name} before the posture is left out", t.position)
         else:
             rest.append(t)
     weak = bool(rest) and rest[0].name == "nondominant" and not kinds and all(t.name != "plus" for t in rest)
@@ -89,7 +89,7 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
         posture = replace(posture, place=replace(posture.place, side="left_at"))
     hands = "weak" if weak else "two" if weak_has_own(posture, motions) else "one"
     if kinds:
-        hands = flipped(kinds[0] == "mirrored", "largemod" in flips, "fingerstraightmod" in flips)
+        hands = symmetry_kind(kinds[0] == "mirrored", "largemod" in flips, "fingerstraightmod" in flips)
     tiers = tuple(parser.tiers)
     return WrittenSign(reading.gloss, hands, alternating, False, posture, tuple(motions), tiers=tiers, where=where)
 
@@ -112,7 +112,7 @@ class _Parser(Slots):
             found.append(self.action())
         if top:
             while (t := self.peek()).name:
-                self.reading.refuse("stands where no symbol of its kind is expected", t.shown, self.next().position)
+                self.reading.refuse("stands where no symbol of its kind is expected", t.ham_name, self.next().position)
             last = self.tokens[-1].name if self.tokens else ""
             earlier = any(m.repeat for m in found[:-1])
             if len(found) > 1 and last in symbols.REPEATS and found[-1].repeat and not earlier:
@@ -127,7 +127,7 @@ class _Parser(Slots):
             self.next()
             rest = Motion("hold", where=self.where(t))
             return Motion("split", parts=(rest, self.action_or_hold(t)), where=self.where(t))
-        return self.modified(replace(self.core(t), where=self.where(t)))
+        return self.parse_modifiers(replace(self.core(t), where=self.where(t)))
 
     def action_or_hold(self, t: Token) -> Motion:
         """One action, or none where none comes after the symbol."""
@@ -138,10 +138,10 @@ class _Parser(Slots):
         """An action without what modifies it."""
         name = t.name
         if is_posture(name) or self.is_posture_bracket():
-            self.reading.note(f"{t.shown} after the first action is read as hamreplace", t.position)
+            self.reading.note(f"{t.ham_name} after the first action is read as hamreplace", t.position)
             return self.posture_change(t)
         if self.is_location():
-            return Motion("posture")  # to where ``modified`` finds
+            return Motion("posture")  # to where ``parse_modifiers`` finds
         self.next()
         if name in symbols.BRACKETS and (found := self.of_the_body(t)) is not None:
             return found
@@ -160,7 +160,7 @@ class _Parser(Slots):
         if name == "fingerplay":
             return Motion(name, digits=tuple(symbols.DIGITS[d.name] for d in self.take(*symbols.DIGITS)))
         if name != "nomotion":
-            self.reading.refuse("modifies no action", t.shown, t.position)
+            self.reading.refuse("modifies no action", t.ham_name, t.position)
         return Motion("hold")
 
     def of_the_body(self, t: Token) -> Motion | None:
@@ -169,14 +169,14 @@ class _Parser(Slots):
         if not is_action(after.name):
             return None
         if part.name in ("elbow", "elbowinside", "lowerarm", "upperarm"):
-            self.reading.note(f"{part.shown} that moves is read as a movement of the hand", self.next().position)
+            self.reading.note(f"{part.ham_name} that moves is read as a movement of the hand", self.next().position)
             return self.bracket(t)
         if part.name not in ("head", "shoulders"):
             return None
         self.next()
         code = _GESTURES.get(f"{part.name} {after.name}")
         if code is None:
-            self.reading.note(f"{after.shown} of {part.shown} is left out", after.position)
+            self.reading.note(f"{after.ham_name} of {part.ham_name} is left out", after.position)
         else:
             tier = part.name.removesuffix("s")
             self.tiers.append(Tier(tier, code, lane=tier))
@@ -193,10 +193,10 @@ class _Parser(Slots):
     def posture_change(self, t: Token) -> Motion:
         """A change of posture with no path."""
         for early in self.take(*symbols.KINDS["size"], *symbols.KINDS["growth"]):
-            self.reading.note(f"{early.shown} before what changes is left out", early.position)
+            self.reading.note(f"{early.ham_name} before what changes is left out", early.position)
         posture = self.posture()
         if posture == WrittenPosture():
-            self.reading.refuse("changes nothing", t.shown, t.position)
+            self.reading.refuse("changes nothing", t.ham_name, t.position)
             return Motion("hold")
         return Motion("posture", target=posture)
 
@@ -207,15 +207,17 @@ class _Parser(Slots):
             halves.append(self.actions())
         self.take(symbols.BRACKETS[t.name])
         if len(halves) > 2:
-            self.reading.refuse(f"holds {len(halves)} parts, expected two at most", t.shown, t.position)
-        made = [self.joined(_KINDS[t.name] if len(halves) == 1 else "sequence", half, t) for half in halves[:2]]
+            self.reading.refuse(f"holds {len(halves)} parts, expected two at most", t.ham_name, t.position)
+        made = [
+            self.combine_motions(_KINDS[t.name] if len(halves) == 1 else "sequence", half, t) for half in halves[:2]
+        ]
         return made[0] if len(made) == 1 else Motion("split", parts=tuple(made))
 
-    def joined(self, kind: str, parts: list[Motion], t: Token) -> Motion:
+    def combine_motions(self, kind: str, parts: list[Motion], t: Token) -> Motion:
         """Some motions as one; of those at one time straight ones come in turn: one alone would say their sum."""
         straight = [m for m in parts if kind == "parallel" and m.kind == "straight" and not m.repeat]
         if len(straight) > 1:
-            self.reading.note(f"straight movements in {t.shown} come in turn", t.position)
+            self.reading.note(f"straight movements in {t.ham_name} come in turn", t.position)
             turns = Motion("sequence", parts=tuple(straight), where=straight[0].where)
             others = [m for m in parts if all(m is not one for one in straight)]
             parts = [turns, *others]
@@ -226,20 +228,20 @@ class _Parser(Slots):
         fused = WrittenManner(fused=kind == "fusion")
         return Motion(kind, parts=tuple(parts), manner=fused, where=self.where(t))
 
-    def modified(self, m: Motion) -> Motion:
+    def parse_modifiers(self, m: Motion) -> Motion:
         """An action with its sizes, curves, manner, target and repetitions."""
         sized = "size"
         while (t := self.peek()).name:
             name, kinds = t.name, symbols.KINDS
             if shaping := next((kind for kind in _SHAPED if name in kinds[kind]), ""):
-                m = self.shaped(m, shaping, t)
+                m = self.apply_path_shape(m, shaping, t)
                 sized = f"{_SHAPED[shaping][0]}_size" if shaping != "ellipse" or not m.zigzag else sized
             elif name in kinds["size"]:
-                m = _sized(m, sized, kinds["size"][name])
+                m = _apply_size(m, sized, kinds["size"][name])
             elif name in kinds["growth"]:
-                m = _sized(m, "size_end", kinds["growth"][name])
+                m = _apply_size(m, "size_end", kinds["growth"][name])
             elif name.startswith("clock"):
-                m = self.clocked(m, t)
+                m = self.apply_clock_symbol(m, t)
             elif name in kinds["manner"]:
                 m = replace(m, manner=replace(m.manner, **{name: True}))
             elif name in symbols.REPEATS:
@@ -248,16 +250,16 @@ class _Parser(Slots):
             elif name == "alternatingmotion":
                 m = replace(m, alternating=True)
             elif name == "seqbegin" and self.peek(1).name in symbols.REPEATS:
-                m = self.shifted(m)
+                m = self.parse_repeat_shift(m)
             elif self.is_location():
-                m = self.aimed(m)
+                m = self.parse_target(m)
                 continue
             else:
                 break
             self.next()
         return m
 
-    def shifted(self, m: Motion) -> Motion:
+    def parse_repeat_shift(self, m: Motion) -> Motion:
         """A motion that brackets repeat, each time further in a direction; the closing bracket comes next."""
         self.next()
         again = symbols.REPEATS[self.next().name]
@@ -266,21 +268,21 @@ class _Parser(Slots):
         self.refuse_until("seqend", "a repetition")
         return replace(m, repeat=again, shift=shift)
 
-    def shaped(self, m: Motion, shaping: str, t: Token) -> Motion:
+    def apply_path_shape(self, m: Motion, shaping: str, t: Token) -> Motion:
         """A motion, or the last within its brackets, with a curve, a zigzag or a long axis."""
         key, *kinds = _SHAPED[shaping]
         if m.kind in kinds or (shaping == "ellipse" and m.zigzag):  # the way of its swings
-            return _sized(m, key, symbols.KINDS[shaping][t.name])
+            return _apply_size(m, key, symbols.KINDS[shaping][t.name])
         if m.parts:
-            return replace(m, parts=(*m.parts[:-1], self.shaped(m.parts[-1], shaping, t)))
-        self.reading.refuse(f"does not go with a motion of the kind {m.kind}", t.shown, t.position)
+            return replace(m, parts=(*m.parts[:-1], self.apply_path_shape(m.parts[-1], shaping, t)))
+        self.reading.refuse(f"does not go with a motion of the kind {m.kind}", t.ham_name, t.position)
         return m
 
-    def clocked(self, m: Motion, t: Token) -> Motion:
+    def apply_clock_symbol(self, m: Motion, t: Token) -> Motion:
         """A circle with its start, then its end; each whole circle is a turn more."""
         at = t.name.removeprefix("clock")
         if m.kind != "circle":
-            self.reading.refuse(f"does not go with a motion of the kind {m.kind}", t.shown, t.position)
+            self.reading.refuse(f"does not go with a motion of the kind {m.kind}", t.ham_name, t.position)
             return m
         if at == "full":
             return replace(m, turns=m.turns + 1.0)
@@ -288,7 +290,7 @@ class _Parser(Slots):
             return replace(m, start=at)
         return replace(m, end=at, turns=m.turns - 1.0 if not m.end else m.turns)
 
-    def aimed(self, m: Motion) -> Motion:
+    def parse_target(self, m: Motion) -> Motion:
         """A motion with the place, the site or the contact that it ends at, or that it brushes along."""
         found = self.location()
         if found == WrittenPosture():
@@ -303,13 +305,13 @@ class _Parser(Slots):
                 found = WrittenPosture(pair=replace(target.pair, contact=contact))
             elif target.place is not None:
                 found = WrittenPosture(place=replace(target.place, contact=contact))
-        return replace(m, target=merged(target, found))
+        return replace(m, target=merge_postures(target, found))
 
 
-def _sized(m: Motion, key: str, size: str) -> Motion:
+def _apply_size(m: Motion, key: str, size: str) -> Motion:
     """A motion of a size, or the motions within brackets that have none of their own."""
     if m.parts and key == "size":
-        return replace(m, parts=tuple(part if part.size else _sized(part, key, size) for part in m.parts))
+        return replace(m, parts=tuple(part if part.size else _apply_size(part, key, size) for part in m.parts))
     return replace(m, **{key: size})  # type: ignore[arg-type]
 
 
@@ -321,12 +323,12 @@ def sign_of_element(element: Element, reading: Reading) -> WrittenSign:
     found = list[Token]()
     for e in below(element):
         if e.tag.startswith("ham") and not e.tag.startswith("hamnosys"):
-            found += symbols.named(e.tag.removeprefix("ham"), f"<{e.tag[:60]}>", e.line, reading)
+            found += symbols.resolve_symbol(e.tag.removeprefix("ham"), f"<{e.tag[:60]}>", e.line, reading)
         elif e.children and not e.tag.startswith(("hnm_", "hamnosys", "hns_")):
             reading.note(f"<{e.tag[:60]}> is left out, what is in it is read", e.line)
         elif not e.tag.startswith(("hnm_", "hamnosys", "hns_")):
             reading.refuse("is no symbol of HamNoSys 4", f"<{e.tag}>", e.line)
-    written = "".join(e.text for e in (element, *element.named("hamnosys_manual"))).strip()
+    written = "".join(e.text for e in (element, *element.find_elements("hamnosys_manual"))).strip()
     if not found and (written := written or element.attributes.get("hamnosys", "")):
         found = symbols.tokens(written, reading)
     if not found:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from signsplice.written import symbols
 from signsplice.written.symbols import CLOSERS, PALMS, SITES, Row, Token, is_posture
-from signsplice.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape, merged, with_weak
+from signsplice.written.tree import Pair, Place, Site, WrittenPosture, WrittenShape, merge_postures, with_weak
 
 _ARM = ("elbow", "elbowinside", "lowerarm", "upperarm")
 _ON_HEAD = tuple(symbols.PLACES)[: tuple(symbols.PLACES).index("neck")]
@@ -28,17 +28,17 @@ class Slots(Row):
                 self.next()
                 found = with_weak(found, self.slot(found))
             elif found.shape is not None and (t.name in symbols.BENDS or t.name in symbols.THUMBS):
-                self.reading.note(f"{t.shown} is read as if it followed the handshape", self.next().position)
-                found = replace(found, shape=_modified(found.shape, t.name))
+                self.reading.note(f"{t.ham_name} is read as if it followed the handshape", self.next().position)
+                found = replace(found, shape=_apply_shape_modifier(found.shape, t.name))
             elif t.name in symbols.KINDS["size"] and self.slot_follows():
-                self.reading.note(f"{t.shown} within a posture is left out", self.next().position)
+                self.reading.note(f"{t.ham_name} within a posture is left out", self.next().position)
             elif t.name == "plus":
                 if not self.slot_follows():
                     break
                 self.reading.note("hamplus outside brackets joins the slots beside it", self.next().position)
                 found = with_weak(found, self.slot(WrittenPosture()))
             elif is_posture(t.name) or self.is_posture_bracket() or self.is_location():
-                found = _added(found, self.slot(found), self.two)
+                found = _add_slot(found, self.slot(found), self.two)
             else:
                 break
         return found
@@ -51,7 +51,7 @@ class Slots(Row):
         if t.name in symbols.SHAPES:
             if before.shape is not None:
                 what = "is a second handshape, expected hambetween or hamplus before it"
-                self.reading.refuse(what, t.shown, t.position)
+                self.reading.refuse(what, t.ham_name, t.position)
             return WrittenPosture(shape=self.shape())
         if t.name.startswith("extfinger"):
             return WrittenPosture(fingers=self.directions("extfinger"))
@@ -77,7 +77,7 @@ class Slots(Row):
         self.refuse_until(closer, within)
         self.take(closer)
         if len(found) > 2:
-            self.reading.refuse(f"holds {len(found)} {parts}, expected two", opener.shown, opener.position)
+            self.reading.refuse(f"holds {len(found)} {parts}, expected two", opener.ham_name, opener.position)
         return found
 
     def inner(self) -> WrittenPosture:
@@ -87,7 +87,7 @@ class Slots(Row):
             if t.name == "nondominant":
                 self.next()
             elif is_posture(t.name) or self.is_location() or self.is_posture_bracket():
-                found = _added(found, self.slot(found), self.two)
+                found = _add_slot(found, self.slot(found), self.two)
             else:
                 break
         return found
@@ -103,7 +103,7 @@ class Slots(Row):
                 break
             t = self.next()
             if len(found) == 2:
-                self.reading.refuse("is a third direction, expected two at most", t.shown, t.position)
+                self.reading.refuse("is a third direction, expected two at most", t.ham_name, t.position)
                 continue
             found.append(t.name.removeprefix(kind))
         return tuple(found)
@@ -116,7 +116,7 @@ class Slots(Row):
         while (t := self.peek()).name:
             following = self.peek(1).name
             if t.name in symbols.THUMBS or t.name in symbols.BENDS:
-                made = _modified(made, self.next().name)
+                made = _apply_shape_modifier(made, self.next().name)
             elif t.name in symbols.DIGITS:
                 made = self.fingers(made)
             elif t.name == "between" and following in symbols.SHAPES:
@@ -125,7 +125,7 @@ class Slots(Row):
             elif t.name == "between" and (following in symbols.THUMBS or following in symbols.BENDS):
                 self.next()
                 plain = replace(made, bend="" if following in symbols.BENDS else made.bend)
-                return replace(made, between=_modified(plain, self.next().name))
+                return replace(made, between=_apply_shape_modifier(plain, self.next().name))
             elif t.name == "between" and following in symbols.DIGITS:
                 self.next()
                 self.take(*symbols.DIGITS)
@@ -156,7 +156,7 @@ class Slots(Row):
         """Pass over parts of fingers within a handshape, if any: where fingers meet is not made as finely."""
         parts = self.take(*symbols.FINGER_PARTS)
         for part in parts:
-            self.reading.note(f"{part.shown} within a handshape is left out", part.position)
+            self.reading.note(f"{part.ham_name} within a handshape is left out", part.position)
         return bool(parts)
 
     # --- places
@@ -164,7 +164,7 @@ class Slots(Row):
     def location(self, weak: bool = True) -> WrittenPosture:
         """A place on the body, a site of a hand (``weak`` says which), two hands together, or a contact alone."""
         if self.at("seqbegin") and self.peek(1).name == "brushing":
-            return self.brushed()
+            return self.parse_brushing()
         found = self.hands_together() if self.at("parbegin") else self.place(weak)
         contact, own = self.contact()
         if own is not None and own.part in _ARM:
@@ -182,7 +182,7 @@ class Slots(Row):
             other = replace(other, place=replace(other.place, contact=other.place.contact or contact))
         return replace(found, place=place, weak=other)
 
-    def brushed(self) -> WrittenPosture:
+    def parse_brushing(self) -> WrittenPosture:
         """A place or a site in brackets that a hand brushes along."""
         self.next()
         self.next()
@@ -218,11 +218,11 @@ class Slots(Row):
         t = self.peek()
         if t.name in symbols.PLACES:
             t = self.next()
-            side = self.sided(before)
+            side = self.parse_side(before)
             crossed, own = ("right", "left") if self.second else ("left", "right")
             if self.mirrored and side.startswith(crossed) and t.name in _ON_HEAD:  # crossed arms hide the face
                 this, that = ("before", "after") if before else ("after", "before")
-                shown = f"ham{'lrat' if side.endswith('at') else 'lrbeside'} {this} {t.shown}"
+                shown = f"ham{'lrat' if side.endswith('at') else 'lrbeside'} {this} {t.ham_name}"
                 self.reading.note(f"{shown} is read as {that} it: hands would cross", t.position)
                 side = side.replace(crossed, own)
             place = Place(symbols.PLACES[t.name], side)
@@ -234,16 +234,16 @@ class Slots(Row):
         if t.name in SITES:
             return WrittenPosture(pair=Pair(weak=self.site(weak, before)))
         if before:
-            self.reading.note(f"{before[0].shown} without a place is read as right_at the body", before[0].position)
+            self.reading.note(f"{before[0].ham_name} without a place is read as right_at the body", before[0].position)
             return WrittenPosture(place=Place("", "right_at"))
         if self.at("behind") and self.last is not None:
             self.next()
             return WrittenPosture(place=replace(self.last, contact="", behind=True))
         for lost in self.take("behind"):
-            self.reading.refuse("says behind what no place says", lost.shown, lost.position)
+            self.reading.refuse("says behind what no place says", lost.ham_name, lost.position)
         return WrittenPosture()
 
-    def sided(self, before: Sequence[Token]) -> str:
+    def parse_side(self, before: Sequence[Token]) -> str:
         """The side of a place: a symbol before it says left, one after it right."""
         after = self.take(*symbols.SIDES)
         if before:
@@ -267,7 +267,7 @@ class Slots(Row):
                 part = t.name
             else:
                 side = symbols.HAND_PARTS[t.name]
-        if word := self.sided(before):
+        if word := self.parse_side(before):
             side = "radial" if word.startswith("left") != weak else "ulnar"
         made = Site(part or "midjoint", tuple(digits[:2]), side)
         return replace(made, between=self.site(weak)) if self.between(SITES) else made
@@ -290,7 +290,7 @@ class Slots(Row):
         return strongest or (names[-1] if names else ""), own
 
 
-def _modified(made: WrittenShape, name: str) -> WrittenShape:
+def _apply_shape_modifier(made: WrittenShape, name: str) -> WrittenShape:
     """A handshape with a bend or a place of the thumb."""
     if name in symbols.BENDS:
         return replace(made, bend=symbols.BENDS[name])
@@ -299,11 +299,11 @@ def _modified(made: WrittenShape, name: str) -> WrittenShape:
     return replace(made, thumb=symbols.THUMBS[name])
 
 
-def _added(before: WrittenPosture, after: WrittenPosture, two: bool) -> WrittenPosture:
+def _add_slot(before: WrittenPosture, after: WrittenPosture, two: bool) -> WrittenPosture:
     """A posture with a slot more; a place beside a pair of hands says where the pair is. ``two``: a contact before a
     place is between the hands.
     """
-    found = merged(before, after) or before
+    found = merge_postures(before, after) or before
     if found.pair is not None and found.place is not None:
         between = before.pair is not None and (two or found.weak is not None)
         if found.pair.weak is None and found.pair.place is None and not between:

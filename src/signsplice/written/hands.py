@@ -17,13 +17,13 @@ from signsplice.signer.phonology import REST, Path, Posture, on_arm
 from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import STANDARD
 from signsplice.signer.tables import Vector
-from signsplice.written.tree import Place, WrittenPosture, WrittenShape, merged
+from signsplice.written.tree import Place, WrittenPosture, WrittenShape, merge_postures
 from signsplice.written.vocabulary import (
     Spot,
     dot,
     facing,
+    hand_axes,
     in_space,
-    oriented,
     plus,
     shape_text,
     spot,
@@ -56,7 +56,7 @@ HANGING = Posture("rest", REST, "palm", (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 Words = tuple[str, ...]
 
 
-def swapped(word: str, letters: str) -> str:
+def swap_letters(word: str, letters: str) -> str:
     """A word of letters with pairs of them exchanged."""
     pairs = "".join(letters[k : k + 2][::-1] for k in range(0, len(letters), 2))
     return word.translate(str.maketrans(letters, pairs))
@@ -75,8 +75,8 @@ def _of_weak_hand(posture: WrittenPosture, kind: str) -> WrittenPosture:
     ahead, faces, _ = KINDS[kind]
     return WrittenPosture(
         posture.shape,
-        posture.fingers and tuple(swapped(word, ahead) for word in posture.fingers),
-        posture.palm and tuple(swapped(word, faces) for word in posture.palm),
+        posture.fingers and tuple(swap_letters(word, ahead) for word in posture.fingers),
+        posture.palm and tuple(swap_letters(word, faces) for word in posture.palm),
         posture.place and other_side(posture.place),
     )
 
@@ -100,7 +100,7 @@ class HandState:
     meets: bool = False
 
     @property
-    def made(self) -> Posture:
+    def current_posture(self) -> Posture:
         """The posture."""
         return HANGING if self.posture is None else self.posture
 
@@ -109,17 +109,17 @@ class HandState:
         """Where fingers and palm point, in the hand's own directions."""
         assert self.fingers is not None
         assert self.palm is not None
-        along, faces = oriented(self.fingers, self.palm)
+        along, faces = hand_axes(self.fingers, self.palm)
         if along[1] > _UPRIGHT and (-1.0 if self.which else 1.0) * faces[0] > _TURNED_OUT:
             faces = facing(along, self.palm)
         return (_own(along), _own(faces)) if self.which else (along, faces)
 
-    def written(self, posture: WrittenPosture | None, kind: str, literal: bool = False) -> HandState:
+    def apply_written_posture(self, posture: WrittenPosture | None, kind: str, literal: bool = False) -> HandState:
         """The hand with what a posture says of it, which is not yet made. ``literal``: it is written for this hand."""
         if posture is None:
             return self
         if self.which and not literal:
-            posture = merged(_of_weak_hand(posture, kind), posture.weak) or posture
+            posture = merge_postures(_of_weak_hand(posture, kind), posture.weak) or posture
         names = ("shape", "fingers", "palm", "place")
         return replace(self, **{name: getattr(posture, name) or getattr(self, name) for name in names})
 
@@ -144,7 +144,7 @@ class HandState:
             where = Spot("space:2,0,20")
         return self.at(where, not two_handed)
 
-    def moved(
+    def move_by(
         self, travel: Vector, weak: Posture | None, before: Posture | None, fast: bool = False, alone: bool = False
     ) -> HandState:
         """The hand after a motion: its palm travels, or where it turns in a touch, the part that touches stays.
@@ -155,7 +155,7 @@ class HandState:
         alone: it does not go along with the weak hand
         """
         assert self.shape is not None
-        old = self.made
+        old = self.current_posture
         along, faces = self.axes
         turned = replace(old, shape=shape_text(self.shape), palm=faces, fingers=along)
         formed = turned.shape == old.shape
@@ -170,7 +170,7 @@ class HandState:
         if self.meets and old.location.startswith("space:0,") and not (steady and abs(travel[0]) < 0.01):
             return self._in_space(turned, travel, before)
         if steady:
-            return replace(self, posture=_shifted(turned, travel, weak, fast))
+            return replace(self, posture=_shift_posture(turned, travel, weak, fast))
         if still and formed and old.off < 1.0 and not old.location.startswith("space"):
             return replace(self, posture=turned)
         here = palm_point(old, before, self.meets)
@@ -180,7 +180,7 @@ class HandState:
 
     def _in_space(self, turned: Posture, travel: Vector, before: Posture | None) -> HandState:
         """The hand after a motion away from the other hand."""
-        location = in_space(plus(palm_point(self.made, before, self.meets), travel))
+        location = in_space(plus(palm_point(self.current_posture, before, self.meets), travel))
         return replace(self, posture=replace(_by_palm(turned), location=location))
 
 
@@ -204,7 +204,7 @@ def _own(v: Vector) -> Vector:
     return (-v[0], v[1], v[2])
 
 
-def checked(state: HandState, lenient: bool) -> HandState:
+def complete_hand_state(state: HandState, lenient: bool) -> HandState:
     """The hand with a shape and directions. Raises ``InputError`` for what is not written, unless ``lenient``."""
     words = {"shape": "handshape", "fingers": "finger direction", "palm": "palm direction"}
     missing = [words[name] for name in words if getattr(state, name) is None]
@@ -214,13 +214,13 @@ def checked(state: HandState, lenient: bool) -> HandState:
     return replace(state, shape=shape, fingers=fingers, palm=palm)
 
 
-def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool) -> Posture:
+def _shift_posture(posture: Posture, travel: Vector, weak: Posture | None, fast: bool) -> Posture:
     """A posture moved by ``travel``; a short way along the skin that it touches it slides."""
     length = dot(travel, travel) ** 0.5
     if posture.touch and not fast and length <= _SLIDE_CM:
         normal = locations.locate(posture.location, weak_arm(weak)).normal * MIRROR
         if normal.any() and abs(float(normal @ np.array(travel))) < _SLIDE_COSINE * length:
-            slid = _slid_location(posture.location, travel)
+            slid = _offset_location(posture.location, travel)
             if slid and normal[2] > 0.6 and _goes(posture.location, slid, travel):
                 return replace(posture, location=slid)
             if on_arm(posture.location):
@@ -228,7 +228,7 @@ def _shifted(posture: Posture, travel: Vector, weak: Posture | None, fast: bool)
     return replace(posture, shift=plus(posture.shift, travel), touch=False)
 
 
-def _slid_location(location: str, travel: Vector) -> str:
+def _offset_location(location: str, travel: Vector) -> str:
     """A location on the body so far beside another one; "" where that is halfway of two, or none."""
     name, _, offset = location.partition(":")
     if "/" in location or name == "space" or on_arm(location):

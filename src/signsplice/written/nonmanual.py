@@ -91,10 +91,10 @@ def mouthing(sampa: str, fps: float, seconds: float | None = None) -> Face:
     seconds = lengths.sum() / A_SECOND if seconds is None else seconds
     n_frames = max(2, round(seconds * fps))
     at = np.linspace(0.0, lengths.sum(), n_frames)  # (T,)
-    return Face(channels, np.clip(blended(at, lengths, targets), 0.0, 1.0))
+    return Face(channels, np.clip(blend_targets(at, lengths, targets), 0.0, 1.0))
 
 
-def blended(at: FloatArray, lengths: FloatArray, targets: FloatArray) -> FloatArray:
+def blend_targets(at: FloatArray, lengths: FloatArray, targets: FloatArray) -> FloatArray:
     """Targets (S, C) one after another at places (T,) in the unit of their lengths (S,), each eased into the next."""
     borders = np.cumsum(lengths)[:-1]
     out = np.tile(targets[0], (len(at), 1))
@@ -331,7 +331,7 @@ def _track(item: _Item, t: FloatArray, begin: float, end: float) -> FloatArray:
     stretch = (end - begin) / sum(item.lengths)
     lengths = np.array([2.0 * ramp, *(stretch * length for length in item.lengths), 2.0 * ramp])
     targets = np.array([[shape.get(name, 0.0) for name in ARKIT_CHANNELS] for shape in ({}, *item.shapes, {})])
-    return blended(t - begin + 2.0 * ramp, lengths, targets) * min(item.tier.amount, 2.0)
+    return blend_targets(t - begin + 2.0 * ramp, lengths, targets) * min(item.tier.amount, 2.0)
 
 
 _PARTS, _DEEP_CM = (1.0, 0.5, 0.25), 0.4

@@ -32,13 +32,13 @@ class Element:
     line: int
     text: str = ""
 
-    def named(self, *tags: str) -> Iterator[Element]:
+    def find_elements(self, *tags: str) -> Iterator[Element]:
         """The elements of some names within this one, itself included, in their order."""
         if self.tag in tags:
             yield self
         else:
             for child in self.children:
-                yield from child.named(*tags)
+                yield from child.find_elements(*tags)
 
 
 def below(element: Element) -> Iterator[Element]:
@@ -54,17 +54,17 @@ def parse_xml(content: bytes, file: str) -> Element:
     elements or 40 levels.
     """
     try:
-        return _parsed(content, file)
+        return _parse_strict(content, file)
     except FormatError as error:
         if not isinstance(error.__cause__, expat.ExpatError):
             raise
         try:
-            return _parsed(_mended(content), file)
+            return _parse_strict(_repair_xml(content), file)
         except FormatError:
             raise error from None
 
 
-def _mended(content: bytes) -> bytes:
+def _repair_xml(content: bytes) -> bytes:
     """XML without declarations, with ampersands written out, within one root."""
     encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
@@ -76,7 +76,7 @@ def _mended(content: bytes) -> bytes:
     return f"<sigml>{text}</sigml>".encode()
 
 
-def _parsed(content: bytes, file: str) -> Element:
+def _parse_strict(content: bytes, file: str) -> Element:
     open_elements = list[tuple[str, dict[str, str], list[Element], int, list[str]]]()
     roots = list[Element]()
     count = 0

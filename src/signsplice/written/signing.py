@@ -28,11 +28,11 @@ _FASTEST_TURN = 30.0
 """What turns faster, radians a second, turns over: from one of its limits to the other in a frame."""
 
 
-def signed(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
+def animate_sign(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
     """The clip of a written sign, named by its gloss, from rest to rest. Raises ``InputError`` that names gloss, symbol
     and place for what cannot be made, or, where ``lenient``, is as usual where it is not written.
     """
-    word = planner.isolated(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
+    word = planner.synthesize_word(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
     hands = word.events.start, word.events.end + 1
     clip = nonmanual.with_face(with_shoulders(word.clip, sign, hands), sign, hands)
     return replace(clip, notes=(*clip.notes, *deep_hands(clip), *jumps(clip)))
@@ -92,7 +92,7 @@ def sign(path: str | Path, gloss: str = "", *, fps: float = FPS, lenient: bool =
     what is not understood. No signer has checked such signs. Raises ``InputError`` for what is not there, not
     understood, or not made.
     """
-    return signed(find(path, gloss, lenient), fps, lenient)
+    return animate_sign(find(path, gloss, lenient), fps, lenient)
 
 
 def clips(content: bytes, name: str, most: int, fps: float = FPS) -> Iterator[Clip]:
@@ -105,4 +105,4 @@ def clips(content: bytes, name: str, most: int, fps: float = FPS) -> Iterator[Cl
     if len(read.signs) > most:
         raise InputError(f"{name}: {len(read.signs)} signs, expected at most {most}")
     for one in read.signs.values():
-        yield signed(one, fps)
+        yield animate_sign(one, fps)

@@ -14,7 +14,7 @@ from functools import reduce
 from signsplice.errors import InputError
 from signsplice.signer.phonology import LOCALS, Local, Path
 from signsplice.signer.tables import Vector, to_vector
-from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenPosture, merged
+from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenPosture, merge_postures
 from signsplice.written.vocabulary import cross, direction, dot, facing, plus, unit
 
 _TRAVEL = {"small": 6.0, "": 12.0, "big": 20.0}
@@ -108,12 +108,12 @@ def steps(motion: Motion, view: View, group: int = 0) -> list[Step]:
     made = _once(motion, view, 10 * group + 1)
     if motion.target is not None:
         made = made or [Step()]
-        made[-1] = replace(made[-1], target=merged(made[-1].target, motion.target), literal=view.literal)
+        made[-1] = replace(made[-1], target=merge_postures(made[-1].target, motion.target), literal=view.literal)
         pair = motion.target.pair
         if motion.target.place is not None or (pair is not None and pair.place is not None):
             made[-1] = replace(made[-1], travel=_STILL)
-    made = _mannered(made, motion.manner)
-    return _repeated(made, motion, view, group) if motion.repeat else made
+    made = _apply_manner(made, motion.manner)
+    return _repeat_steps(made, motion, view, group) if motion.repeat else made
 
 
 def _once(motion: Motion, view: View, group: int) -> list[Step]:
@@ -193,7 +193,7 @@ def _chord(path: Path) -> Vector:
     return total if unit(total) is not None and math.sqrt(dot(total, total)) > 0.05 else _STILL
 
 
-def _mannered(made: list[Step], manner: WrittenManner) -> list[Step]:
+def _apply_manner(made: list[Step], manner: WrittenManner) -> list[Step]:
     """Steps made fast, slow, tense, with a rest or a halt after them, or with a rebound."""
     tempo = manner.speed * (_FAST if manner.fast else 1.0) * (_SLOW if manner.slow or manner.tense else 1.0)
     made = [replace(step, tempo=step.tempo * tempo) for step in made]
@@ -207,7 +207,7 @@ def _mannered(made: list[Step], manner: WrittenManner) -> list[Step]:
     return made
 
 
-def _repeated(made: list[Step], motion: Motion, view: View, group: int) -> list[Step]:
+def _repeat_steps(made: list[Step], motion: Motion, view: View, group: int) -> list[Step]:
     """Steps as often as the repetition of a motion says, with ways back."""
     if not made:
         return made
@@ -235,10 +235,10 @@ def _repeated(made: list[Step], motion: Motion, view: View, group: int) -> list[
 def together(parts: Sequence[list[Step]]) -> list[Step]:
     """Steps that are made at the same time, stretched to as many as the longest has."""
     count = max((len(part) for part in parts), default=0)
-    return [reduce(_merged, row) for row in zip(*(spread(part, count) for part in parts), strict=True)]
+    return [reduce(_merge_steps, row) for row in zip(*(subdivide_steps(part, count) for part in parts), strict=True)]
 
 
-def _merged(one: Step, other: Step) -> Step:
+def _merge_steps(one: Step, other: Step) -> Step:
     locals_ = one.local or other.local
     if one.local is not None and other.local is not None:
         locals_ = replace(one.local, also=other.local)
@@ -247,7 +247,7 @@ def _merged(one: Step, other: Step) -> Step:
         travel=plus(one.travel, other.travel),
         path=other.path if one.path.kind == "straight" else one.path,
         local=locals_,
-        target=merged(one.target, other.target),
+        target=merge_postures(one.target, other.target),
         literal=one.literal or other.literal,
         tempo=common_tempo(one.tempo, other.tempo),
         pause_s=max(one.pause_s, other.pause_s),
@@ -265,7 +265,7 @@ def common_tempo(one: float, other: float) -> float:
     return min(one, other) if min(one, other) < 1.0 else max(one, other)
 
 
-def spread(made: list[Step], count: int) -> list[Step]:
+def subdivide_steps(made: list[Step], count: int) -> list[Step]:
     """Steps as ``count`` steps, at least as many: each is made in even pieces."""
     if not made:
         return [Step()] * count

@@ -47,7 +47,7 @@ class Token:
     position: int
 
     @property
-    def shown(self) -> str:
+    def ham_name(self) -> str:
         """How errors call it."""
         return f"ham{self.name}"
 
@@ -106,11 +106,11 @@ class Row:
     def refuse_until(self, closer: str, place: str) -> None:
         """Refuse all up to a closing bracket, as what stands within a ``place``."""
         while (t := self.peek()).name not in ("", closer):
-            self.reading.refuse(f"stands within {place}", t.shown, self.next().position)
+            self.reading.refuse(f"stands within {place}", t.ham_name, self.next().position)
 
     def where(self, token: Token) -> Where:
         """The place of a symbol, for errors."""
-        return self.reading.where(token.shown, token.position)
+        return self.reading.where(token.ham_name, token.position)
 
     def is_posture_bracket(self) -> bool:
         """Whether brackets that come next hold slots, not actions."""
@@ -159,7 +159,7 @@ def tokens(text: str, reading: Reading) -> list[Token]:
         name = SYMBOLS.get(word) or MARKS.get(word)
         if name is None and len(word) > 1:
             name = word.lower().removeprefix("ham")
-        found += named(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
+        found += resolve_symbol(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
     return found
 
 
@@ -169,8 +169,8 @@ def check_length(n_symbols: int, reading: Reading) -> None:
         raise reading.error(f"has {n_symbols:,} symbols, expected at most {_MOST_SYMBOLS:,}", "", 0)
 
 
-def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]:
-    """One symbol by its name without ham; none where it is left out. ``shown``: how errors call it."""
+def resolve_symbol(name: str, shown: str, position: int, reading: Reading) -> list[Token]:
+    """One symbol by its name without ham; none where it is left out. ``ham_name``: how errors call it."""
     if meant := KINDS["alias"].get(name):
         reading.note(f"ham{name} is read as ham{meant}", position)
         name = meant
@@ -188,9 +188,9 @@ def named(name: str, shown: str, position: int, reading: Reading) -> list[Token]
     return [] if name == "version40" else [Token(name, position)]
 
 
-def mended(found: Sequence[Token], reading: Reading) -> list[Token]:
+def repair_symbols(found: Sequence[Token], reading: Reading) -> list[Token]:
     """Symbols whose brackets are balanced, and whose movements all belong to something."""
-    balanced = _balanced(_chosen(found, reading), reading)
+    balanced = _balance_brackets(_chosen(found, reading), reading)
     if not balanced:
         raise reading.error("has no symbol of HamNoSys", "", 0)
     return _in_turn(balanced, reading)
@@ -211,20 +211,22 @@ def _chosen(found: Sequence[Token], reading: Reading) -> list[Token]:
     return kept
 
 
-def _balanced(found: Sequence[Token], reading: Reading) -> list[Token]:
+def _balance_brackets(found: Sequence[Token], reading: Reading) -> list[Token]:
     """Symbols whose brackets are closed where they are open at the end, without closers of nothing."""
     kept, stack = list[Token](), list[str]()
     for t in found:
         if t.name in BRACKETS:
             stack.append(BRACKETS[t.name])
             if len(stack) > _MOST_DEPTH:
-                raise reading.error(f"expected at most {_MOST_DEPTH} brackets within one another", t.shown, t.position)
+                raise reading.error(
+                    f"expected at most {_MOST_DEPTH} brackets within one another", t.ham_name, t.position
+                )
         elif t.name in CLOSERS:
             if t.name not in stack:
-                reading.note(f"{t.shown} closes no bracket and is left out", t.position)
+                reading.note(f"{t.ham_name} closes no bracket and is left out", t.position)
                 continue
             while stack[-1] != t.name:
-                reading.note(f"ham{stack[-1]} is added before {t.shown}", t.position)
+                reading.note(f"ham{stack[-1]} is added before {t.ham_name}", t.position)
                 kept.append(Token(stack.pop(), t.position))
             stack.pop()
         kept.append(t)
@@ -241,7 +243,7 @@ def _in_turn(balanced: Sequence[Token], reading: Reading) -> list[Token]:
     kept, opened = list[Token](), list[int]()
     for t, after in zip(balanced, (*balanced[1:], None), strict=True):
         if t.name == "replace" and after is not None and is_action(after.name) and after.name != "replace":
-            reading.note(f"{t.shown} before a movement is left out: it comes after the one before", t.position)
+            reading.note(f"{t.ham_name} before a movement is left out: it comes after the one before", t.position)
             if opened and kept[opened[-1]].name == "parbegin":
                 kept[opened[-1]] = replace(kept[opened[-1]], name="seqbegin")
             continue

@@ -249,21 +249,21 @@ class WrittenSign:
     where: Where = field(default_factory=Where)
 
 
-def merged(before: WrittenPosture | None, after: WrittenPosture | None) -> WrittenPosture | None:
+def merge_postures(before: WrittenPosture | None, after: WrittenPosture | None) -> WrittenPosture | None:
     """A posture to which another adds what it says."""
     if before is None or after is None:
         return before or after
     names = ("shape", "fingers", "palm", "place", "pair")
     values = {name: getattr(after, name) or getattr(before, name) for name in names}
-    return WrittenPosture(**values, weak=merged(before.weak, after.weak))
+    return WrittenPosture(**values, weak=merge_postures(before.weak, after.weak))
 
 
 def with_weak(strong: WrittenPosture, weak: WrittenPosture) -> WrittenPosture:
     """A posture of the strong hand, with the other hand's own."""
-    return replace(strong, weak=merged(strong.weak, replace(weak, weak=None)))
+    return replace(strong, weak=merge_postures(strong.weak, replace(weak, weak=None)))
 
 
-def flipped(sides: bool, heights: bool, depths: bool) -> str:
+def symmetry_kind(sides: bool, heights: bool, depths: bool) -> str:
     """How hands work together that mirror one another in some directions, a word of ``WrittenSign.hands``."""
     if sides and heights and depths:
         return "point"

@@ -70,7 +70,7 @@ def _mean(ends: Sequence[Vector]) -> Vector:
     return unit(plus(ends[0], ends[-1])) or ends[0]
 
 
-def oriented(fingers: Sequence[str], palm: Sequence[str]) -> tuple[Vector, Vector]:
+def hand_axes(fingers: Sequence[str], palm: Sequence[str]) -> tuple[Vector, Vector]:
     """The unit vectors along which fingers point and a palm faces. Of two directions each is resolved with its own palm
     before they are averaged: near upright fingers a palm's letter turns with a few degrees of theirs. Raises
     ``InputError`` where they point nowhere.
@@ -193,12 +193,12 @@ def spot(place: Place, own_side: bool) -> Spot:
     if one.touches:
         return found
     on_skin = (replace(end, off=0.0, shift=(0.0, 0.0, 0.0)) for end in (one, other))
-    return _brought(found, plus(point_of(Spot(location)), plus(_halfway(one, other), _halfway(*on_skin), -1.0)))
+    return _shift_to_goal(found, plus(point_of(Spot(location)), plus(_halfway(one, other), _halfway(*on_skin), -1.0)))
 
 
 def point_of(where: Spot) -> Vector:
     """Where a place on head or trunk, or in space, is of the standard signer (out, up, forward), cm."""
-    found = _located(where.location)
+    found = _locate_on_signer(where.location)
     x, y, z = (found.point + where.off * found.normal).tolist()
     return plus((-x, y, z), where.shift)
 
@@ -207,7 +207,7 @@ def _halfway(one: Spot, other: Spot) -> Vector:
     return to_vector(0.5 * (x + y) for x, y in zip(point_of(one), point_of(other), strict=True))
 
 
-def _located(location: str) -> Location:
+def _locate_on_signer(location: str) -> Location:
     return locations.locate(location, WeakArm(STANDARD, np.zeros(27)))
 
 
@@ -229,11 +229,11 @@ def _one(place: Place, contact: str, own_side: bool) -> Spot:
     if touches or place.name == "head":
         return found
     # The skin beside an organ may face elsewhere: a hand is before the organ itself.
-    x, y, z = (found.off * _located(location.partition(":")[0]).normal).tolist()
-    return _brought(found, plus(point_of(replace(found, off=0.0)), (-x, y, z)))
+    x, y, z = (found.off * _locate_on_signer(location.partition(":")[0]).normal).tolist()
+    return _shift_to_goal(found, plus(point_of(replace(found, off=0.0)), (-x, y, z)))
 
 
-def _brought(where: Spot, goal: Vector) -> Spot:
+def _shift_to_goal(where: Spot, goal: Vector) -> Spot:
     """A place with the displacement that puts a hand at a goal (out, up, forward)."""
     unmoved = replace(where, shift=(0.0, 0.0, 0.0))
     shift = to_vector(round(x - y, 2) + 0.0 for x, y in zip(goal, point_of(unmoved), strict=True))

@@ -78,7 +78,7 @@ def test_words_and_transitions_are_those_of_planner_and_truth(pairs: Pairs) -> N
     for number in (1, 7, 13, 22, 28):
         p, q = pairs.index[number, :2].tolist()
         signer = pairs.signers[p // 5]
-        one, two = (planner.isolated(RECIPE.signs[k % 5], signer) for k in (p, q))
+        one, two = (planner.synthesize_word(RECIPE.signs[k % 5], signer) for k in (p, q))
         assert np.array_equal(pairs.word(p, "rotations"), one.clip.local_rotations.astype(np.float32))
         assert pairs.events(p) == seen_events(one)
         assert pairs.events(q) == seen_events(two)

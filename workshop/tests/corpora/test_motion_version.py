@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from signing import sign
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import kinematics
 from signsplice.signer import planner
 from signsplice.signer.signer import STANDARD
@@ -20,7 +20,7 @@ def test_the_signer_moves_as_its_version_says() -> None:
 
 @pytest.mark.parametrize("gloss", ["MOTHER", "BOOK", "HELLO", "NAME"])
 def test_words_that_ship_are_signed_as_the_signer_signs_today(gloss: str) -> None:
-    stored, signed = shipped().clip(gloss), planner.isolated(sign(gloss), STANDARD).clip
+    stored, signed = open_shipped_lexicon().clip(gloss), planner.synthesize_word(sign(gloss), STANDARD).clip
     assert len(stored) == len(signed)
     off = np.linalg.norm(np.subtract(*(kinematics.forward(clip)[1] for clip in (stored, signed))), axis=-1)
     assert off.max() < 0.2, "cm, as exactly as frames are stored"

@@ -107,7 +107,7 @@ def test_far_or_bent_hands_are_not_easy() -> None:
 @pytest.mark.parametrize("seed", [0, 5, 11, 23, 42])
 def test_signed_they_are_clear_of_the_body_and_can_be_spliced(seed: int, signs: list[Sign]) -> None:
     signer = STANDARD if seed % 2 else draw_signer(3)
-    one, two = planner.isolated(signs[seed], signer), planner.isolated(signs[seed + 1], signer)
+    one, two = planner.synthesize_word(signs[seed], signer), planner.synthesize_word(signs[seed + 1], signer)
     for word in (one, two):
         assert penetration(word.states, signer)[0].max() < 0.5
         assert over_limit(word.clip.local_rotations) == 0.0

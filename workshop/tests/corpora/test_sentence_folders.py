@@ -43,7 +43,7 @@ def test_two_glosses_of_one_file_name_are_refused(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_call_leaves_no_part_of_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, calls = planner.isolated, 0
+    real, calls = planner.synthesize_word, 0
 
     def failing(*arguments: Any, **named: Any) -> planner.IsolatedWord:
         nonlocal calls
@@ -52,7 +52,7 @@ def test_an_interrupted_call_leaves_no_part_of_a_folder(tmp_path: Path, monkeypa
             raise KeyboardInterrupt
         return real(*arguments, **named)
 
-    monkeypatch.setattr(planner, "isolated", failing)
+    monkeypatch.setattr(planner, "synthesize_word", failing)
     with pytest.raises(KeyboardInterrupt):
         sentences.write_sentences(RECIPE, 2, tmp_path / "s")
     assert list(tmp_path.iterdir()) == []

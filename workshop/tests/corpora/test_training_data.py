@@ -34,7 +34,7 @@ def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
     part = np.load(training_data.path_of(folder, PLAN, 1))
     signer = draw_signer(training_data.FIRST_SIGNER + 30_001)
     seeds = stream("endless", 3, 1).integers(2**40, size=4).tolist()
-    words = [planner.isolated(pseudo.sign(int(k)), signer, fps=20.0) for k in seeds]
+    words = [planner.synthesize_word(pseudo.sign(int(k)), signer, fps=20.0) for k in seeds]
     assert part["words"][:, 1].tolist() == [len(word) for word in words]
     for k, word in enumerate(words):
         first, n = part["words"][k]
@@ -61,7 +61,9 @@ def test_signers_rest_in_every_rest_pose() -> None:
 def test_bones_and_quaternions_put_the_hands_at_their_positions(folder: Path) -> None:
     part = np.load(training_data.path_of(folder, PLAN, 0))
     signer = draw_signer(training_data.FIRST_SIGNER + 30_000)
-    clip = planner.isolated(pseudo.sign(int(stream("endless", 3, 0).integers(2**40, size=4)[0])), signer, fps=20.0).clip
+    clip = planner.synthesize_word(
+        pseudo.sign(int(stream("endless", 3, 0).integers(2**40, size=4)[0])), signer, fps=20.0
+    ).clip
     motion = canonical_motion(clip)
     local = rotation.to_matrix(motion.quats)
     rotations, position, positions = np.eye(3), np.zeros((len(clip), 3)), {}

@@ -14,17 +14,17 @@ from PIL import Image
 
 from signing import word
 from signsplice.body import arm_ik
-from signsplice.body.capsules import BodyShape, shaped_capsules
+from signsplice.body.capsules import BodyShape, build_capsules
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
 from signsplice_workshop.measure import bodies, body_pictures
 from signsplice_workshop.measure.bodies import BODIES, BodyProportions, SourceClip, stretched
 
 CLIP = word("DEAF").clip
-USUAL = shaped_capsules(CLIP.skeleton, BodyShape())
+USUAL = build_capsules(CLIP.skeleton, BodyShape())
 
 
 def length(points: np.ndarray, *joints: int) -> float:
@@ -70,7 +70,7 @@ def test_a_clip_on_its_own_body_keeps_everything() -> None:
 def test_a_head_that_shrinks_or_grows_away_from_the_hand_is_seen() -> None:
     source = SourceClip(CLIP)
     small, large = (
-        source.measure(CLIP, shaped_capsules(CLIP.skeleton, BodyShape(head=head)), head) for head in (0.5, 1.7)
+        source.measure(CLIP, build_capsules(CLIP.skeleton, BodyShape(head=head)), head) for head in (0.5, 1.7)
     )
     assert small.pair_errors.max() > 0.01, "the finger no longer touches the cheek"
     assert (small.hand_depth, small.n_made) == (0.0, 0)
@@ -87,7 +87,7 @@ def test_what_lies_deep_at_the_source_is_told_apart() -> None:
     night = word("NIGHT").clip
     down = np.tile([0.0, -3.0, 0.0], (len(night), 2, 1)) * [[0.0], [1.0]]
     night = arm_ik.move_wrists(night, down)
-    seen = SourceClip(night).measure(night, shaped_capsules(night.skeleton, BodyShape()))
+    seen = SourceClip(night).measure(night, build_capsules(night.skeleton, BodyShape()))
     assert 0.0 < np.mean(seen.clear) < 1.0, "a hand of this word lies in the other forearm"
     assert seen.pair_errors[seen.clear].max() < 1e-9
     assert seen.pair_errors[~seen.clear].min() > 0.0
@@ -120,7 +120,7 @@ def test_what_is_kept_aside_is_apart() -> None:
     assert len(aside) == 3
     assert not aside & {"narrow", "broad", "child", "chibi", "long arms"}, "choices were made on these"
     assert not any(map(bodies.is_kept_aside, bodies.TUNED_ON))
-    names = [entry.gloss for entry in shipped().entries() if entry.kind == "sign"]
+    names = [entry.gloss for entry in open_shipped_lexicon().entries() if entry.kind == "sign"]
     assert set(names) >= bodies.TUNED_ON
     assert 0.2 < np.mean([bodies.is_kept_aside(name) for name in names]) < 0.45
     words, kept = bodies.draw_words(12)

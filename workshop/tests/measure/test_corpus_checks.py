@@ -105,7 +105,7 @@ def test_pairs_of_unknown_signs_are_not_planned_anew(pairs: Pairs) -> None:
 
 
 def test_positions_are_scaled_alike_everywhere(pairs: Pairs) -> None:
-    one = planner.isolated(sign("MOTHER"), STANDARD)
+    one = planner.synthesize_word(sign("MOTHER"), STANDARD)
     scaled = scaled_positions(one.clip, STANDARD.stature_cm)
     assert np.abs(pairs.word(1) - scaled).max() < 1e-6
     head: dict[str, Any] = json.loads((pairs.folder / "corpus.json").read_text())

@@ -36,5 +36,5 @@ def test_lengths_are_predicted_better_from_the_sign_alone_than_by_the_mean() -> 
 
 def test_travels_at_cuts_are_those_that_the_fit_was_made_for() -> None:
     signs = list(notation.everyday().values())[::6]
-    travels = lengths.measure_travels([planner.isolated(sign).clip for sign in signs])
+    travels = lengths.measure_travels([planner.synthesize_word(sign).clip for sign in signs])
     assert np.median(travels) == pytest.approx(np.median(lengths.TRAVEL_WIDTHS), rel=0.2)

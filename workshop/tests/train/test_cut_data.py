@@ -34,7 +34,7 @@ def test_a_draw_is_words_of_one_signer_and_their_truth(paths: list[Path]) -> Non
     assert clean.n_words == 5
     draw = clean.draw(1)
     flipped = features.left_hand_busier(*words.trajectories)
-    known = [features.word_tokens(features.mirrored(t) if flipped else t) for t in words.trajectories]
+    known = [features.word_tokens(features.mirror_trajectory(t) if flipped else t) for t in words.trajectories]
     order = [next(k for k, one in enumerate(known) if np.array_equal(one, tokens)) for tokens, _ in draw.words]
     assert sorted(order) == [0, 1, 2, 3, 4]
     for row, p in enumerate(order):

@@ -62,7 +62,7 @@ def test_a_gap_hides_the_signed_frames(gaps: GapDataset) -> None:
     flipped = not np.allclose(rotation.to_6d(found.quats), rotation.to_6d(canonical_motion(base).quats), atol=1e-4)
     hidden = clip_of(gaps, quats[8 : 8 + n_gap])
     for clip, quats_found in ((base, found.quats), (hidden, arrays["true"].astype(float))):
-        expected = canonical_motion(clip).mirrored() if flipped else canonical_motion(clip)
+        expected = canonical_motion(clip).mirror() if flipped else canonical_motion(clip)
         np.testing.assert_allclose(rotation.to_6d(quats_found), rotation.to_6d(expected.quats), atol=1e-5)
 
 

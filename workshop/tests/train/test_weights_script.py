@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import signsplice as ss
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.slow
@@ -43,7 +43,7 @@ def test_networks_are_made_in_parts_and_made_again_alike(tmp_path: Path) -> None
     call(again, "networks", "ship")
     assert (made(again, "networks"), made(again, "ship")) == first
     assert made(again, "signing") == made(tmp_path, "signing")
-    clips = [shipped().clip(gloss) for gloss in ("HELLO", "NAME")]
+    clips = [open_shipped_lexicon().clip(gloss) for gloss in ("HELLO", "NAME")]
     result = ss.splice(clips, ss.SpliceOptions(bundle=again / "bundle"))
     assert (result.cutter, result.transition) == ("learned", "learned")
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from signsplice.children import killed_with_parent
+from signsplice.children import parent_death_hook
 from signsplice.errors import SignspliceError
 from signsplice_paper.plan import Run
 from signsplice_paper.train import training
@@ -85,7 +85,7 @@ def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> No
     from their checkpoints on the next call, and raises ``SignspliceError``.
     """
     environment = os.environ | {"OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) // workers))}
-    bind = killed_with_parent()
+    bind = parent_death_hook()
     waiting = list(enumerate(schedule.runs, 1))
     running: dict[str, subprocess.Popen[bytes]] = {}
     try:

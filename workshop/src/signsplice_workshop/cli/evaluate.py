@@ -122,10 +122,10 @@ def bodies(
     with progress("bodies") as advance:
         rows = measuring.compare(words, aside, progress=advance)
     if picture is not None:
-        from signsplice.lexicon import shipped
+        from signsplice.lexicon import open_shipped_lexicon
         from signsplice_workshop.measure.body_pictures import WORDS, write_pictures
 
-        with shipped() as lexicon, progress("picture") as advance:
+        with open_shipped_lexicon() as lexicon, progress("picture") as advance:
             write_pictures([lexicon.clip(word) for word in WORDS], Path(picture), advance)
     return measuring.signature(drawn), rows, measuring.table(rows, drawn)
 
@@ -138,11 +138,11 @@ def bodies(
 @reads_poses
 def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, ...], roles: str | None) -> Measured:
     """How far hands lie from the skin that they touch on avatars."""
-    from signsplice.lexicon import shipped
+    from signsplice.lexicon import open_shipped_lexicon
     from signsplice_workshop.measure import avatars as measuring
 
     loaded = [load_avatar(file, roles, skin) for file in files]
-    with shipped() as lexicon:
+    with open_shipped_lexicon() as lexicon:
         words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _loaded(recorded, None, None)
     with progress("avatars") as advance:
         rows = measuring.compare(loaded, words, advance)

@@ -9,7 +9,7 @@ import click
 
 from signsplice.cli.clips import check_apart
 from signsplice.cli.options import flag, preset
-from signsplice.cli.synth import DRAWN, FPS, SEED, checked_rate, chosen_signs
+from signsplice.cli.synth import DRAWN, FPS, SEED, check_frame_rate, chosen_signs
 from signsplice.cli.terminal import progress, size
 from signsplice.errors import InputError
 
@@ -32,7 +32,7 @@ def sentences(output: str, count: int, exact: bool, seed: int, fps: float, **dra
     check_apart(output, [drawn["signs"]])
     if count < 1:
         raise InputError(f"--count {count}, expected at least 1")
-    recipe = Recipe(tuple(chosen_signs(**drawn, seed=seed, least=2)), seed, checked_rate(fps))
+    recipe = Recipe(tuple(chosen_signs(**drawn, seed=seed, least=2)), seed, check_frame_rate(fps))
     with progress(f"signing {count} sentences") as advance:
         write_sentences(recipe, count, Path(output), not exact, advance)
     print(f"{output}: {count} sentences of {len(recipe.signs)} words, recipe {recipe.hash}")
@@ -92,7 +92,7 @@ def pairs(
     if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:
         drawn["words"] = 100
     chosen = tuple(chosen_signs(**drawn, seed=seed, least=2))
-    recipe = Recipe(chosen, seed, checked_rate(fps), min(other_signer, len(chosen) ** 2), truth)
+    recipe = Recipe(chosen, seed, check_frame_rate(fps), min(other_signer, len(chosen) ** 2), truth)
     with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
         write_pairs(recipe, Path(output), advance, processes)
     made = Pairs(output)
@@ -144,7 +144,7 @@ def endless(
     """
     from signsplice_workshop.corpora import training_data
 
-    plan = training_data.TrainingDataPlan(signers, words, seams, seed, checked_rate(fps), _traits(traits))
+    plan = training_data.TrainingDataPlan(signers, words, seams, seed, check_frame_rate(fps), _traits(traits))
     with progress(f"signing by {signers} signers") as advance:
         n_parts = training_data.write(plan, Path(output), advance, processes)
     print(f"{output}: {n_parts} signers of {words} words and {seams} seams each")

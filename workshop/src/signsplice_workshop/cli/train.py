@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.options import added, preset
+from signsplice.cli.options import combine_options, preset
 from signsplice.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def train() -> None:
     """Train networks; needs the extra `train` of signsplice-workshop."""
 
 
-_product_options = added(
+_product_options = combine_options(
     click.option("--out", required=True, metavar="DIR", help="Bundle that the network is written into."),
     preset("--scale", "ship", None, "How large the network is and how long it is trained.", type=click.Choice(_SCALES)),
     click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),

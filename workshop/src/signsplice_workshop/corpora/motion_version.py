@@ -31,7 +31,7 @@ def hash_motion() -> str:
     for number, rest in enumerate(RESTS):
         signer = replace(STANDARD if number == 0 else draw_signer(number), rest=rest)
         signs = [pseudo.sign(_FIRST_SIGN + _N_SIGNS * number + k) for k in range(_N_SIGNS)]
-        words = [planner.isolated(sign, signer) for sign in signs]
+        words = [planner.synthesize_word(sign, signer) for sign in signs]
         for word in words:
             positions = canonical_motion(word.clip).positions
             digest.update(np.round(positions.mean(axis=0) / _STEP).astype(np.int64).tobytes() + bytes([len(word)]))

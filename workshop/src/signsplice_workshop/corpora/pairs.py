@@ -38,7 +38,7 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import skeletons
 from signsplice.formats.atomic import check_folder, put_file, replacing_folder, resumable_folder
 from signsplice.formats.json_files import check_type, parse_json
-from signsplice.formats.reading import format_errors, opened, read_bytes
+from signsplice.formats.reading import format_errors, open_file, read_bytes
 from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.progress import Progress
 from signsplice.signer import planner, pose
@@ -63,8 +63,8 @@ FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") f
 
 
 def _mapped(path: Path) -> NDArray[Any]:
-    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``opened`` does, or it is none."""
-    with opened(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
+    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``open_file`` does, or it is none."""
+    with open_file(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
         array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
     return array
 
@@ -437,7 +437,7 @@ def _rows(recipe: Recipe) -> list[_PairRow]:
 
 def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
     sign, signer, fps = job
-    return with_touches(planner.isolated(sign, signer, fps=fps))
+    return with_touches(planner.synthesize_word(sign, signer, fps=fps))
 
 
 def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow:

@@ -142,7 +142,7 @@ def make_word(
     """A sign as a careful signer makes it alone, its postures held, and its card; None where it cannot be read, or
     where holds are seen elsewhere than the signer planned them.
     """
-    word = planner.isolated(with_holds(sign), careful(signer), take)
+    word = planner.synthesize_word(with_holds(sign), careful(signer), take)
     events = word.events
     card = None if events.first is None else read_card(word.clip, word.signer, sign.hands, margin)
     if card is None or events.first is None:
@@ -157,7 +157,7 @@ def planned_word(sign: Sign, signer: Signer, slack: int) -> tuple[IsolatedWord, 
     motion that runs on shows none of them to the frame. They lie ``slack`` frames
     outside the stroke, so that a cut that is off by as much takes nothing from it. None where the sign has no movement.
     """
-    word = planner.isolated(sign, signer)
+    word = planner.synthesize_word(sign, signer)
     events = word.events
     if events.first is None or not events.passes:
         return None

@@ -21,7 +21,7 @@ from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, sosfiltfilt
 
-from signsplice.motion import Clip, FloatArray, rotation, sampled
+from signsplice.motion import Clip, FloatArray, rotation, sample_clip
 
 Tangents = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Key times (K,) and values (K, C) -> slopes into and out of every key (K, C)."""
@@ -208,7 +208,7 @@ def rekeyed(
             len(times), *values.shape[1:]
         )
     local = rotation.normalize(drawn) if drawing.axes is None else rotation.from_euler(drawn, drawing.axes)
-    played = replace(sampled(clip, times), fps=rate) if rate != clip.fps else replace(clip, channels=None)
+    played = replace(sample_clip(clip, times), fps=rate) if rate != clip.fps else replace(clip, channels=None)
     if joints is not None:
         local, columns = np.array(played.local_rotations), local
         local[:, joints] = columns[:, joints]

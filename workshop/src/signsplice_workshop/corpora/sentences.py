@@ -25,7 +25,7 @@ from signsplice.formats.atomic import check_folder, replacing_folder
 from signsplice.formats.json_files import check_type, parse_json
 from signsplice.formats.reading import read_bytes
 from signsplice.motion import Clip, FloatArray
-from signsplice.progress import Progress, counted
+from signsplice.progress import Progress, track_progress
 from signsplice.signer import planner, pose
 from signsplice.signer.collisions import penetration
 from signsplice.signer.folders import NOT_OURS, check_names, file_name
@@ -175,14 +175,14 @@ def write_sentences(
         (made / "words").mkdir()
         words: dict[int, IsolatedWord] = {}
         sentences = []
-        for n in counted(range(count), progress):
+        for n in track_progress(range(count), progress):
             chosen: list[int] = []
             for _ in range(int(rng.integers(SHORTEST, LONGEST + 1))):
                 others = [k for k in range(len(recipe.signs)) if not chosen or k != chosen[-1]]
                 chosen.append(others[int(rng.integers(len(others)))])
             for k in chosen:
                 if k not in words:
-                    words[k] = planner.isolated(recipe.signs[k], signer, fps=recipe.fps)
+                    words[k] = planner.synthesize_word(recipe.signs[k], signer, fps=recipe.fps)
                     save(words[k].clip, made / "words" / f"{file_name(recipe.signs[k].gloss)}.bvh")
             sentence = utter([words[k] for k in chosen], changes)
             save(sentence.clip, made / f"sentence-{n:04d}.bvh")

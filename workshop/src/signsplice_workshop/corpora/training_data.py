@@ -143,7 +143,7 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
         signer = replace(signer, manner=only(signer.manner, plan.traits))
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
     signs = [CACHE.recent(pseudo.sign, int(k), most=_SIGNS_KEPT) for k in seeds]
-    words = [with_touches(planner.isolated(sign, signer, fps=plan.fps)) for sign in signs]
+    words = [with_touches(planner.synthesize_word(sign, signer, fps=plan.fps)) for sign in signs]
     frames = [packed(word.clip) for word in words]
     lengths = [len(word) for word in words]
     sentences: list[tuple[int, int]] = []

@@ -318,7 +318,7 @@ def transition_of(
     """
     states = trajectory.reach(before, after, n_frames, p.signer, at)
     if p.signer.manner != PLAIN:
-        states = thumbs.opened(states, ends=True)
+        states = thumbs.open_thumbs(states, ends=True)
     for _ in range(2):  # elbows follow the hands
         states = clear_collisions(join_elbows(states, before, after, p.signer), p.signer, ends=True)
     states = join_elbows(states, before, after, p.signer)

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import Avatar, body_capsules
 from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
-from signsplice.body.contacts import KEPT_M, PRESS_M, TOUCH_M, posed_body
+from signsplice.body.contacts import KEPT_M, PRESS_M, TOUCH_M, pose_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.body.skin import BODY
 from signsplice.body.skin_surface import THICK_M, least_height
@@ -23,7 +23,7 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
-from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, percent, row_of
+from signsplice_workshop.measure.measures import Measure, Progress, Row, markdown_rows, percent, row_of, track_progress
 
 WORDS = ("MOTHER", "THANK-YOU", "NAME", "BOOK", "FRIEND", "PLEASE")
 _STEP, _AROUND, _MOST_ACROSS = 0.003, 0.06, 0.006
@@ -77,7 +77,7 @@ def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress
         if body_capsules(avatar).skin is None:
             raise InputError(f"{avatar.label}: holds no skin of head, trunk and both hands, expected a skinned mesh")
     cases = [(avatar, word) for avatar in avatars for word in words]
-    return [row for avatar, word in counted(cases, progress) for row in _rows(avatar, word)]
+    return [row for avatar, word in track_progress(cases, progress) for row in _rows(avatar, word)]
 
 
 def table(rows: Sequence[Row]) -> list[str]:
@@ -114,7 +114,7 @@ def _source_distances(word: Clip) -> dict[str, FloatArray]:
     another; infinite where farther than a touch.
     """
     body = body_capsules(word.skeleton)
-    posed, pairs = posed_body(word, body), skin_pairs(body, frozenset(body.keys))
+    posed, pairs = pose_body(word, body), skin_pairs(body, frozenset(body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, TOUCH_M)
     distance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
     out = {skin: np.full((len(word), 2), np.inf) for skin in ("body", "hand")}

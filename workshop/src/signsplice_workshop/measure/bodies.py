@@ -16,19 +16,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.capsules import BodyCapsules, BodyShape, build_capsules
 from signsplice.body.collision import SkinPairs, forearm_pairs, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.contacts import PosedBody, posed_body
+from signsplice.body.contacts import PosedBody, pose_body
 from signsplice.body.fit import NEAR_M
 from signsplice.body.retarget import fit_body, signing
 from signsplice.errors import InputError
-from signsplice.lexicon import shipped
+from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, rotation
 from signsplice.rig.align import Reference, copy_rotations, placement
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 from signsplice.signer.signer import stream
-from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, row_of
+from signsplice_workshop.measure.measures import Measure, Progress, Row, markdown_rows, row_of, track_progress
 
 
 @dataclass(frozen=True)
@@ -198,8 +198,8 @@ class SourceClip:
 
     def __init__(self, clip: Clip) -> None:
         self.clip = clip
-        self.body = shaped_capsules(clip.skeleton, BodyShape())
-        self.posed = posed_body(clip, self.body)
+        self.body = build_capsules(clip.skeleton, BodyShape())
+        self.posed = pose_body(clip, self.body)
         self._signs = signing(clip) >= SIGNS
         self._pairs = _all_pairs(self.body, frozenset(self.body.keys))
         self._near = _near(self.posed, self._pairs, APART_M)
@@ -207,7 +207,7 @@ class SourceClip:
 
     def measure(self, made: Clip, body: BodyCapsules, head: float = 1.0) -> BodyMeasurement:
         """What ``made``, this clip on another body of the same rig, keeps; head: size of its head, 1 is the usual."""
-        posed = posed_body(made, body)
+        posed = pose_body(made, body)
         frames, k = np.divmod(np.union1d(self._near, _near(posed, self._pairs, APART_M)), len(self._pairs.own))
         own, other = self._pairs.own_side[k], self._pairs.other_side[k]
         signs = self._signs[frames, own] | ((other >= 0) & self._signs[frames, np.maximum(other, 0)])
@@ -478,7 +478,7 @@ def draw_words(n_words: int) -> tuple[list[Clip], list[Clip]]:
     """``n_words`` different words that ship, letters apart: two thirds that are not kept aside, and one third that is;
     the same number always gives the same words. Raises ``InputError`` for fewer than 3 or more than there are.
     """
-    words = shipped()
+    words = open_shipped_lexicon()
     names = [entry.gloss for entry in words.entries() if entry.kind == "sign"]
     aside = [name for name in names if is_kept_aside(name)]
     usual = [name for name in names if not is_kept_aside(name)]
@@ -508,7 +508,7 @@ def compare(
     """
     sources = {False: [SourceClip(clip) for clip in words], True: [SourceClip(clip) for clip in aside]}
     rows: list[Row] = []
-    for name, body in counted(bodies.items(), progress):
+    for name, body in track_progress(bodies.items(), progress):
         if sources[body.held_out]:
             rows += _rows(name, body, sources[body.held_out])
     return rows
@@ -529,7 +529,7 @@ def _rows(name: str, body: BodyProportions, sources: Sequence[SourceClip]) -> li
 
 def _both(source: SourceClip, skeleton: Skeleton, on: BodyProportions) -> tuple[_Made, _Made]:
     """A word with rotations alone, and fitted: each timed from the same start, with nothing kept of the clip."""
-    clip, body = source.clip, shaped_capsules(skeleton, on.shape)
+    clip, body = source.clip, build_capsules(skeleton, on.shape)
     to = Reference(skeleton, clip.fps, placement(clip), clip.local_rotations[0], "the body")
     copy_rotations(clip[:1], to)  # what is kept of both rigs belongs to neither time
     clip.derived.clear()
@@ -557,6 +557,6 @@ def table(rows: Sequence[Row], n_words: int | None = None) -> list[str]:
         if part:
             what = "Bodies kept aside" if held_out else "Other bodies"
             which = "" if n_words is None else " that are kept aside too" if held_out else " that are not kept aside"
-            counted = f"{what}: {part[0].n_words} clips{which}, {part[0].n_touching} touching frames."
-            out += ["", *markdown_rows(MEASURES, part), "", counted]
+            track_progress = f"{what}: {part[0].n_words} clips{which}, {part[0].n_touching} touching frames."
+            out += ["", *markdown_rows(MEASURES, part), "", track_progress]
     return out

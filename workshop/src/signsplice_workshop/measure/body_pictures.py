@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from signsplice.body.capsules import BodyCapsules, BodyShape, shaped_capsules
+from signsplice.body.capsules import BodyCapsules, BodyShape, build_capsules
 from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
-from signsplice.body.contacts import posed_body
+from signsplice.body.contacts import pose_body
 from signsplice.body.retarget import fit_body, signing
 from signsplice.formats.atomic import replacing
 from signsplice.motion import Clip
-from signsplice.progress import Progress, counted
+from signsplice.progress import Progress, track_progress
 from signsplice.render.picture import Image, draw, make_scene
 from signsplice.render.sheet import INK, PAPER, pillow, write_line
 from signsplice.rig.align import Reference, copy_rotations, placement
@@ -38,7 +38,7 @@ def write_pictures(words: Sequence[Clip], path: Path, progress: Progress | None 
     pen = pillow("ImageDraw").Draw(sheet)
     for k, head in enumerate(heads):
         write_line(pen, head, (k + 0.5) * wide, 2, wide, INK, 14)
-    for n, word in enumerate(counted(words, progress)):
+    for n, word in enumerate(track_progress(words, progress)):
         top = _LABEL + n * (_CELL + _LABEL)
         write_line(pen, word.name, 0.5 * wide, top + 1, wide, INK, 14)
         for k, picture in enumerate(_row(word)):
@@ -48,12 +48,12 @@ def write_pictures(words: Sequence[Clip], path: Path, progress: Progress | None 
 
 
 def _row(word: Clip) -> list[Image]:
-    body = shaped_capsules(word.skeleton, BodyShape())
+    body = build_capsules(word.skeleton, BodyShape())
     frame = _touching_frame(word, body)
     pictures = [_both_views(word, body, frame)]
     for name in SHOWN:
         skeleton = stretched(word.skeleton, BODIES[name])
-        other = shaped_capsules(skeleton, BODIES[name].shape)
+        other = build_capsules(skeleton, BODIES[name].shape)
         to = Reference(skeleton, word.fps, placement(word), word.local_rotations[0], name)
         carried = copy_rotations(word, to)[0]
         if name == SHOWN[0]:
@@ -64,7 +64,7 @@ def _row(word: Clip) -> list[Image]:
 
 def _touching_frame(clip: Clip, body: BodyCapsules) -> int:
     """The frame in which most pairs of skins touch while the clip signs."""
-    posed, pairs = posed_body(clip, body), skin_pairs(body, frozenset(body.keys))
+    posed, pairs = pose_body(clip, body), skin_pairs(body, frozenset(body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, TOUCH_M)
     clearance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
     signs = signing(clip)[frames, pairs.own_side[k]] > 0.5

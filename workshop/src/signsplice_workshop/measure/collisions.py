@@ -10,14 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from signsplice.body.collision import posed_capsules
+from signsplice.body.collision import pose_capsules
 from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.splicing.collisions import TOLERANCE_M, avoid_all_collisions, depths
 from signsplice.splicing.contracts import Cut, Gap, Transition, fill_gaps, gap_at
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.seam import DEEP_M
 from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, percent, row_of
+from signsplice_workshop.measure.measures import Measure, Progress, Row, markdown_rows, percent, row_of, track_progress
 
 SIGNATURE = f"intrusion|hands-in:head,trunk,hand|beyond-ends:{1e3 * TOLERANCE_M:g}mm|deep:{1e3 * DEEP_M:g}mm"
 
@@ -52,7 +52,7 @@ def compare(
     """One row for each method, measured on the pairs of these numbers."""
     clips = {int(p): pairs.word_clip(int(p)) for p in np.unique(pairs.index[list(numbers), :2])}
     found: list[list[FloatArray]] = [[] for _ in methods]  # depths (n_frames,) of every gap, for each method
-    for number in counted(numbers, progress):
+    for number in track_progress(numbers, progress):
         p, q, pre, post, _, count = pairs.index[number].tolist()
         gap = gap_at(clips[p], clips[q], Cut(pre, post), count)
         for row, (transition, avoid) in zip(found, methods, strict=True):
@@ -65,8 +65,8 @@ def compare(
 
 def table(rows: Sequence[Row]) -> list[str]:
     """The rows as Markdown, with their signature."""
-    counted = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
-    return [f"`{SIGNATURE}`", "", *markdown_rows(MEASURES, rows), "", counted]
+    track_progress = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
+    return [f"`{SIGNATURE}`", "", *markdown_rows(MEASURES, rows), "", track_progress]
 
 
 def fill(transition: Transition, gaps: Sequence[Gap], avoids: bool | None = None) -> list[Clip]:
@@ -90,5 +90,5 @@ def hand_penetration(
     From the globals of ``kinematics.forward`` for all joints. Two hands that meet are separated as wholes more than
     from skin to skin, since single fingers would push in all directions.
     """
-    posed = posed_capsules(skeleton, global_rotations, global_positions)
+    posed = pose_capsules(skeleton, global_rotations, global_positions)
     return posed.near_pairs(1e9, forearms=forearms).penetration()

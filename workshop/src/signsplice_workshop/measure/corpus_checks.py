@@ -185,7 +185,7 @@ def replan(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple
         both = pairs.index[number, :2].tolist()
         for k in both:
             if k not in planned:
-                planned[k] = planner.isolated(signs[words[k]["gloss"]], pairs.signers[0], fps=pairs.head["fps"])
+                planned[k] = planner.synthesize_word(signs[words[k]["gloss"]], pairs.signers[0], fps=pairs.head["fps"])
         clip = sentences.utter([planned[k] for k in both], changes=False, partner=pairs.by_partner).clip
         stored = (pairs.utterance(number, "rotations"), pairs.utterance(number, "roots"))
         anew = (clip.local_rotations.astype(np.float32), clip.root_positions.astype(np.float32))

@@ -25,7 +25,7 @@ from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.touches import seen_events, with_touches
 from signsplice_workshop.measure import corpus_checks, motion_scores
 from signsplice_workshop.measure.hands import strong_side, strong_wrist
-from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, row_of
+from signsplice_workshop.measure.measures import Measure, Progress, Row, row_of, track_progress
 
 BY_WORD = "words known: the most frequent cut of each word"
 Rule = Callable[[int, int], tuple[int, int]]
@@ -57,7 +57,7 @@ def score_cutters(
     true = pairs.index[list(numbers), :4].tolist()
     clips = {k: pairs.word_clip(k) for k in dict.fromkeys(k for p, q, _, _ in true for k in (p, q))}
     rows = []
-    for cutter in counted(CUTTERS.values(), progress):
+    for cutter in track_progress(CUTTERS.values(), progress):
         cuts = [cutter.cut(clips[p], clips[q]) for p, q, _, _ in true]
         rows.append(_accuracy(cutter.name, [(cut.pre, cut.post) for cut in cuts], true))
     rules = _rules(pairs, clips) | _fitted_rules(pairs, train, true)
@@ -168,7 +168,7 @@ def _planned(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) ->
     used = sorted(set(pairs.index[list(numbers), :2].ravel().tolist()))
     glosses = {k: pairs.head["words"][k]["gloss"] for k in used}
     return {
-        k: with_touches(planner.isolated(signs[gloss], pairs.signers[k // n_per_signer], fps=pairs.head["fps"]))
+        k: with_touches(planner.synthesize_word(signs[gloss], pairs.signers[k // n_per_signer], fps=pairs.head["fps"]))
         for k, gloss in glosses.items()
         if gloss in signs
     }
@@ -206,7 +206,7 @@ def score_transitions(
     """Scores of every classical transition at the true cuts, and the true median velocity jump, m/s."""
     rows: list[Row] = []
     true_jumps: list[float] = []
-    for transition in counted(TRANSITIONS.values(), progress):
+    for transition in track_progress(TRANSITIONS.values(), progress):
         scores = []
         for number in numbers:
             pre, post, _ = pairs.truth(number, "roots")

@@ -45,13 +45,13 @@ def write_sheets(
     """Write contact sheets of twenty words, all letters, ten pseudo-signs and ten pairs into a folder. Pseudo-signs and
     pairs have a second row, seen from the side, where the hand moves mostly forward or back.
     """
-    words = [planner.isolated(signs[g]) for g in SHEET_WORDS if g in signs]
+    words = [planner.synthesize_word(signs[g]) for g in SHEET_WORDS if g in signs]
     half = (len(words) + 1) // 2
     for n, part in enumerate((words[:half], words[half:]), 1):
         write_strips([_word_strip(word) for word in part], images / f"corpus-words-{n}.png", progress=advance)
-    letters = [planner.isolated(sign) for sign in notation.alphabet().values()]
+    letters = [planner.synthesize_word(sign) for sign in notation.alphabet().values()]
     _write_letters(letters, images / "corpus-letters.png")
-    made = [planner.isolated(pseudo.sign(seed)) for seed in range(N_ROWS)]
+    made = [planner.synthesize_word(pseudo.sign(seed)) for seed in range(N_ROWS)]
     rows = [strip for word in made for strip in _with_side(_word_strip(word))]
     write_strips(rows, images / "corpus-pseudo.png", progress=advance)
     write_front_and_side(MENDED, images / "corpus-mended.png")
@@ -107,7 +107,7 @@ def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, s
     signs = {**notation.everyday(), **notation.alphabet()}
     cells = []
     for gloss in glosses:
-        word = planner.isolated(signs[gloss])
+        word = planner.synthesize_word(signs[gloss])
         e = word.events
         frames = (e.start, e.passes[0][1] if len(e.passes) > 1 else e.end)
         scenes = [make_scene(word.clip, view) for view in ("front", "side")]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from signsplice.motion import Clip, FloatArray, unchecked_copy
+from signsplice.motion import Clip, FloatArray, copy_unchecked
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.faces import LIDS, LIMIT_PERCENTILE, largest_step
@@ -32,7 +32,7 @@ def random_face(seed: int, n_frames: int, fps: float = 30.0, channels: tuple[str
 
 def with_random_face(clip: Clip, seed: int, channels: tuple[str, ...] = ARKIT_CHANNELS) -> Clip:
     """A clip with ``random_face``."""
-    return unchecked_copy(clip, face=random_face(seed, len(clip), clip.fps, channels))
+    return copy_unchecked(clip, face=random_face(seed, len(clip), clip.fps, channels))
 
 
 def _blinking(rng: np.random.Generator, n_frames: int, fps: float) -> FloatArray:

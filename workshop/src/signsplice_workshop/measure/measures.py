@@ -16,7 +16,7 @@ import numpy as np
 
 from signsplice.motion import FloatArray
 from signsplice.progress import Progress as Progress
-from signsplice.progress import counted as counted
+from signsplice.progress import track_progress as track_progress
 
 Row = SimpleNamespace
 """Figures by the names of their measures."""

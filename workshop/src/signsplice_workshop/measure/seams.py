@@ -49,7 +49,16 @@ from signsplice.splicing.seam import DEEP_M
 from signsplice_workshop.measure import faces, motion_scores
 from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.hands import keeps_stroke, output_frame, stroke, wrist_joints, wrist_positions
-from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, over, percent, row_of
+from signsplice_workshop.measure.measures import (
+    Measure,
+    Progress,
+    Row,
+    markdown_rows,
+    over,
+    percent,
+    row_of,
+    track_progress,
+)
 
 MARGIN_FRAMES = 5
 LONGEST_S = 0.8
@@ -178,7 +187,7 @@ AROUND = 8
 DOWN_FRACTION = 0.15
 """An arm is down where it has risen by less than this fraction of the height from rest to its highest."""
 DIP_M, DEEP_DIP_M = 0.03, 0.06
-"""From these depths on a hand is counted as dipping, and as dipping deep."""
+"""From these depths on a hand is track_progress as dipping, and as dipping deep."""
 ELBOW_STEP_M = 0.08
 """An elbow that goes farther in a frame is seen to jump."""
 STITCHER = "stitcher"
@@ -243,7 +252,7 @@ def word_pairs(
     rng = stream("joins", len(signs), n_pairs)
     drawn = [rng.choice(len(signs), 2, replace=False).tolist() for _ in range(n_pairs)]
     signer = replace(STANDARD, rest=rest)
-    words = {k: planner.isolated(signs[k], signer) for k in sorted({k for pair in drawn for k in pair})}
+    words = {k: planner.synthesize_word(signs[k], signer) for k in sorted({k for pair in drawn for k in pair})}
     words = {k: replace(word, clip=faces.with_random_face(word.clip, k)) for k, word in words.items()}
     return [(words[p], words[q]) for p, q in drawn]
 
@@ -284,7 +293,7 @@ def compare(
             [measure_stitched(p, q) if options is None else measure_spliced(p, q, options) for p, q in words],
             method=name,
         )
-        for name, options in counted([*methods.items(), (STITCHER, None)], progress)
+        for name, options in track_progress([*methods.items(), (STITCHER, None)], progress)
     ]
 
 
@@ -401,5 +410,5 @@ def _are_down(motion: Arms) -> NDArray[np.bool_]:
 
 def table(rows: Sequence[Row], rest: str = HANGING) -> list[str]:
     """The rows as Markdown, with their signature."""
-    counted = f"{rows[0].n_joins} seams each." if rows else ""
-    return [f"`{signature(rest)}`", "", *markdown_rows(MEASURES, rows), "", counted]
+    track_progress = f"{rows[0].n_joins} seams each." if rows else ""
+    return [f"`{signature(rest)}`", "", *markdown_rows(MEASURES, rows), "", track_progress]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, rotation, sampled
+from signsplice.motion import Clip, FloatArray, rotation, sample_clip
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
@@ -23,7 +23,16 @@ from signsplice.splicing.engine import Span, SpliceOptions, SpliceResult, splice
 from signsplice.splicing.seam import SeamScore
 from signsplice.splicing.tempo import contact_frames
 from signsplice_workshop.measure.hands import keeps_stroke, output_frame, stroke, wrist_positions
-from signsplice_workshop.measure.measures import Measure, Progress, Row, counted, markdown_rows, over, percent, row_of
+from signsplice_workshop.measure.measures import (
+    Measure,
+    Progress,
+    Row,
+    markdown_rows,
+    over,
+    percent,
+    row_of,
+    track_progress,
+)
 
 LENGTH = 7
 """Signs of a sentence; the first and the last are not measured, since rest is part of them."""
@@ -149,11 +158,12 @@ def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
     long last holds, and with noise. Raises as ``draw_words`` does.
     """
     words = {
-        name: [planner.isolated(one, signer) for one in signs] for name, (signer, signs) in draw_words(n_words).items()
+        name: [planner.synthesize_word(one, signer) for one in signs]
+        for name, (signer, signs) in draw_words(n_words).items()
     }
     shipped = words["words that ship"]
     for tempo, hold_s in SLOW_DICTIONARIES:
-        slow = [planner.isolated(word.sign, replace(STANDARD, tempo=tempo)) for word in shipped]
+        slow = [planner.synthesize_word(word.sign, replace(STANDARD, tempo=tempo)) for word in shipped]
         words[f"slowed to {tempo:g}, held {hold_s:g} s"] = [hold_longer(word, hold_s) for word in slow]
     words[f"noise of {NOISE_RAD:g} rad"] = [add_noise(word, NOISE_RAD) for word in shipped]
     return words
@@ -164,7 +174,7 @@ def hold_longer(word: IsolatedWord, seconds: float) -> IsolatedWord:
     clip, events, n_more = word.clip, word.events, round(seconds * word.clip.fps)
     frames = np.r_[: events.end + 1, [events.end] * n_more, events.end + 1 : len(clip)].astype(np.float64)
     events = replace(events, end=events.end + n_more, down=events.down + n_more)
-    return replace(word, clip=replace(sampled(clip, frames), name=clip.name), events=events)
+    return replace(word, clip=replace(sample_clip(clip, frames), name=clip.name), events=events)
 
 
 def add_noise(word: IsolatedWord, radians: float) -> IsolatedWord:
@@ -190,7 +200,7 @@ def compare(
             words=name,
             tempo=str(tempo),
         )
-        for (name, lexicon), tempo in counted([*product(words.items(), tempos)], progress)
+        for (name, lexicon), tempo in track_progress([*product(words.items(), tempos)], progress)
     ]
 
 

@@ -200,7 +200,7 @@ class CutDataset:
             words.append((trajectory, phases[: features.WORD_FRAMES]))
         # One hand is dominant in all words of a signer, so all words together decide whether it is the left one.
         if features.left_hand_busier(*(trajectory for trajectory, _ in words)):
-            words = [(features.mirrored(trajectory), phases) for trajectory, phases in words]
+            words = [(features.mirror_trajectory(trajectory), phases) for trajectory, phases in words]
         return words, delays
 
 
