@@ -557,6 +557,6 @@ def table(rows: Sequence[Row], n_words: int | None = None) -> list[str]:
         if part:
             what = "Bodies kept aside" if held_out else "Other bodies"
             which = "" if n_words is None else " that are kept aside too" if held_out else " that are not kept aside"
-            track_progress = f"{what}: {part[0].n_words} clips{which}, {part[0].n_touching} touching frames."
-            out += ["", *markdown_rows(MEASURES, part), "", track_progress]
+            caption = f"{what}: {part[0].n_words} clips{which}, {part[0].n_touching} touching frames."
+            out += ["", *markdown_rows(MEASURES, part), "", caption]
     return out

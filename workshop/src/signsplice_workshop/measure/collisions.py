@@ -65,8 +65,8 @@ def compare(
 
 def table(rows: Sequence[Row]) -> list[str]:
     """The rows as Markdown, with their signature."""
-    track_progress = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
-    return [f"`{SIGNATURE}`", "", *markdown_rows(MEASURES, rows), "", track_progress]
+    caption = f"{rows[0].n_gaps} transitions of {rows[0].n_frames} frames in all, each." if rows else ""
+    return [f"`{SIGNATURE}`", "", *markdown_rows(MEASURES, rows), "", caption]
 
 
 def fill(transition: Transition, gaps: Sequence[Gap], avoids: bool | None = None) -> list[Clip]:

@@ -187,7 +187,7 @@ AROUND = 8
 DOWN_FRACTION = 0.15
 """An arm is down where it has risen by less than this fraction of the height from rest to its highest."""
 DIP_M, DEEP_DIP_M = 0.03, 0.06
-"""From these depths on a hand is track_progress as dipping, and as dipping deep."""
+"""From these depths on a hand is counted as dipping, and as dipping deep."""
 ELBOW_STEP_M = 0.08
 """An elbow that goes farther in a frame is seen to jump."""
 STITCHER = "stitcher"
@@ -410,5 +410,5 @@ def _are_down(motion: Arms) -> NDArray[np.bool_]:
 
 def table(rows: Sequence[Row], rest: str = HANGING) -> list[str]:
     """The rows as Markdown, with their signature."""
-    track_progress = f"{rows[0].n_joins} seams each." if rows else ""
-    return [f"`{signature(rest)}`", "", *markdown_rows(MEASURES, rows), "", track_progress]
+    caption = f"{rows[0].n_joins} seams each." if rows else ""
+    return [f"`{signature(rest)}`", "", *markdown_rows(MEASURES, rows), "", caption]
