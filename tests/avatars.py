@@ -16,7 +16,7 @@ from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.t_pose import positions_from_rotations
-from signsplice_workshop.measure.bodies import BodyProportions, stretched
+from signsplice_workshop.measure.bodies import BodyProportions, scale_bones
 
 BODIES = {
     "narrow": BodyProportions(0.7, 0.85, shape=BodyShape(trunk_width=0.8)),
@@ -76,7 +76,7 @@ class Glb:
 
 def body(name: str, gloss: str = "NAME") -> Avatar:
     """A body of ``BODIES`` as an avatar in its T-pose, in metres, with the capsules and the mesh that it is made of."""
-    skeleton = stretched(open_shipped_lexicon().clip(gloss).skeleton, BODIES[name])
+    skeleton = scale_bones(open_shipped_lexicon().clip(gloss).skeleton, BODIES[name])
     info = rig_info(skeleton)
     metres, turn = info.sizes.unit.metres, info.t_pose.rotations
     at = metres * positions_from_rotations(skeleton, turn)

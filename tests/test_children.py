@@ -27,7 +27,7 @@ with Pool(2) as run:
 """
 SUBPROCESS = """
 import subprocess, sys
-from signsplice.children import killed_with_parent
+from signsplice.children import parent_death_hook
 
 code = '''
 import os, sys, time
@@ -37,7 +37,7 @@ time.sleep(600)
 '''
 for name in "ab":
     call = [sys.executable, "-c", code, f"{sys.argv[1]}/{name}"]
-    child = subprocess.Popen(call, preexec_fn=killed_with_parent())
+    child = subprocess.Popen(call, preexec_fn=parent_death_hook())
 child.wait()
 """
 

@@ -294,8 +294,8 @@ def in_a_fresh_process(code: str) -> str:
 def test_a_splice_imports_no_torch_and_no_plotting() -> None:
     heavy = in_a_fresh_process(
         "import sys, signsplice as ss\n"
-        "from signsplice.lexicon import shipped\n"
-        "words = shipped()\n"
+        "from signsplice.lexicon import open_shipped_lexicon\n"
+        "words = open_shipped_lexicon()\n"
         "ss.splice([words.clip('I'), words.clip('SIGN')])\n"
         "heavy = {'torch', 'matplotlib', 'PIL', 'onnx', 'click', 'rich', 'pandas', 'scipy.signal', 'scipy.stats'}\n"
         "print(sorted(heavy & set(sys.modules)))"
@@ -318,8 +318,8 @@ def test_the_engine_loads_no_database_and_a_lexicon_no_signer() -> None:
 def test_a_classical_splice_opens_no_network() -> None:
     heavy = in_a_fresh_process(
         "import sys, signsplice as ss\n"
-        "from signsplice.lexicon import shipped\n"
-        "words = shipped()\n"
+        "from signsplice.lexicon import open_shipped_lexicon\n"
+        "words = open_shipped_lexicon()\n"
         "options = ss.SpliceOptions('pose-velocity', 'hermite', 'tempo')\n"
         "ss.splice([words.clip('I'), words.clip('SIGN')], options)\n"
         "print('onnxruntime' in sys.modules)"
@@ -332,8 +332,8 @@ def test_a_clip_becomes_another_format_without_scipy() -> None:
     heavy = in_a_fresh_process(
         "import sys\n"
         "from signsplice.formats import encode\n"
-        "from signsplice.lexicon import shipped\n"
-        "clip = shipped().clip('I')\n"
+        "from signsplice.lexicon import open_shipped_lexicon\n"
+        "clip = open_shipped_lexicon().clip('I')\n"
         "_ = encode(clip, 'a.glb'), encode(clip, 'a.bvh'), encode(clip, 'a.vrma')\n"
         "print('scipy' in sys.modules)"
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signsplice_paper import baselines, bias, protocol, viewed
-from signsplice_paper.baselines import Linear, Ridge, RidgeAnswers, fitted
+from signsplice_paper.baselines import Linear, Ridge, RidgeAnswers, fit_ridge
 from signsplice_paper.position_baselines import WordCuts
 from signsplice_paper.prediction import Prediction
 from signsplice_workshop.corpora.pairs import Pairs
@@ -45,11 +45,13 @@ def test_cuts_of_a_word_that_was_not_taught_lie_in_the_word() -> None:
 def test_regression_finds_a_linear_law_and_the_validation_part_chooses_its_regulariser() -> None:
     rng = np.random.default_rng(0)
     inputs, law = rng.normal(size=(200, 6)), rng.normal(size=(6, 2))
-    exact = fitted((inputs, inputs @ law + 3.0), (inputs, inputs @ law + 3.0))
+    exact = fit_ridge((inputs, inputs @ law + 3.0), (inputs, inputs @ law + 3.0))
     assert exact.regulariser == min(baselines.REGULARISERS)
     assert np.allclose(exact(inputs), inputs @ law + 3.0, atol=1e-2)
     noise = rng.normal(size=(12, 2))
-    noisy = fitted((rng.normal(size=(12, 6)), noise), (rng.normal(size=(100, 6)), np.zeros((100, 2)) + noise.mean(0)))
+    noisy = fit_ridge(
+        (rng.normal(size=(12, 6)), noise), (rng.normal(size=(100, 6)), np.zeros((100, 2)) + noise.mean(0))
+    )
     assert noisy.regulariser == max(baselines.REGULARISERS), "nothing to learn: the strongest"
     assert isinstance(noisy, Linear)
 

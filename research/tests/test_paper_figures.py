@@ -37,7 +37,7 @@ def curve_of(row: ResultRow, last: float = 0.97, minutes: float | None = 1.0) ->
 
 def measured() -> Results:
     rows = [row(system, bundle=system, scores={"accuracy_valid": 0.97}) for system in SYSTEMS]
-    return of_rows(*rows).merged(curves=[curve_of(r) for r in rows])
+    return of_rows(*rows).merge(curves=[curve_of(r) for r in rows])
 
 
 def kept_pairs() -> list[KeptFrames]:
@@ -61,7 +61,7 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
     assert sorted(path.name for path in written) == sorted(f"{n}{s}" for n in names for s in (".png", ".svg"))
     assert left_out == []
     assert all(path.stat().st_size > 5000 for path in written)
-    drawn = Results().merged(measured().rows, [c for c in measured().curves if c.system in style.COMPARED])
+    drawn = Results().merge(measured().rows, [c for c in measured().curves if c.system in style.COMPARED])
     again, left_out = figures.write(drawn, kept_pairs()[:1], two, "cpu")
     assert {path.stem for path in again} == {"figure4c", "figure6"}
     assert left_out == ["figure5a", "figure7"], "one curve and no second pair are not enough"
@@ -83,7 +83,7 @@ def test_curves_are_drawn_over_core_minutes() -> None:
     assert {line.get_ydata()[-1] for line in right.lines[::2]} == {0.8}, "test pairs"
     assert {line.get_ydata()[-1] for line in right.lines[1::2]} == {0.9}, "pairs that taught"
     rows = [row(system, bundle=system) for system in style.COMPARED]
-    no_clock = of_rows(*rows).merged(curves=[curve_of(r, minutes=None) for r in rows])
+    no_clock = of_rows(*rows).merge(curves=[curve_of(r, minutes=None) for r in rows])
     assert plots(no_clock).curves_of(style.COMPARED) is None
 
 
@@ -91,7 +91,7 @@ def test_curves_are_of_the_first_seed_of_adamw_at_the_scale_drawn() -> None:
     pytest.importorskip("matplotlib")
     others: list[dict[str, Any]] = [{"seed": 1}, {"optimiser": "sgd"}, {"scale": "smoke"}]
     curves = [curve_of(row("lstm", bundle="b", **more), 0.5) for more in others]
-    drawn = plots(measured().merged(curves=curves)).curves
+    drawn = plots(measured().merge(curves=curves)).curves
     assert set(drawn) == set(SYSTEMS)
     assert drawn["lstm"] == curve_of(row("lstm", bundle="lstm"))
 
@@ -106,12 +106,12 @@ def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) ->
     pytest.importorskip("matplotlib")
     rows = [row(s, bundle=s, scores={"accuracy_valid": 0.97}) for s in style.COMPARED]
     made = [curve_of(r, 0.95 if r.system == "lstm" else 0.9715) for r in rows]
-    written, left_out = figures.write(of_rows(*rows).merged(curves=made), [], tmp_path, "cpu")
+    written, left_out = figures.write(of_rows(*rows).merge(curves=made), [], tmp_path, "cpu")
     assert "figure4c.png" in {path.name for path in written}
     assert [line for line in left_out if "lstm" in line] == [
         "the curve of lstm (ends at 0.95, its row's validation Accuracy is 0.9700)"
     ]
-    lines = plots(of_rows(*rows).merged(curves=made)).curves_of(style.COMPARED).axes[0].lines
+    lines = plots(of_rows(*rows).merge(curves=made)).curves_of(style.COMPARED).axes[0].lines
     assert published.name("lstm") not in [line.get_label() for line in lines]
     assert len(lines) == len(style.COMPARED) - 1
 
@@ -131,7 +131,7 @@ def test_pictures_show_the_kept_systems_and_bones() -> None:
     assert sum(len(bones) for bones, _, _ in pictures._bones(pair.figure, frame, None)) == 43 + 24, "a ring for a head"
     assert sum(len(bones) for bones, _, _ in pictures._bones(pair.figure, frame, "right")) == 16
     for count in (2, 5, 10, 40):
-        shown = pictures._shown(count, 10)
+        shown = pictures._select_frames(count, 10)
         assert (shown[0], shown[-1]) == (0, count - 1)
         assert len(shown) == min(count, 10)
         assert shown[:3] == list(range(min(count, 3))), "the first two frames of the transition are always shown"
@@ -157,7 +157,7 @@ def test_lines_are_clipped_at_the_edge_of_their_picture() -> None:
         ],
         float,
     )
-    found = pictures.clipped(lines, low, high)
+    found = pictures.clip_segments(lines, low, high)
     assert np.allclose(found, [[[0, 0.5], [1, 0.5]], [[0.2, 0.2], [0.4, 0.4]], [[0.5, 0], [0.5, 0.5]]])
 
 
@@ -214,7 +214,7 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
 
     cutters = (("true-positions", "hermite", "positions and length"), ("learned-fluent", "learned", "nothing"))
     methods = [ClipMethod(*names) for names in (*cutters, ("ends", "slerp", "length"))]
-    monkeypatch.setattr(clip_methods, "compared_methods", lambda: methods)
+    monkeypatch.setattr(clip_methods, "methods_to_compare", lambda: methods)
     monkeypatch.setattr(judging, "Judge", partial(judging.Judge, opener=opener))
     monkeypatch.setattr(baselines, "Ridge", partial(baselines.Ridge, fr=1))  # fitted in no time
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))

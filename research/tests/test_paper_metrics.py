@@ -32,27 +32,27 @@ def test_accuracy_of_worked_examples() -> None:
 
 
 def test_mse_of_worked_examples() -> None:
-    assert metrics.squared_error(frames(0.1, 0.2), frames(0.1, 0.2)) == 0.0
-    assert metrics.squared_error(frames(0.1, 0.3), frames(0.0, 0.1)) == pytest.approx(0.01 + 0.04), "frames are summed"
+    assert metrics.pair_mse(frames(0.1, 0.2), frames(0.1, 0.2)) == 0.0
+    assert metrics.pair_mse(frames(0.1, 0.3), frames(0.0, 0.1)) == pytest.approx(0.01 + 0.04), "frames are summed"
     one = frames(0.0)
     one[0, 0] = 0.3
-    assert metrics.squared_error(one, frames(0.0)) == pytest.approx(0.09 / 159), "numbers are averaged"
-    assert metrics.squared_error(frames(0.0), frames(0.0, 0.0, 0.0), frame_cost=9.0 / 159) == pytest.approx(36.0 / 159)
+    assert metrics.pair_mse(one, frames(0.0)) == pytest.approx(0.09 / 159), "numbers are averaged"
+    assert metrics.pair_mse(frames(0.0), frames(0.0, 0.0, 0.0), frame_cost=9.0 / 159) == pytest.approx(36.0 / 159)
 
 
 def test_an_extra_frame_costs_as_much_as_a_just_visible_error() -> None:
     long, true = frames(0.0, 0.0), frames(0.0)
     visible = frames(math.sqrt(metrics.VISIBLE))
-    assert metrics.squared_error(long, true) == pytest.approx(metrics.squared_error(visible, true))
+    assert metrics.pair_mse(long, true) == pytest.approx(metrics.pair_mse(visible, true))
     assert metrics.accuracy(long, true) == pytest.approx(metrics.accuracy(visible, true))
-    assert metrics.squared_error(long, true) == pytest.approx(0.002)
+    assert metrics.pair_mse(long, true) == pytest.approx(0.002)
 
 
 @given(st.integers(1, 6), st.integers(1, 6), st.integers(0, 1000))
 def test_accuracy_and_mse_equal_the_slow_reference(n: int, m: int, seed: int) -> None:
     a, b = motion(n, seed), motion(m, seed + 1)
     assert metrics.accuracy(a, b) == pytest.approx(reference.accuracy(a, b, metrics.SIGMA))
-    assert metrics.squared_error(a, b) == pytest.approx(reference.squared_error(a, b, 0.5639148872))
+    assert metrics.pair_mse(a, b) == pytest.approx(reference.squared_error(a, b, 0.5639148872))
 
 
 def score_of(
@@ -113,8 +113,8 @@ def test_near_positions_are_counted_among_the_pairs_with_both_tokens() -> None:
 
 def test_another_number_of_numbers_keeps_the_cost_of_a_frame() -> None:
     few = np.full((2, 9), 0.1)
-    assert metrics.squared_error(few, np.zeros((2, 9))) == pytest.approx(0.02)
-    assert metrics.squared_error(few, np.zeros((3, 9))) == pytest.approx(metrics.VISIBLE)
+    assert metrics.pair_mse(few, np.zeros((2, 9))) == pytest.approx(0.02)
+    assert metrics.pair_mse(few, np.zeros((3, 9))) == pytest.approx(metrics.VISIBLE)
 
 
 def test_signatures_state_every_parameter() -> None:
@@ -186,11 +186,11 @@ def test_held_frames_move_too_little_and_jump() -> None:
 def test_stretching_keeps_the_ends() -> None:
     x = motion(5)
     for count in (1, 2, 5, 9):
-        y = extra_metrics.stretched(x, count)
+        y = extra_metrics.resample_frames(x, count)
         assert y.shape == (count, 159)
         assert np.allclose(y[0], x[0])
         assert count == 1 or np.allclose(y[-1], x[-1])
-    assert np.allclose(extra_metrics.stretched(x[:1], 4), x[0])
+    assert np.allclose(extra_metrics.resample_frames(x[:1], 4), x[0])
 
 
 def test_the_error_of_each_frame_is_counted_from_the_first_in_cm() -> None:

@@ -52,16 +52,16 @@ FOUND = of_rows(
     ],
 )
 def test_a_template_takes_a_figure_from_the_rows(asked: str, figure: str) -> None:
-    assert pages.filled(f"It is {{{{{asked}}}}}.", FOUND, "cpu") == f"It is {figure}."
+    assert pages.fill_template(f"It is {{{{{asked}}}}}.", FOUND, "cpu") == f"It is {figure}."
 
 
 def test_a_template_takes_tables_from_the_rows() -> None:
-    table = pages.filled("{{table random lstm}}", FOUND, "cpu").splitlines()
+    table = pages.fill_template("{{table random lstm}}", FOUND, "cpu").splitlines()
     assert table[0].startswith("| system | condition | taught on | PTA |")
     assert table[-1].startswith(f"| LSTM | {published.EQUAL} | {tables.HERE} | 0.990 | 0.250 |")
     assert len(table) == 2 + len(published.TABLE_1) + len(published.TABLE_3) + 1
-    assert "| a+b |" in pages.filled("{{table random}}", FOUND, "cpu")
-    lines = pages.filled("{{splits lstm lptransformer*}}", FOUND, "cpu").splitlines()
+    assert "| a+b |" in pages.fill_template("{{table random}}", FOUND, "cpu")
+    lines = pages.fill_template("{{splits lstm lptransformer*}}", FOUND, "cpu").splitlines()
     assert lines == [
         f"| LSTM, {published.EQUAL} | {tables.HERE} | 0.800 (0.900) | - (-) | 0.800 (0.700) | - (-) |",
         f"| LpTransformer, {published.EQUAL} | {tables.ON_MANY} | 0.800 (-) | 0.800 (-) | - (-) | - (-) |",
@@ -73,7 +73,7 @@ def test_a_template_takes_times_and_searches_from_files(tmp_path: Path) -> None:
     (tmp_path / "speed-cpu.json").write_text(json.dumps({"rows": [timed | {"ms_median": 1.26, "times_base": 0.5}]}))
     tried = {"part": "lstm", "units": 64, "learning_rate": 0.003, "scores": {"paa": 0.5}}
     (tmp_path / "search.json").write_text(json.dumps({"rows": [tried]}))
-    text = pages.filled("{{speed cpu}}\n{{search}}\n{{summary lstm lptransformer*}}", FOUND, "cpu", tmp_path)
+    text = pages.fill_template("{{speed cpu}}\n{{search}}\n{{summary lstm lptransformer*}}", FOUND, "cpu", tmp_path)
     assert text.splitlines() == [
         "| LSTM | one-by-one | transition | 2.3 | 1.3 | 0.50 |",
         "| LSTM | 64 | 0.003 | 0.500 | - |",
@@ -82,7 +82,7 @@ def test_a_template_takes_times_and_searches_from_files(tmp_path: Path) -> None:
         "0.990 | 0.600 | 0.9800 | 0.0016 | 0.500 | 0.800 | - | - |",
     ]
     with pytest.raises(InputError, match="no row of scale"):
-        pages.filled("{{summary nobody}}", FOUND, "cpu")
+        pages.fill_template("{{summary nobody}}", FOUND, "cpu")
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_a_template_takes_times_and_searches_from_files(tmp_path: Path) -> None:
 )
 def test_what_no_row_has_is_named(asked: str) -> None:
     with pytest.raises(InputError, match=r"^\{\{.*\}\}: "):
-        pages.filled(f"{{{{{asked}}}}}", FOUND, "cpu")
+        pages.fill_template(f"{{{{{asked}}}}}", FOUND, "cpu")
 
 
 def test_pages_are_those_of_the_templates_or_the_tables_alone(tmp_path: Path) -> None:

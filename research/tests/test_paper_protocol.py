@@ -199,7 +199,7 @@ def test_methods_use_no_more_of_the_truth_than_they_are_given() -> None:
         ClipMethod("ends", "slerp", "positions")
     with pytest.raises(InputError, match="no cutter 'nothing'"):
         ClipMethod("nothing", "slerp")
-    names = [(method.name, method.given) for method in clip_methods.compared_methods()]
+    names = [(method.name, method.given) for method in clip_methods.methods_to_compare()]
     assert len(set(names)) == len(names) == 4
     assert set(kept_frames.SHOWN_METHODS) <= set(names)
 
@@ -262,7 +262,7 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path, monke
     for pair in made[-1].kept:
         assert {name.split("/")[2] for name in pair.made} == {method.name, "lpt-plus"}
         assert np.allclose(pair.made[kept_frames.label("lpt-plus", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
-    known = Results().merged(rows)
+    known = Results().merge(rows)
     repeated = list(judge(pairs, opener, known).judgements([method], [config], made[-1].kept))
     assert [judgement.rows for judgement in repeated] == [(), (), (), ()], "known rows are not judged again"
     assert opened == [folder] * 3, "for the positions of two splits, and once to be judged"

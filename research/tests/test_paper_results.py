@@ -22,7 +22,7 @@ from toys import corpus, motion, of_rows, row
 def test_a_new_row_replaces_the_row_of_its_key() -> None:
     first = of_rows(row("lpt-plus"), row("lstm"), row("lpt-plus", optimiser="sgd"), row("lpt-plus", fr=6))
     assert len(first.rows) == 4
-    second = first.merged([row("lpt-plus", bundle="new", commit="other", machine="elsewhere")])
+    second = first.merge([row("lpt-plus", bundle="new", commit="other", machine="elsewhere")])
     assert len(second.rows) == 4
     assert [r.bundle for r in second.find(system="lpt-plus", fr=8, optimiser="adamw")] == ["new"]
     assert first.find(system="lpt-plus", fr=8, optimiser="adamw")[0].bundle is None, "the first results are unchanged"
@@ -43,7 +43,7 @@ def test_results_survive_a_round_trip(tmp_path: Path) -> None:
             "lstm", "random", "cpu", "adamw", None, 0, [(64.0, None, 0.5, 0.1, 0.2, 0.1)], COLUMNS, "abc", "c0ffee", 256
         ),
     ]
-    known = of_rows(row("lpt-plus", scores={"paa": None}), row("lstm", fr=None)).merged(curves=curves)
+    known = of_rows(row("lpt-plus", scores={"paa": None}), row("lstm", fr=None)).merge(curves=curves)
     path = tmp_path / "results.json"
     results.save(known, path)
     assert results.load(path) == known

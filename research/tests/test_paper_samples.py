@@ -9,7 +9,7 @@ import pytest
 
 from signsplice.signer.signer import stream
 from signsplice_paper import mean_transition, pair_samples, protocol
-from signsplice_paper.extra_metrics import stretched
+from signsplice_paper.extra_metrics import resample_frames
 from toys import Fake, corpus
 
 
@@ -45,6 +45,6 @@ def test_the_mean_transition_is_of_the_training_part() -> None:
     count = round(np.mean([pairs.index[k, 5] for k in numbers]))
     assert made.frames.shape == (count, 159)
     assert np.allclose(
-        made.frames, np.mean([stretched(pairs.truth(k)[2].astype(float), count) for k in numbers], axis=0)
+        made.frames, np.mean([resample_frames(pairs.truth(k)[2].astype(float), count) for k in numbers], axis=0)
     )
     assert (made.pre, made.post) == (None, None)

@@ -144,7 +144,7 @@ def test_lines_are_apart_by_condition_optimiser_and_what_was_taught() -> None:
 @pytest.mark.parametrize("field", ["metrics_id", "protocol", "corpus"])
 def test_rows_that_differ_in_recipe_stand_in_no_table_together(field: str) -> None:
     odd = system("lstm", **{field: "another"})
-    found = of_rows(*paper_rows()).merged([odd])
+    found = of_rows(*paper_rows()).merge([odd])
     with pytest.raises(InputError, match=f"cannot be compared in one table: {field}"):
         tables.table(found, "cpu", "random")
     apart = of_rows(system("lpt-plus"), system("lstm", split="unseen-words", **{field: "another"}))
@@ -195,4 +195,4 @@ def test_markdown_has_the_caption_the_cells_and_the_notes() -> None:
 def test_scores_are_written_with_the_digits_that_mean_something() -> None:
     assert [layout.short(x) for x in (0.0015, 0.0123, 0.2, 0.0, float("nan"))] == ["0.0015", "0.012", "0.20", "0", "-"]
     assert [layout.number(x) for x in (0.12345, float("nan"))] == ["0.123", "-"]
-    assert (tables.written(0.0123, tables.SHORT), tables.written(0.0123, 1)) == ("0.012", "0.0")
+    assert (tables.format_score(0.0123, tables.SHORT), tables.format_score(0.0123, 1)) == ("0.012", "0.0")

@@ -51,7 +51,7 @@ def test_parts_and_hands_are_found_in_another_rig() -> None:
     assert sorted(figure.bones("right", True, "right")) == [(joints.index(13), joints.index(14)), (13, 14)]
     assert np.allclose(figure.view, [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "the signer's left is the viewer's right"
     frame = np.arange(48.0)[None]
-    assert np.allclose(figure.seen(frame)[0, 1], [4.0, 5.0])
+    assert np.allclose(figure.project_frames(frame)[0, 1], [4.0, 5.0])
     assert read_stick_figure(figure.as_json()) == figure
 
 

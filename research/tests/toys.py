@@ -134,7 +134,7 @@ def committed_results() -> results.Results:
 
 def of_rows(*rows: ResultRow) -> results.Results:
     """Results with these rows."""
-    return results.Results().merged(rows)
+    return results.Results().merge(rows)
 
 
 def write_bundle(folder: Path, pairs: Pairs, last: float = 0.999, **changes: Any) -> Path:

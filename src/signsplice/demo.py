@@ -27,8 +27,8 @@ _ARM = 0.85
 
 
 def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[str]:
-    """Lines that describe the result, after the words, the sentence, its report, a contact sheet, a film, an avatar, and
-    the same words spliced by LpTransformer have been written into the folder ``out``.
+    """Write words, the sentence, its report, a contact sheet, a film, an avatar, and the same words spliced by
+    LpTransformer into the folder ``out``; returns lines that describe them.
     """
     try:
         (out / "words").mkdir(parents=True, exist_ok=True)

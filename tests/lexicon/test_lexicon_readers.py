@@ -41,7 +41,7 @@ def version_of(lex: Lexicon) -> int:
     return int(min(versions))
 
 
-@pytest.mark.parametrize("before", ["_check_path", "Index", "_mapped"])
+@pytest.mark.parametrize("before", ["_check_path", "Index", "_mmap_frames"])
 def test_a_lexicon_that_is_replaced_while_it_is_opened_is_the_new_one(
     before: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,7 +18,7 @@ from signsplice.rig.align import place, placement
 from signsplice.rig.info import rig_info
 from signsplice.rig.keyedness import explain_keyedness, judge_keyedness
 from signsplice.rig.roles import ARM
-from signsplice_workshop.corpora.rekeying import DRAWINGS, low_passed, noisy, rekeyed
+from signsplice_workshop.corpora.rekeying import DRAWINGS, low_passed, noisy, rekey_clip
 
 KINDS = [kind for kind in DRAWINGS if kind != "blender-old"]
 """Curves that are cubics of time; Blender's without continuous acceleration are not, and pass as captured."""
@@ -36,7 +36,7 @@ def signed(gloss: str = "MOTHER", seed: int | None = None, fps: float = 30.0) ->
 @pytest.mark.parametrize("every", [3, 4, 6, 12, (3, 12)])
 def test_curves_between_keys_are_keyed(kind: str, every: int | tuple[int, int]) -> None:
     rng = np.random.default_rng(1)
-    seen = [is_keyed(rekeyed(signed(gloss), every, kind, rng)) for gloss in ("MOTHER", "BOOK", "WORK")]
+    seen = [is_keyed(rekey_clip(signed(gloss), every, kind, rng)) for gloss in ("MOTHER", "BOOK", "WORK")]
     assert sum(seen) >= 2, "a cubic of Euler angles or quaternion components is none of rotations where joints are fast"
 
 
@@ -44,8 +44,8 @@ def test_curves_between_keys_are_keyed(kind: str, every: int | tuple[int, int]) 
 def test_keyed_clips_stay_keyed_at_other_rates(kind: str) -> None:
     slow = signed("BOOK", fps=24.0)
     for fps in (30.0, 60.0):
-        assert is_keyed(rekeyed(slow, 5, kind, fps=fps)), "played at that rate"
-        assert is_keyed(resample(rekeyed(slow, 5, kind), fps)), "slerped"
+        assert is_keyed(rekey_clip(slow, 5, kind, fps=fps)), "played at that rate"
+        assert is_keyed(resample(rekey_clip(slow, 5, kind), fps)), "slerped"
 
 
 @pytest.mark.parametrize("seed", [None, 3, 7])
@@ -71,7 +71,7 @@ def test_a_capture_and_what_is_made_of_it_is_captured(real_clips: dict[str, Clip
     for clip in (*parts, noisy(take, 0.003, rng), resample(take, 24.0), resample(take, 60.0), low_passed(take, 5.0)):
         assert not is_keyed(clip)
     assert is_keyed(real_clips["isl_thanks"])
-    assert is_keyed(rekeyed(take[:105], 3, "unity"))
+    assert is_keyed(rekey_clip(take[:105], 3, "unity"))
 
 
 def test_the_arms_decide_and_the_reason_names_the_other_joints() -> None:
@@ -79,7 +79,7 @@ def test_the_arms_decide_and_the_reason_names_the_other_joints() -> None:
     arms = [joint for role, joint in rig_info(clip.skeleton).roles.joints.items() if role.endswith(ARM)]
     others = [joint for joint in range(len(clip.skeleton)) if joint not in arms]
     for joints, expected in ((arms, True), (others, False)):
-        found = explain_keyedness(rekeyed(clip, 4, "blender", joints=joints))
+        found = explain_keyedness(rekey_clip(clip, 4, "blender", joints=joints))
         assert found.is_keyed == expected
         assert found.reason.startswith("keyed: " if expected else "captured: ")
         assert "of the other joints'" in found.reason
@@ -89,7 +89,7 @@ def test_the_arms_decide_and_the_reason_names_the_other_joints() -> None:
 def test_a_clip_half_of_whose_frames_are_keyed_says_so() -> None:
     clip = signed("WORK")
     middle = len(clip) // 2
-    half = judge_keyedness(concatenate([rekeyed(clip, 5, "unity")[:middle], clip[middle:]]))
+    half = judge_keyedness(concatenate([rekey_clip(clip, 5, "unity")[:middle], clip[middle:]]))
     assert half.is_keyed
     assert 0.2 < half.fraction < 0.9
     assert f"{100.0 * half.fraction:.0f} % of the arms' motion" in half.reason
@@ -97,7 +97,7 @@ def test_a_clip_half_of_whose_frames_are_keyed_says_so() -> None:
 
 def test_the_step_between_keys_is_named() -> None:
     for every in (3, 4):
-        drawn = judge_keyedness(rekeyed(signed("WORK"), every, "blender"))
+        drawn = judge_keyedness(rekey_clip(signed("WORK"), every, "blender"))
         assert drawn.every == pytest.approx(every, abs=1.5)
         assert f"keys about every {drawn.every:.0f} frames" in drawn.reason
 
@@ -110,14 +110,14 @@ def test_a_still_clip_and_one_of_few_frames_are_captured() -> None:
 
 
 def test_a_clip_is_judged_once_also_where_it_was_placed() -> None:
-    clip = rekeyed(signed("BOOK"), 4, "unity")
+    clip = rekey_clip(signed("BOOK"), 4, "unity")
     moved = place(clip, replace(placement(clip), position=np.array([100.0, 0.0, 0.0])))
     assert moved is not clip
     assert judge_keyedness(moved) is judge_keyedness(clip)
 
 
 def test_inspect_says_whether_a_clip_is_keyed(tmp_path: Path) -> None:
-    for clip, start in ((signed("BOOK"), "captured: "), (rekeyed(signed("BOOK"), 4, "maya-auto"), "keyed: ")):
+    for clip, start in ((signed("BOOK"), "captured: "), (rekey_clip(signed("BOOK"), 4, "maya-auto"), "keyed: ")):
         save(clip, tmp_path / "clip.bvh")
         shown = CliRunner().invoke(inspect, [str(tmp_path / "clip.bvh")])
         assert f"motion     {start}" in shown.output

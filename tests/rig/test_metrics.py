@@ -84,10 +84,10 @@ def test_a_clip_is_keyed_where_most_moving_frames_repeat_the_step_before() -> No
     signed = word("MOTHER").clip
     still = concatenate([signed[:1]] * 200)
     interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
-    assert motion_scores.keyed_fraction(interpolated) == 1.0
-    assert motion_scores.keyed_fraction(concatenate([interpolated, still])) > 0.9, "still frames do not count"
-    assert motion_scores.keyed_fraction(still) == 0.0
-    mark = motion_scores.keyed_mark(interpolated)
+    assert motion_scores.even_rotation_fraction(interpolated) == 1.0
+    assert motion_scores.even_rotation_fraction(concatenate([interpolated, still])) > 0.9, "still frames do not count"
+    assert motion_scores.even_rotation_fraction(still) == 0.0
+    mark = motion_scores.format_keyedness(interpolated)
     assert mark.startswith("keyed: 100 % of the arms' motion")
     assert mark.endswith("100 % of its moving frames repeat the step before")
 
@@ -98,7 +98,7 @@ def test_the_table_of_hidden_frames_names_keyed_clips() -> None:
     clips = [interpolated, signed]
     lines = table(hidden_frames(clips, [find_transition("hermite")], [5]), clips)
     named = [line.strip() for line in lines if "no measure of real motion" in line]
-    assert named == [f"DRAWN is no measure of real motion ({motion_scores.keyed_mark(interpolated)})."]
+    assert named == [f"DRAWN is no measure of real motion ({motion_scores.format_keyedness(interpolated)})."]
 
 
 def test_hidden_frames_counts_gaps_interpolated_between_keys() -> None:

@@ -38,7 +38,7 @@ from signsplice.splicing.learned import (
     open_sessions,
 )
 from signsplice.splicing.sentence import Sentence
-from signsplice_workshop.corpora.rekeying import rekeyed
+from signsplice_workshop.corpora.rekeying import rekey_clip
 
 TINY = GOLDEN / "tiny_bundle"
 SESSIONS = open_sessions(TINY)
@@ -195,7 +195,7 @@ def test_the_network_corrects_the_arms_alone() -> None:
 
 
 def test_beside_a_word_drawn_between_keys_the_curve_stays() -> None:
-    drawn = rekeyed(P, 4, "unity")
+    drawn = rekey_clip(P, 4, "unity")
     curve = find_transition("hermite")
     for before, after in ((drawn, Q), (Q, drawn)):
         gap = gap_at(before, after, Cut(39, 22), 9)
@@ -207,7 +207,7 @@ def test_beside_a_word_drawn_between_keys_the_curve_stays() -> None:
 
 
 def test_the_recorded_word_is_judged_not_the_one_at_another_rate_or_tempo() -> None:
-    drawn = rekeyed(P, 5, "maya-auto")
+    drawn = rekey_clip(P, 5, "maya-auto")
     sentence = Sentence(ss.SpliceOptions(fps=47.0, tempo="natural"))
     words, seams = sentence.plan([drawn, Q])
     assert [word.keyed for word in words] == [True, False]

@@ -9,7 +9,7 @@ from signsplice.rig.roles import SIDES
 from signsplice.signer.collisions import TOUCH_CM
 from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import STANDARD, draw_signer
-from signsplice_workshop.corpora.touches import seen_events, skin_clearances, touching_sides
+from signsplice_workshop.corpora.touches import events_with_touches, skin_clearances, touching_sides
 from signsplice_workshop.measure.corpus_checks import skin_distance
 
 LEFT_HANDED = next(seed for seed in range(100) if draw_signer(seed).left_handed)
@@ -23,7 +23,7 @@ def measured(one: IsolatedWord, frame: int) -> float:
 @pytest.mark.parametrize("gloss", ["MOTHER", "BOOK", "LEARN", "HELLO", "DAY", "FRIEND"])
 def test_events_and_geometry_agree(gloss: str, seed: int | None) -> None:
     one = word(gloss, seed)
-    e = seen_events(one)
+    e = events_with_touches(one)
     assert e.gap_first_cm == pytest.approx(measured(one, e.start), abs=1e-5)
     assert e.gap_last_cm == pytest.approx(measured(one, e.end), abs=1e-5)
     assert e.touches_first == (measured(one, e.start) <= TOUCH_CM)
@@ -34,10 +34,10 @@ def test_a_touch_is_seen_whatever_the_notation_says() -> None:
     """The palm is 3 cm from the chin, but the fingers lie at nose and forehead: only the motion knows."""
     one = made("H shape=B-open at=chin by=palm off=3 palm=in fingers=up")
     assert not touches(one.sign.segments[0], one.sign)
-    assert seen_events(one).touches_first
+    assert events_with_touches(one).touches_first
     assert measured(one, one.events.start) < 0.0
     away = made("H shape=B-open at=chin by=palm off=9 palm=in fingers=up")
-    events = seen_events(away)
+    events = events_with_touches(away)
     assert not events.touches_first
     assert events.gap_first_cm is not None
     assert 0.5 < events.gap_first_cm < 9.0
@@ -46,9 +46,9 @@ def test_a_touch_is_seen_whatever_the_notation_says() -> None:
 def test_arms_of_the_other_side_count() -> None:
     weak = "w.shape=B w.at=space-low-mid w.palm=down w.fingers=in-in-fwd"
     one = made(f"H shape=1 at=forearm-weak by=index palm=down fingers=in-fwd {weak}", hands="base")
-    assert seen_events(one).touches_first
+    assert events_with_touches(one).touches_first
     (hand_alone,) = skin_clearances(one.clip, [one.events.start], ("right",))
-    assert hand_alone == pytest.approx(seen_events(one).gap_first_cm)
+    assert hand_alone == pytest.approx(events_with_touches(one).gap_first_cm)
 
 
 def test_whose_touches_count() -> None:

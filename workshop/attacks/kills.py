@@ -139,7 +139,7 @@ def train_parts(pairs: Path) -> Callable[[Path], None]:
         torch.set_num_threads(1)
         config = training.Training("lptransformer", "smoke", steps=10, n_judgements=10, n_judged=1)
         part = scales.parts("lptransformer", "smoke", None, 10)[0]
-        training.trained(part, config, Pairs(pairs), folder, Processes(0, 1, torch.device("cpu")))
+        training.train_part(part, config, Pairs(pairs), folder, Processes(0, 1, torch.device("cpu")))
         for log in [*folder.glob("*.jsonl"), *folder.glob("tensorboard")]:  # with times
             shutil.rmtree(log) if log.is_dir() else log.unlink()
 

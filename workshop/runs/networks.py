@@ -27,7 +27,7 @@ from signsplice.splicing.contracts import Gap, Transition
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.options import SpliceOptions, choose
 from signsplice_workshop.corpora import pseudo
-from signsplice_workshop.corpora.rekeying import DRAWINGS, rekeyed
+from signsplice_workshop.corpora.rekeying import DRAWINGS, rekey_clip
 from signsplice_workshop.measure import motion_scores, seams
 from signsplice_workshop.measure.hands import wrist_positions
 from signsplice_workshop.measure.hidden_frames import LENGTHS, SHOWN
@@ -127,7 +127,7 @@ def main(take: str | None = None) -> None:
             rows += table_of(f"{part}, 24 fps", [resample(motion, 24.0)], transitions)
         rng = np.random.default_rng(5)
         for kind in DRAWINGS:
-            drawn = [rekeyed(last, every, kind, rng) for every in (3, 6, 12)]
+            drawn = [rekey_clip(last, every, kind, rng) for every in (3, 6, 12)]
             rows += table_of(f"last third, {kind}", drawn, transitions)
     for seed, name in ((0, "standard signer"), (11, "signer 11"), (12, "signer 12")):
         for rest in RESTS if seed == 0 else islice(RESTS, 1):

@@ -45,7 +45,7 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 HOMES = {
-    "shipped": ("signsplice.lexicon:shipped", "signsplice:open_lexicon"),
+    "shipped": ("signsplice.lexicon:open_shipped_lexicon", "signsplice.lexicon:shipped", "signsplice:open_lexicon"),
     "parse": ("signsplice.lexicon.sentence:parse",),
     "describe": ("signsplice.splicing.report:describe",),
     "Stream": ("signsplice.splicing.engine:Stream", "signsplice:Stream"),

@@ -19,7 +19,7 @@ from training_toys import train_example
 if __name__ == "__main__":
     torch.set_num_threads(1)
     root, make = Path(sys.argv[1]), getattr(import_module(sys.argv[2]), sys.argv[3])
-    with processes.joined("cpu") as process:
+    with processes.join_process_group("cpu") as process:
         for job in sys.argv[4:]:
             part, call, until = job.split("/")
             folder = root / f"process{process.rank}" / part / call

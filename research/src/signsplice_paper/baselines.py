@@ -17,7 +17,7 @@ from signsplice.motion import FloatArray
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.lptransformer import cull
 from signsplice_paper.clip_methods import prediction_of
-from signsplice_paper.extra_metrics import stretched
+from signsplice_paper.extra_metrics import resample_frames
 from signsplice_paper.position_baselines import Positions
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.published import BEST_FR
@@ -51,7 +51,7 @@ class Linear:
         return np.asarray((inputs - self.mean) @ self.weights + self.offset)
 
 
-def fitted(taught: tuple[FloatArray, FloatArray], valid: tuple[FloatArray, FloatArray]) -> Linear:
+def fit_ridge(taught: tuple[FloatArray, FloatArray], valid: tuple[FloatArray, FloatArray]) -> Linear:
     """The regression of inputs (N, I) and outputs (N, O) with the least error on ``valid``; the least regulariser where
     that is empty.
     """
@@ -76,16 +76,16 @@ class Ridge:
         parts: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
         for part in ("train", "valid"):
             numbers = pairs.split(split, part)
-            kept = [self._kept(k, *pairs.index[k, 2:4].tolist()) for k in numbers]
+            kept = [self._cull_pair(k, *pairs.index[k, 2:4].tolist()) for k in numbers]
             true = [np.asarray(pairs.truth(k)[2], np.float64) for k in numbers]
             seen = np.array([x.ravel() for x in kept])
-            made = [stretched(t, RESAMPLED) - self._line(x, RESAMPLED) for x, t in zip(kept, true, strict=True)]
+            made = [resample_frames(t, RESAMPLED) - self._line(x, RESAMPLED) for x, t in zip(kept, true, strict=True)]
             far = np.array([self._distances(x) for x in kept])
             counts = np.array([[float(len(t))] for t in true])
             parts.append((seen, np.array(made).reshape(len(made), RESAMPLED * pairs.spaces[0].n_numbers), far, counts))
         taught, valid = parts
-        self.frames = fitted(taught[:2], valid[:2])
-        self.count = fitted(taught[2:], valid[2:])
+        self.frames = fit_ridge(taught[:2], valid[:2])
+        self.count = fit_ridge(taught[2:], valid[2:])
 
     @property
     def n_parameters(self) -> int:
@@ -94,13 +94,13 @@ class Ridge:
 
     def fill(self, number: int, pre: int, post: int, count: int | None = None) -> FloatArray:
         """The transition (n, K) of a pair at a cut; of ``count`` frames where that is given."""
-        kept = self._kept(number, pre, post)
+        kept = self._cull_pair(number, pre, post)
         if count is None:
             count = min(max(1, round(float(self.count(self._distances(kept))[0]))), MOST_FRAMES)
         made = self.frames(kept.ravel()).reshape(RESAMPLED, -1) + self._line(kept, RESAMPLED)
-        return stretched(made, count)
+        return resample_frames(made, count)
 
-    def _kept(self, number: int, pre: int, post: int) -> FloatArray:
+    def _cull_pair(self, number: int, pre: int, post: int) -> FloatArray:
         p, q = self.pairs.index[number, :2].tolist()
         return np.asarray(cull(self.pairs.word(p), self.pairs.word(q), pre, post, self.fr)[0], np.float64)
 

@@ -111,7 +111,7 @@ def count(predicted: FloatArray, true: FloatArray, tolerances: Sequence[float] =
     for tolerance in tolerances:
         equal = [equal_ngrams(errors <= tolerance, k + 1) for k in range(ORDERS)]
         found = tuple(int(pairs.any(axis=1).sum()) for pairs in equal)
-        out[tolerance] = NGrams(found, tuple(map(_matched, equal)), n_predicted, n_true, n, m)
+        out[tolerance] = NGrams(found, tuple(map(_matching_size, equal)), n_predicted, n_true, n, m)
     return out
 
 
@@ -124,7 +124,7 @@ def equal_ngrams(equal: Bool, n: int) -> Bool:
     return out
 
 
-def _matched(pairs: Bool) -> int:
+def _matching_size(pairs: Bool) -> int:
     """Size of a maximum matching between equal predicted and true n-grams."""
     if not pairs.any():
         return 0

@@ -129,7 +129,7 @@ def prediction_of(pairs: Pairs, word: int, cut: Cut, made: Clip) -> Prediction:
     return Prediction(cut.pre, cut.post, pairs.space(word).numbers(made), rotations=made.local_rotations)
 
 
-def compared_methods() -> list[ClipMethod]:
+def methods_to_compare() -> list[ClipMethod]:
     """Methods beside the paper's systems: a classical one given nothing, one given the truth but its frames, and this
     project's networks.
     """

@@ -33,12 +33,12 @@ def evaluate(judge: Judge, out: Path, folder: Path, scale: str, choice: Choice, 
     named = bool(choice.systems or choice.optimisers or choice.seeds)
     if not chosen:
         warn(f"{folder}: no bundle of scale {scale} there" + ("" if named else "; only methods on clips are judged"))
-    methods = [] if named else clip_methods.compared_methods()
+    methods = [] if named else clip_methods.methods_to_compare()
     known, n_rows = judge.known, 0
     for judgement in judge.judgements(methods, chosen, kept_frames.load(out / kept_frames.FILE)):
         n_rows += len(judgement.rows)
         if judgement.rows or judgement.curves:
-            known = known.merged(judgement.rows, judgement.curves)
+            known = known.merge(judgement.rows, judgement.curves)
             results.save(known, out / results.FILE)
             if judgement.kept:
                 kept_frames.save(judgement.kept, out / kept_frames.FILE)

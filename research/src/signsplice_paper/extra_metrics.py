@@ -162,7 +162,7 @@ def velocity_error(predicted: FloatArray, true: FloatArray, layout: NumberLayout
         return float("nan")
     arms = list(layout.arms)
     made, wanted = (
-        np.diff(_from_hips(frames, layout)[:, arms], axis=0) for frames in (stretched(predicted, len(true)), true)
+        np.diff(_from_hips(frames, layout)[:, arms], axis=0) for frames in (resample_frames(predicted, len(true)), true)
     )
     return float(np.linalg.norm(made - wanted, axis=-1).mean() * layout.metres * layout.fps)
 
@@ -172,7 +172,9 @@ def position_error(predicted: FloatArray, true: FloatArray, layout: NumberLayout
 
     A prediction of another length is stretched evenly onto the true one, first frame on first, last on last.
     """
-    return float(1000.0 * _arm_distances(stretched(predicted, len(true)), true, layout).mean() / layout.arm_length)
+    return float(
+        1000.0 * _arm_distances(resample_frames(predicted, len(true)), true, layout).mean() / layout.arm_length
+    )
 
 
 def frame_errors(predicted: FloatArray, true: FloatArray, layout: NumberLayout) -> tuple[float, ...]:
@@ -190,7 +192,7 @@ def _arm_distances(predicted: FloatArray, true: FloatArray, layout: NumberLayout
     return np.asarray(np.linalg.norm(difference, axis=-1).mean(axis=-1))
 
 
-def stretched(frames: FloatArray, count: int) -> FloatArray:
+def resample_frames(frames: FloatArray, count: int) -> FloatArray:
     """Frames (n, K) resampled to (count, K) by linear interpolation, first frame on first, last on last."""
     if len(frames) == count:
         return frames

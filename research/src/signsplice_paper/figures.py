@@ -38,14 +38,14 @@ def write(results: Results, kept: Sequence[KeptFrames], folder: Path, scale: str
     left_out: list[str] = []
     plots = _Plots(results, scale, pyplot)
     for name, systems in (("figure4c", COMPARED), ("figure5a", ABLATIONS)):
-        written += _written(pyplot, plots.curves_of(systems), folder / name, left_out)
+        written += _save_figure(pyplot, plots.curves_of(systems), folder / name, left_out)
     left_out += plots.refused
     for name, chosen in (("figure6", kept[:1]), ("figure7", kept[1:])):
-        written += _written(pyplot, draw_pairs(pyplot, chosen, scale), folder / name, left_out)
+        written += _save_figure(pyplot, draw_pairs(pyplot, chosen, scale), folder / name, left_out)
     return written, list(dict.fromkeys(left_out))
 
 
-def _written(pyplot: Any, figure: Any, path: Path, left_out: list[str]) -> list[Path]:
+def _save_figure(pyplot: Any, figure: Any, path: Path, left_out: list[str]) -> list[Path]:
     if figure is None:
         left_out.append(path.name)
         return []

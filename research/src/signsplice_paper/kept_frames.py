@@ -64,10 +64,10 @@ def choose(pairs: Pairs, protocol: Protocol, count: int = COUNT) -> list[KeptFra
     """A fixed choice of judged pairs with a transition long enough to be shown, without frames made for them."""
     long = [k for k in protocol.numbers if pairs.index[k, 5] >= SHORTEST] or list(protocol.numbers)
     order = stream("paper-shots", len(long)).permutation(len(long))[:count]
-    return [_kept_pair(pairs, long[k]) for k in order.tolist()]
+    return [_make_kept_frames(pairs, long[k]) for k in order.tolist()]
 
 
-def _kept_pair(pairs: Pairs, number: int) -> KeptFrames:
+def _make_kept_frames(pairs: Pairs, number: int) -> KeptFrames:
     p, q = pairs.index[number, :2].tolist()
     pre, post, truth = pairs.truth(number)
     words = pairs.head["words"]
@@ -129,12 +129,12 @@ def load(path: Path) -> list[KeptFrames]:
         with np.load(path) as file:
             arrays = {name: file[name] for name in file.files}
         numbers = list(dict.fromkeys(int(name.split("|")[0]) for name in arrays))
-        return [_read(arrays, number) for number in numbers]
+        return [_pair_from_arrays(arrays, number) for number in numbers]
     except (OSError, TypeError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: holds no frames of this project ({error}); remove it and judge again") from error
 
 
-def _read(arrays: Mapping[str, NDArray[np.generic]], number: int) -> KeptFrames:
+def _pair_from_arrays(arrays: Mapping[str, NDArray[np.generic]], number: int) -> KeptFrames:
     before, after, truth = (arrays[f"{number}|{part}"].astype(np.float64) for part in ("before", "after", "truth"))
     by_label = {}
     for part in ("made", "edges"):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from signsplice.motion import FloatArray
-from signsplice_paper.extra_metrics import stretched
+from signsplice_paper.extra_metrics import resample_frames
 from signsplice_paper.prediction import Prediction
 from signsplice_workshop.corpora.pairs import Pairs
 
@@ -19,7 +19,7 @@ def mean_transition(pairs: Pairs, split: str) -> FloatArray:
     """The mean (n, K) of the true transitions of a split's training part, each stretched to their mean length."""
     numbers = pairs.split(split, "train")
     count = max(1, round(float(pairs.index[numbers, 5].mean())))
-    total = sum(stretched(np.asarray(pairs.truth(k)[2], np.float64), count) for k in numbers)
+    total = sum(resample_frames(np.asarray(pairs.truth(k)[2], np.float64), count) for k in numbers)
     return np.asarray(total / len(numbers))
 
 

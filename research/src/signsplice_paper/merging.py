@@ -25,7 +25,7 @@ def merge(folders: Sequence[Path], out: Path) -> tuple[int, Results]:
             )
         added = results.load(folder / results.FILE)
         signatures = {**known.signatures, **added.signatures}
-        known = Results(known.rows, known.curves, signatures).merged(added.rows, added.curves)
+        known = Results(known.rows, known.curves, signatures).merge(added.rows, added.curves)
         n_rows += len(added.rows)
         frames = kept_frames.load(folder / kept_frames.FILE)
         kept = kept_frames.merge(frames, kept) if kept else frames

@@ -94,7 +94,7 @@ def accuracy(predicted: FloatArray, true: FloatArray, sigma: float = SIGMA) -> f
     return (E_MAX - abs(len(predicted) - len(true)) * sigma) / E_MAX
 
 
-def squared_error(predicted: FloatArray, true: FloatArray, frame_cost: float = VISIBLE) -> float:
+def pair_mse(predicted: FloatArray, true: FloatArray, frame_cost: float = VISIBLE) -> float:
     """MSE of one pair (eq. 20): summed over frames, averaged over the K numbers (159 in the print); for another length
     (|n - m| lambda)^2 / K.
 
@@ -120,7 +120,7 @@ def score(
     found = (prediction.pre, prediction.post)
     return PairScore(
         accuracy=accuracy(prediction.frames, frames),
-        mse={cost: squared_error(prediction.frames, frames, cost) for cost in FRAME_COSTS},
+        mse={cost: pair_mse(prediction.frames, frames, cost) for cost in FRAME_COSTS},
         ngrams=bleu.count(prediction.frames, frames, tolerances),
         off=positions_off(found, (pre, post)),
         n_predicted=len(prediction.frames),

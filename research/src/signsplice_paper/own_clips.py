@@ -105,7 +105,7 @@ def read_words(
     Raises ``InputError`` for a folder without clips, files that cannot be read, two rigs, arms that are not known by
     name, and too few words.
     """
-    sources = _drawn(choice, named)
+    sources = _sample_word_files(choice, named)
     words: list[OwnWord] = []
     warnings: list[str] = []
     rig = None
@@ -128,7 +128,7 @@ def read_words(
     return rig, words, warnings
 
 
-def _drawn(choice: ClipChoice, named: Collection[str] | None) -> list[WordFile]:
+def _sample_word_files(choice: ClipChoice, named: Collection[str] | None) -> list[WordFile]:
     """The files of the words that are chosen, in order."""
     sources, faults = find_word_files(choice.folder)
     if faults:

@@ -80,14 +80,14 @@ class MethodTruth(TruthSource):
         """What the method makes."""
         before, cutter = words[p].clip, self.method.parts.cutter
         cuts = [cutter.cut_all([before, words[q].clip])[0] for q in after]
-        return filled(self.method, before, [words[q].clip for q in after], cuts)
+        return fill_transitions(self.method, before, [words[q].clip for q in after], cuts)
 
     def facts(self) -> dict[str, Any]:
         """The method's names, and the hash of the bundle whose networks take part."""
         return {"cutter": self.method.cutter, "transition": self.method.transition, "bundle": self.method.parts.bundle}
 
 
-def filled(method: ClipMethod, before: Clip, after: Sequence[Clip], cuts: Sequence[Cut]) -> list[TrueSplice]:
+def fill_transitions(method: ClipMethod, before: Clip, after: Sequence[Clip], cuts: Sequence[Cut]) -> list[TrueSplice]:
     """The transitions of a method at given positions, as long as its duration says."""
     parts = method.parts
     gaps = []
@@ -142,7 +142,7 @@ class PositionsFile:
         """Whether it names true transitions, so that words stay where they stand."""
         return any(pair.clip is not None for pair in self.pairs.values())
 
-    def given(self, before: str, after: str) -> GivenPair | None:
+    def find_pair(self, before: str, after: str) -> GivenPair | None:
         """What it says of a pair; None if nothing."""
         pair = self.pairs.get((before, after))
         if pair is None and before in self.words and after in self.words:
@@ -165,7 +165,7 @@ def read_positions(path: Path) -> PositionsFile:
             pair = (row["before"], row["after"])
             if pair in pairs:
                 raise TypeError(f"pairs[{n}]: {' '.join(pair)} stands twice, expected once")
-            pairs[pair] = _given(row, f"pairs[{n}]")
+            pairs[pair] = _parse_pair(row, f"pairs[{n}]")
         words: dict[str, tuple[int, int]] = {}
         for n, row in enumerate(_rows(values, "words", {"word": str, "pre": int, "post": int})):
             if row["word"] in words:
@@ -199,7 +199,7 @@ def _rows(
     return list(rows)
 
 
-def _given(row: dict[str, Any], where: str) -> GivenPair:
+def _parse_pair(row: dict[str, Any], where: str) -> GivenPair:
     check_type(row.get("clip"), str | None, f"{where}.clip")
     check_type(row.get("frames"), tuple[int, int] | None, f"{where}.frames")
     frames = row.get("frames")
@@ -236,7 +236,7 @@ class FileTruth(TruthSource):
 
     def after(self, words: Sequence[OwnWord], p: int) -> list[int]:
         """The words that stand after word ``p`` in the file."""
-        return [q for q in range(len(words)) if self.given.given(words[p].gloss, words[q].gloss) is not None]
+        return [q for q in range(len(words)) if self.given.find_pair(words[p].gloss, words[q].gloss) is not None]
 
     def check(self, words: Sequence[OwnWord]) -> None:
         """Raise ``InputError`` for frames that a word or a clip does not have."""
@@ -258,7 +258,7 @@ class FileTruth(TruthSource):
         made: dict[int, TrueSplice] = {}
         to_fill: list[tuple[int, Cut]] = []
         for q in after:
-            pair = self.given.given(before.gloss, words[q].gloss)
+            pair = self.given.find_pair(before.gloss, words[q].gloss)
             assert pair is not None
             cut = Cut(before.frame(pair.pre), words[q].frame(pair.post))
             if pair.clip is None:
@@ -267,7 +267,7 @@ class FileTruth(TruthSource):
                 made[q] = TrueSplice(cut, self._transition(pair, cut, before.clip, words[q].clip))
         if to_fill and self._method is not None:
             clips = [words[q].clip for q, _ in to_fill]
-            splices = filled(self._method, before.clip, clips, [cut for _, cut in to_fill])
+            splices = fill_transitions(self._method, before.clip, clips, [cut for _, cut in to_fill])
             made |= {q: splice for (q, _), splice in zip(to_fill, splices, strict=True)}
         return [made[q] for q in after]
 
@@ -298,7 +298,7 @@ class FileTruth(TruthSource):
         """The true transition of a pair at the corpus's rate, with rotations that follow from the word before."""
         new, last = self._frames(pair), before[cut.pre : cut.pre + 1]
         if not same_fps(new.fps, self.fps):
-            new = _resampled(new, last, after[cut.post : cut.post + 1], self.fps)
+            new = _resample_transition(new, last, after[cut.post : cut.post + 1], self.fps)
         local = rotation.continuous(np.concatenate([last.local_rotations, new.local_rotations]))[1:]
         return Clip(self.rig.skeleton, local, new.root_positions, self.fps, new.name)
 
@@ -309,7 +309,7 @@ class FileTruth(TruthSource):
         return self._open[1]
 
 
-def _resampled(new: Clip, last: Clip, following: Clip, fps: float) -> Clip:
+def _resample_transition(new: Clip, last: Clip, following: Clip, fps: float) -> Clip:
     """A transition at another rate: it takes as long, and stands evenly between the frames kept of both words."""
     parts = [replace(part, fps=new.fps) for part in (last, new, following)]
     whole = concatenate(parts)

@@ -31,7 +31,7 @@ from signsplice.formats.json_files import read_json
 from signsplice_paper import layout, published, tables
 from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import Results
-from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, line, written
+from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, format_score, line
 
 TEMPLATES = "templates"
 """Folder of templates, beside that of the results."""
@@ -47,7 +47,7 @@ def write(found: Results, folder: Path, scale: str) -> list[Path]:
     texts = {TABLE: tables.as_csv(found, scale)}
     templates = sorted((folder.resolve().parent / TEMPLATES).glob("*.md"))
     for path in templates:
-        text = filled(path.read_text(encoding="utf-8"), found, scale, folder)
+        text = fill_template(path.read_text(encoding="utf-8"), found, scale, folder)
         texts[path.name] = _HEAD.format(name=path.name) + text
     if not templates:
         texts[PAGE] = tables.page(found, scale)
@@ -57,7 +57,7 @@ def write(found: Results, folder: Path, scale: str) -> list[Path]:
     return [folder / name for name in texts]
 
 
-def filled(text: str, found: Results, scale: str, folder: Path = Path()) -> str:
+def fill_template(text: str, found: Results, scale: str, folder: Path = Path()) -> str:
     """A template with its figures, and tables of the files beside results.json in ``folder``. Raises ``InputError`` for
     a figure that no row has.
     """
@@ -65,7 +65,7 @@ def filled(text: str, found: Results, scale: str, folder: Path = Path()) -> str:
     def figure(asked: re.Match[str]) -> str:
         if asked[1].startswith("speed "):
             return _times(folder / f"speed-{asked[1].split()[1]}.json")
-        return _searched(folder / "search.json") if asked[1] == "search" else _figure(asked[1], found, scale)
+        return _format_search(folder / "search.json") if asked[1] == "search" else _figure(asked[1], found, scale)
 
     return _FIGURE.sub(figure, text)
 
@@ -80,7 +80,7 @@ def _times(path: Path) -> str:
     )
 
 
-def _searched(path: Path) -> str:
+def _format_search(path: Path) -> str:
     """The lines of a table of rates and widths that were tried: a line for each system and width."""
     rows = read_json(path, "a search")["rows"]
     scores = {(row["part"], row["units"], row["learning_rate"]): row["scores"] for row in rows}
@@ -113,7 +113,7 @@ def _figure(asked: str, found: Results, scale: str) -> str:
         if any(map(math.isnan, values)):
             raise InputError(f"{{{{{asked}}}}}: no row of scale {scale} has it")
         ratio = values[0] if len(values) == 1 else values[0] / values[1]
-        cells.append(of[0].cell(score, digits) if words[3:] else written(ratio, digits))
+        cells.append(of[0].cell(score, digits) if words[3:] else format_score(ratio, digits))
     return " | ".join(cells)
 
 
@@ -135,7 +135,7 @@ def _by_split(asked: str, found: Results, scale: str) -> str:
     known = next((one for one in of if one.rows), None)
     if known is None:
         raise InputError(f"{{{{splits {asked}}}}}: no row of scale {scale}")
-    cells = [f"{written(one.score('paa_all'), 3)} ({written(one.score('within_1'), 3)})" for one in of]
+    cells = [f"{format_score(one.score('paa_all'), 3)} ({format_score(one.score('within_1'), 3)})" for one in of]
     return f"| {known.system}, {known.condition} | {known.taught} | {' | '.join(cells)} |"
 
 

@@ -76,7 +76,7 @@ def _row(
     """Add the pictures of one row: ``frames`` (T, K) with the kept frame at either end, and the number of each."""
     true = np.concatenate([pair.before, pair.truth, pair.after])
     side = _dominant_side(pair.figure, true)
-    for column, at in enumerate(_shown(len(frames), columns)):
+    for column, at in enumerate(_select_frames(len(frames), columns)):
         left = LABELS + column * (CELL + GAP)
         under = None if is_true else true[_true_frame(at, len(frames), len(true))]
         kept = at in (0, len(frames) - 1)
@@ -109,7 +109,7 @@ def _rows(pair: KeptFrames, scale: str) -> list[tuple[str, FloatArray]]:
     return out
 
 
-def _shown(count: int, columns: int) -> list[int]:
+def _select_frames(count: int, columns: int) -> list[int]:
     """The frames shown of ``count``: all, or as many as columns: the kept one, the first ``FIRST`` of the transition,
     and others, evenly spaced, up to the last.
     """
@@ -129,7 +129,7 @@ def _true_frame(at: int, count: int, n_true: int) -> int:
 
 def _dominant_side(figure: StickFigure, frames: FloatArray) -> str | None:
     """The side of the hand that moves more: right or left; None if the numbers hold no hand."""
-    positions = figure.seen(frames)
+    positions = figure.project_frames(frames)
     ranges = {s: float(np.ptp(positions[:, figure.wrists[s]], axis=0).sum()) for s in SIDES if s in figure.wrists}
     return max(ranges, key=lambda side: ranges[side]) if ranges else None
 
@@ -139,7 +139,9 @@ def _body_window(chosen: Sequence[KeptFrames]) -> Window:
     points = []
     for pair in chosen:
         seen = [n for n, part in enumerate(pair.figure.parts) if part != HIDDEN] + list((pair.figure.head or ())[1:])
-        points += [pair.figure.seen(part)[:, seen].reshape(-1, 2) for part in (pair.before, pair.truth, pair.after)]
+        points += [
+            pair.figure.project_frames(part)[:, seen].reshape(-1, 2) for part in (pair.before, pair.truth, pair.after)
+        ]
     upper = np.concatenate(points)
     low, high = upper.min(axis=0) - 0.02, upper.max(axis=0) + 0.02
     half = 0.5 * float((high - low).max())
@@ -149,7 +151,7 @@ def _body_window(chosen: Sequence[KeptFrames]) -> Window:
 
 def _hand_window(figure: StickFigure, frame: FloatArray, side: str) -> Window:
     """The rectangle around a hand of a frame (3 J,)."""
-    x, y = figure.seen(frame[None])[0, figure.knuckles[side]].tolist()
+    x, y = figure.project_frames(frame[None])[0, figure.knuckles[side]].tolist()
     aspect = CELL / HAND_CELL
     return x - aspect * HAND_REACH, x + aspect * HAND_REACH, y - HAND_REACH, y + HAND_REACH
 
@@ -175,7 +177,7 @@ def _cell(
         if positions is None:
             continue
         for order, (segments, colour, width) in enumerate(_bones(figure, positions, side)):
-            visible = clipped((segments - corner) * scale + low, low, low + size)
+            visible = clip_segments((segments - corner) * scale + low, low, low + size)
             key = (0, _TRUE, 1.8 * width, 1.0) if faint else (1 + order, colour, width, 0.55 if kept else 1.0)
             strokes.setdefault(key, []).append(visible)
 
@@ -188,7 +190,7 @@ def _stroke(ax: Any, strokes: dict[Stroke, list[FloatArray]]) -> None:
         ax.plot(*points.T, color=colour, lw=width, alpha=alpha, zorder=2 + order, solid_capstyle="round")
 
 
-def clipped(segments: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def clip_segments(segments: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """The parts of segments (n, 2, 2) inside a box from ``low`` (2,) to ``high`` (2,) (Liang and Barsky 1984)."""
     start, direction = segments[:, 0], segments[:, 1] - segments[:, 0]  # (n, 2)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -207,7 +209,7 @@ def _bones(figure: StickFigure, frame: FloatArray, side: str | None) -> list[tup
     """Bones of the upper body, or of one hand, seen from the front: segments (n, 2, 2), colour, width. Trunk and head
     come first, then the left arm, then the right.
     """
-    seen = figure.seen(frame[None])[0]  # (J, 2)
+    seen = figure.project_frames(frame[None])[0]  # (J, 2)
     thin = 1.6 if side else 0.7
     out = []
     for part, colour in _COLOURS.items():

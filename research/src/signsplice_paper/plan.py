@@ -111,13 +111,13 @@ def missing(planned: Sequence[Run], bundles: Path, corpus: str | None = None) ->
     """The runs whose bundle does not exist, or is of another corpus than the one with this hash."""
     out = []
     for run in planned:
-        stored = _stored(bundles / run.name)
+        stored = _load_bundle_config(bundles / run.name)
         if stored is None or (corpus is not None and stored.get("corpus", corpus) != corpus):
             out.append(run)
     return out
 
 
-def _stored(bundle: Path) -> dict[str, Any] | None:
+def _load_bundle_config(bundle: Path) -> dict[str, Any] | None:
     """The contents of a bundle.json, None where there is none."""
     try:
         stored = json.loads((bundle / BUNDLE_FILE).read_text(encoding="utf-8"))

@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 import numpy as np
 
 from signsplice.motion import FloatArray
-from signsplice_paper.extra_metrics import stretched
+from signsplice_paper.extra_metrics import resample_frames
 from signsplice_workshop.corpora import readable
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.readable import Card
@@ -100,7 +100,7 @@ class SimilarPartners:
             seen[1].setdefault(pairs.gloss(q), []).append((p, post))
         self.seen = seen
         words = (np.asarray(pairs.word(k), np.float64) for k in range(len(pairs.head["words"])))
-        self.looks = np.array([stretched(word, LOOK_FRAMES).ravel() for word in words])
+        self.looks = np.array([resample_frames(word, LOOK_FRAMES).ravel() for word in words])
         taught = self.looks[sorted({word for rows in seen[0].values() for word, _ in rows})]
         self.length = LENGTH_SCALE * float(np.median(_distances(taught, taught)))
 
@@ -108,14 +108,14 @@ class SimilarPartners:
         """Pre and post of a pair."""
         p, q = self.pairs.index[number, :2].tolist()
         pre, post = self.usual(number)
-        left, entered = (self._cut(k, word, partner) for k, (word, partner) in enumerate(((p, q), (q, p))))
+        left, entered = (self._predict_cut(k, word, partner) for k, (word, partner) in enumerate(((p, q), (q, p))))
         n, m = len(self.pairs.word(p)), len(self.pairs.word(q))
         return (
             pre if left is None else min(max(n - left, 0), n - 1),
             post if entered is None else min(entered, m - 1),
         )
 
-    def _cut(self, side: int, word: int, partner: int) -> int | None:
+    def _predict_cut(self, side: int, word: int, partner: int) -> int | None:
         """The cut of a word beside a partner; None for a word that was not taught."""
         rows = self.seen[side].get(self.pairs.gloss(word))
         if rows is None:
@@ -137,7 +137,7 @@ def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 class RuleReader:
-    """Reads each word's card from its motion, by ``readable.read_card``, and applies the rules; a callable
+    """Reads each word's card from its motion, by ``readable.extract_card``, and applies the rules; a callable
     ``Positions``.
     """
 
@@ -154,7 +154,7 @@ class RuleReader:
         if word not in self.cards:
             signer = self.pairs.signers[self.pairs.signer(word)]
             hands = self.pairs.head["words"][word]["hands"]
-            self.cards[word] = readable.read_card(self.pairs.word_clip(word), signer, hands)
+            self.cards[word] = readable.extract_card(self.pairs.word_clip(word), signer, hands)
         return self.cards[word]
 
 

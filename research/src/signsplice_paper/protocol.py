@@ -140,11 +140,11 @@ def answers(pairs: Pairs, system: System) -> Answer:
 def positions(pairs: Pairs, system: System) -> Callable[[int], Positions]:
     """The positions of a system that sees only the numbers, without frames."""
 
-    def found(number: int) -> Positions:
+    def predict_positions(number: int) -> Positions:
         p, q = pairs.index[number, :2].tolist()
         return system.positions(pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64))
 
-    return found
+    return predict_positions
 
 
 def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress | None = None) -> Judged:
@@ -196,10 +196,10 @@ def accuracy(answer: Answer, pairs: Pairs, numbers: Sequence[int]) -> float:
     return float(np.mean(made)) if made else float("nan")
 
 
-def paa(found: Callable[[int], Positions], pairs: Pairs, numbers: Sequence[int]) -> float:
+def paa(positions_of: Callable[[int], Positions], pairs: Pairs, numbers: Sequence[int]) -> float:
     """The PAA of positions on some pairs, NaN without any."""
     true = pairs.index[list(numbers), 2:4].tolist() if numbers else []
-    off = [metrics.positions_off(found(k), (pre, post)) for k, (pre, post) in zip(numbers, true, strict=True)]
+    off = [metrics.positions_off(positions_of(k), (pre, post)) for k, (pre, post) in zip(numbers, true, strict=True)]
     return metrics.position_scores(off)["paa"]
 
 

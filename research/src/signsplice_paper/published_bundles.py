@@ -57,7 +57,7 @@ def page(folder: Path) -> str:
     if not configs:
         raise InputError(f"{folder}: holds no bundle")
     shown = next((config for config in configs if config.system == published.LPT_PLUS), configs[0])
-    head = _HEAD.format(folder=_shown(folder), name=shown.path.parent.name)
+    head = _HEAD.format(folder=_display_path(folder), name=shown.path.parent.name)
     commands = "".join(f"    {' '.join(config.stored['command'])}\n" for config in configs)
     return head + "".join(map(_line, configs)) + _TAIL + commands
 
@@ -72,7 +72,7 @@ def _line(config: PaperConfig) -> str:
     return f"| {' | '.join(map(str, cells))} |\n"
 
 
-def _shown(folder: Path) -> str:
+def _display_path(folder: Path) -> str:
     """The folder as a reader at the root of the project names it."""
     parts = folder.resolve().parts
     return "/".join(parts[-2:]) if parts[-2] == "research" else folder.name

@@ -45,7 +45,7 @@ def write(found: Results, folder: Path, scale: str, out: Path, day: date) -> Non
         "sha256": hashlib.sha256((folder / results.FILE).read_bytes()).hexdigest()[:12],
     }.items():  # fmt: skip
         text = text.replace(f"{{{{{name}}}}}", value)
-    files["main.typ"] = pages.filled(text, found, scale, folder).encode()
+    files["main.typ"] = pages.fill_template(text, found, scale, folder).encode()
     with tempfile.TemporaryDirectory(prefix="signsplice-report-") as made, replacing(out) as temporary:
         for name, data in files.items():
             Path(made, name).write_bytes(data)

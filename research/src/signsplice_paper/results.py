@@ -112,7 +112,7 @@ class Results:
     curves: tuple[Curve, ...] = ()
     signatures: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
-    def merged(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
+    def merge(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
         """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
         by_key = {row.key: row for row in (*self.rows, *rows)}
         by_curve = {c.key: c for c in (*self.curves, *curves)}

@@ -45,7 +45,7 @@ class StickFigure:
     head: tuple[int, int] | None
     view: tuple[tuple[float, ...], ...]
 
-    def seen(self, frames: FloatArray) -> FloatArray:
+    def project_frames(self, frames: FloatArray) -> FloatArray:
         """Joint positions (T, J, 2) of frames (T, 3 J), as a viewer in front sees them."""
         return np.asarray(frames.reshape(len(frames), len(self.parents), 3) @ np.array(self.view).T)
 

@@ -87,13 +87,13 @@ class TableLine:
         values = self.values(name)
         if name != "pta" and max(self.values("pta"), default=1.0) == 0.0 and name.startswith(("paa", "within")):
             return "-"
-        text = written(self.score(name), digits)
+        text = format_score(self.score(name), digits)
         if len(values) < 2:
             return text
-        return f"{text} [{written(min(values), digits)}, {written(max(values), digits)}]"
+        return f"{text} [{format_score(min(values), digits)}, {format_score(max(values), digits)}]"
 
 
-def written(value: float, digits: int | str) -> str:
+def format_score(value: float, digits: int | str) -> str:
     """A score as text."""
     return short(value) if isinstance(digits, str) else number(value, digits)
 
@@ -169,7 +169,7 @@ def table(results: Results, scale: str, split: str, systems: Sequence[str] | Non
     if not found:
         return None
     columns = [column for column in COLUMNS if column[2] in ON_PAGE]
-    rows = _printed(columns) if split == SPLITS[0] else []
+    rows = _paper_rows(columns) if split == SPLITS[0] else []
     rows += [
         (one.system, one.condition, one.taught, *(one.cell(name, digits) for name, digits, _ in columns))
         for one in found
@@ -178,7 +178,7 @@ def table(results: Results, scale: str, split: str, systems: Sequence[str] | Non
     return Table(f"{split}: {found[0].rows[0].n_pairs} test pairs", f"table-{split}", head, tuple(rows))
 
 
-def _printed(columns: Sequence[tuple[str, int | str, str]]) -> list[tuple[str, ...]]:
+def _paper_rows(columns: Sequence[tuple[str, int | str, str]]) -> list[tuple[str, ...]]:
     """The lines as the paper prints them."""
     rows = []
     for system, values in (published.TABLE_1 | published.TABLE_3).items():

@@ -57,7 +57,7 @@ class Viewer:
             return PairView(float("nan"), float("nan"))
         p, q = self.pairs.index[number, :2].tolist()
         word = np.asarray(self.pairs.word(p), np.float64)
-        change = self._bone_change(prediction.frames, word[:1], self._seen(p)[1])
+        change = self._bone_change(prediction.frames, word[:1], self._joints_and_finger_bones(p)[1])
         return PairView(self._jumps(p, q, prediction), change)
 
     def with_bones(self, number: int, prediction: Prediction) -> Prediction:
@@ -97,12 +97,12 @@ class Viewer:
         if made is None:
             positions = self.pairs.space(p).positions(prediction.frames)  # (n, J, 3)
             skeleton = self.pairs.skeletons[self.pairs.signer(p)]
-            made = rotations_from_positions(skeleton, positions, first, last, self._seen(p)[0])
+            made = rotations_from_positions(skeleton, positions, first, last, self._joints_and_finger_bones(p)[0])
         shown = np.concatenate([first[None], made, last[None]])
         turned = np.rad2deg(rotation.angle_between(shown[:-1], shown[1:]))
         return float(bool((turned > JUMP_DEG).any()))
 
-    def _seen(self, word: int) -> tuple[list[int], list[tuple[int, int]]]:
+    def _joints_and_finger_bones(self, word: int) -> tuple[list[int], list[tuple[int, int]]]:
         """The skeleton's joints that the numbers hold, and the bones of fingers by their places among these."""
         signer = self.pairs.signer(word)
         if signer not in self._joints:

@@ -149,7 +149,7 @@ def test_a_curve_ends_at_the_score_of_the_exported_bundle(
         positions = protocol.positions(corpus(), exported)
         exact = [positions(k) == tuple(corpus().index[k, 2:4].tolist()) for k in sample]
         assert made.column(score)[-1] == pytest.approx(np.mean(exact), abs=1e-6)
-    assert curve.difference(made, curves.judged_bundle(config, corpus())) < curve.MOST_DIFFERENCE
+    assert curve.difference(made, curves.score_bundle(config, corpus())) < curve.MOST_DIFFERENCE
     assert made.n_pairs == len(corpus().split("random", "valid"))
     stamp = os.stat(path).st_mtime_ns
     assert list(judge(tmp_path).write([config], False, lines.append)) == [], "it is there already"
@@ -158,7 +158,7 @@ def test_a_curve_ends_at_the_score_of_the_exported_bundle(
 
 def test_a_curve_of_other_weights_than_the_bundle_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config, _ = trained(tmp_path, monkeypatch)
-    monkeypatch.setattr(curves, "judged_bundle", lambda *_: 0.123456)
+    monkeypatch.setattr(curves, "score_bundle", lambda *_: 0.123456)
     lines: list[str] = []
     assert list(judge(tmp_path).write([config], False, lines.append)) == []
     assert "no curve is kept; it ends at an Accuracy of" in lines[0]

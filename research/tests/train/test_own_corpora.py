@@ -57,7 +57,7 @@ def test_a_system_learns_from_clips_of_another_rig(tmp_path: Path) -> None:
     config = training.Training("lpt-plus", "smoke", steps=1, n_judgements=1)
     part = training.on_skeleton(scales.parts("lpt-plus", "smoke", steps=1)[0], pairs)
     (tmp_path / "part").mkdir()
-    made = training.trained(part, config, pairs, tmp_path / "part", ONE)
+    made = training.train_part(part, config, pairs, tmp_path / "part", ONE)
     tokens = made.network(torch.from_numpy(np.array(pairs.word(0)))[None], torch.tensor([9]))
     assert tokens.shape == (1, len(pairs.word(0)), 3)
 

@@ -71,7 +71,7 @@ def spsn_network(width: int, attention: bool = True) -> spsn.Spsn:
 
 def test_attention_is_equations_6_to_9() -> None:
     decoded, encoded = RNG.normal(size=(4, 5)), RNG.normal(size=(7, 5))
-    found = spsn.printed_weights(spsn.score(tensor(decoded)[None], tensor(encoded)[None]))
+    found = spsn.paper_attention_weights(spsn.score(tensor(decoded)[None], tensor(encoded)[None]))
     true = weights(decoded, encoded)
     np.testing.assert_allclose(found[0].numpy(), true, atol=1e-5)
     assert true[0].sum() == pytest.approx(6.0), "N + M - 1"

@@ -33,7 +33,7 @@ def test_a_graph_holds_no_paths_of_this_machine() -> None:
 def test_a_graph_that_differs_is_refused() -> None:
     network = toy("spsn").network.eval()
     graph = graphs.spsn_graph(network)  # type: ignore[arg-type]
-    content = export.exported("spsn", graph)
+    content = export.export_onnx("spsn", graph)
     with torch.no_grad():
         next(iter(network.parameters())).add_(0.5)
     with pytest.raises(SignspliceError, match="onnxruntime and torch differ in tokens"):

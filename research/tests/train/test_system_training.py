@@ -199,7 +199,7 @@ def test_the_measures_of_lpt_plus_are_of_the_corpus_s_skeleton_and_fitted_to_its
     named = [[SPACE.joints[joint].rpartition(":")[2] for joint in hand] for hand in part.config.hands]
     fingers = [f"{side}Hand{finger}3" for side in ("Left", "Right") for finger in ("Index", "Middle", "Ring", "Pinky")]
     assert named == [["LeftHand", *fingers[:4]], ["RightHand", *fingers[4:]]]
-    made = training.trained(part, config, corpus(), tmp_path, ALONE).network
+    made = training.train_part(part, config, corpus(), tmp_path, ALONE).network
     assert isinstance(made, WordSpsn)
     fitted = WordSpsn(part.config, made.normaliser)
     fitted.fit_measures(words_of_split(corpus(), "random", "train").words)

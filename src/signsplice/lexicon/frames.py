@@ -145,7 +145,9 @@ def _compress_rotations(rotations: NDArray[np.int16]) -> bytes:
 
 
 def _decompress_rotations(block: Buffer, n_frames: int, count: int, at: int) -> tuple[NDArray[np.int16], int]:
-    """The numbers (count,) that ``_compress_rotations`` stored, and how many bytes they took. Expands to ``count`` at most."""
+    """The numbers (count,) that ``_compress_rotations`` stored, and how many bytes they took. Expands to ``count`` at
+    most.
+    """
     (size,) = struct.unpack("<I", bytes(_numbers(block, np.dtype(np.uint8), 4, at)))
     packed = bytes(_numbers(block, np.dtype(np.uint8), size, at + 4))
     try:

@@ -170,7 +170,7 @@ def check_length(n_symbols: int, reading: Reading) -> None:
 
 
 def resolve_symbol(name: str, shown: str, position: int, reading: Reading) -> list[Token]:
-    """One symbol by its name without ham; none where it is left out. ``ham_name``: how errors call it."""
+    """One symbol by its name without ham; none where it is left out. ``shown``: how errors call it."""
     if meant := KINDS["alias"].get(name):
         reading.note(f"ham{name} is read as ham{meant}", position)
         name = meant

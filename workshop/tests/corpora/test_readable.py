@@ -162,7 +162,7 @@ def test_a_transition_whose_elbow_would_be_too_fast_is_not_valid() -> None:
 
 def test_such_a_corpus_is_not_measured_beside_real_signing(corpus: Pairs) -> None:
     with pytest.raises(InputError, match="its truth is of kind events"):
-        corpus_page.measured(corpus, None, {}, lambda _: nullcontext())
+        corpus_page.measure_corpus(corpus, None, {}, lambda _: nullcontext())
 
 
 def test_no_signer_that_is_judged_is_taught_by_another_seed() -> None:

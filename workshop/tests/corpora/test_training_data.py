@@ -47,7 +47,7 @@ def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
         assert part["events"][k, :4].tolist() == [getattr(word.events, e) for e in ("up", "start", "end", "down")]
     for p in range(4):
         for q in range(4):
-            assert tuple(part["pairs"][p, q, :2].tolist()) == truth.cut(words[p], words[q])
+            assert tuple(part["pairs"][p, q, :2].tolist()) == truth.find_cut(words[p], words[q])
             assert part["pairs"][p, q, 2] <= len(truth.splice(words[p], words[q]).states)
 
 

@@ -90,7 +90,7 @@ def test_no_target_posture_is_cut_into_beyond_the_undershoot(seed: int | None) -
         one = word(gloss, seed)
         pre, post = truth.leave(one, most), truth.enter(one, most)
         if one.events.passes:
-            _, stop = truth.kept_pass(one)
+            _, stop = truth.last_kept_pass(one)
             left = strong_path(one, min(pre, stop), stop)
             assert stop - pre <= 1, gloss
             assert left <= 0.7, gloss
@@ -122,8 +122,8 @@ def test_both_cut_frames_depend_on_both_words() -> None:
 
 
 def test_by_word_each_word_has_frames_of_its_own() -> None:
-    left = {a: {truth.cut(word(a), word(b), partner=False)[0] for b in GLOSSES} for a in GLOSSES}
-    entered = {b: {truth.cut(word(a), word(b), partner=False)[1] for a in GLOSSES} for b in GLOSSES}
+    left = {a: {truth.find_cut(word(a), word(b), partner=False)[0] for b in GLOSSES} for a in GLOSSES}
+    entered = {b: {truth.find_cut(word(a), word(b), partner=False)[1] for a in GLOSSES} for b in GLOSSES}
     assert all(len(frames) == 1 for frames in (*left.values(), *entered.values()))
     true = truth.splice(word("I"), word("BOOK"), partner=False)
     assert ({true.pre}, {true.post}) == (left["I"], entered["BOOK"])
@@ -300,7 +300,7 @@ def test_a_small_error_of_reading_moves_a_cut_by_a_frame_at_most() -> None:
             states = one.states.copy()
             states[:, pose.WRIST] += rng.normal(0.0, 0.2, states[:, pose.WRIST].shape)
             seen.append(replace(one, states=states))
-        distance = np.abs(np.subtract(truth.cut(seen[0], seen[1]), truth.cut(p, q)))
+        distance = np.abs(np.subtract(truth.find_cut(seen[0], seen[1]), truth.find_cut(p, q)))
         moved.append(int(distance.max()))
         n_moved += bool(distance.any())
     assert max(moved) <= 1

@@ -21,7 +21,7 @@ from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.info import rig_info
 from signsplice_workshop.measure import bodies, body_pictures
-from signsplice_workshop.measure.bodies import BODIES, BodyProportions, SourceClip, stretched
+from signsplice_workshop.measure.bodies import BODIES, BodyProportions, SourceClip, scale_bones
 
 CLIP = word("DEAF").clip
 USUAL = build_capsules(CLIP.skeleton, BodyShape())
@@ -32,7 +32,7 @@ def length(points: np.ndarray, *joints: int) -> float:
 
 
 def test_a_body_stretched_by_one_is_the_same() -> None:
-    same = stretched(CLIP.skeleton, BodyProportions())
+    same = scale_bones(CLIP.skeleton, BodyProportions())
     assert np.array_equal(same.offsets, CLIP.skeleton.offsets)
     assert same.names == CLIP.skeleton.names
     assert [s.offset.tolist() for s in same.end_sites] == [s.offset.tolist() for s in CLIP.skeleton.end_sites]
@@ -40,7 +40,7 @@ def test_a_body_stretched_by_one_is_the_same() -> None:
 
 def test_a_stretched_body_has_the_lengths_asked_for() -> None:
     body = BodyProportions(shoulders=1.4, arms=0.8, hands=1.2, trunk=0.9)
-    before, after = rig_info(CLIP.skeleton), rig_info(stretched(CLIP.skeleton, body))
+    before, after = rig_info(CLIP.skeleton), rig_info(scale_bones(CLIP.skeleton, body))
     assert after.sizes.arm_length == pytest.approx(0.8 * before.sizes.arm_length)
     p, q = before.t_pose.positions, after.t_pose.positions
     left, right = before.arm_joints[0], before.arm_joints[3]

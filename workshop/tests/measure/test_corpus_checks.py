@@ -17,8 +17,8 @@ from signsplice.motion import FloatArray, rotation
 from signsplice.signer import notation, planner, pose
 from signsplice.signer.locations import resting
 from signsplice.signer.signer import JOINTS, STANDARD
-from signsplice_workshop.corpora.pairs import Pairs, scaled_positions
-from signsplice_workshop.corpora.touches import seen_events
+from signsplice_workshop.corpora.pairs import Pairs, normalise_positions
+from signsplice_workshop.corpora.touches import events_with_touches
 from signsplice_workshop.measure import corpus_checks
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}
@@ -106,7 +106,7 @@ def test_pairs_of_unknown_signs_are_not_planned_anew(pairs: Pairs) -> None:
 
 def test_positions_are_scaled_alike_everywhere(pairs: Pairs) -> None:
     one = planner.synthesize_word(sign("MOTHER"), STANDARD)
-    scaled = scaled_positions(one.clip, STANDARD.stature_cm)
+    scaled = normalise_positions(one.clip, STANDARD.stature_cm)
     assert np.abs(pairs.word(1) - scaled).max() < 1e-6
     head: dict[str, Any] = json.loads((pairs.folder / "corpus.json").read_text())
-    assert head["words"][1]["events"] == json.loads(json.dumps(asdict(seen_events(one))))
+    assert head["words"][1]["events"] == json.loads(json.dumps(asdict(events_with_touches(one))))

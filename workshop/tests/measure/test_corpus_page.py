@@ -177,7 +177,7 @@ def test_sheets_show_the_side_where_the_hand_moves_forward(pairs: Pairs) -> None
 def test_pseudo_signs_are_known_by_their_gloss(tmp_path: Path) -> None:
     recipe = Recipe((pseudo.sign(0), sign("I")), seed=1, n_other=0)
     corpus = Pairs(write_pairs(recipe, tmp_path / "pairs", processes=1))
-    signs = corpus_page.known_signs(corpus)
+    signs = corpus_page.signs_by_gloss(corpus)
     assert signs["PSEUDO-0"] == pseudo.sign(0)
     assert corpus_checks.replan(corpus, signs) == (4, 0)
 
@@ -187,18 +187,18 @@ def test_real_clips_are_those_that_move(tmp_path: Path) -> None:
     for name, clip in (("signing", word("I").clip), ("Idle-1", word("BOOK").clip), ("still", still)):
         save(clip, tmp_path / f"{name}.bvh")
     (tmp_path / "notes.txt").write_text("no clip")
-    assert list(corpus_page.read_real(tmp_path)) == ["signing"]
-    assert corpus_page.read_real(None) == {}
+    assert list(corpus_page.load_real_clips(tmp_path)) == ["signing"]
+    assert corpus_page.load_real_clips(None) == {}
 
 
 def test_only_a_range_of_each_real_clip_is_taken(tmp_path: Path) -> None:
     clip = word("MOTHER").clip
     save(clip, tmp_path / "signing.bvh")
-    (name, part), *more = corpus_page.read_real(tmp_path, (10, 50)).items()
+    (name, part), *more = corpus_page.load_real_clips(tmp_path, (10, 50)).items()
     assert (name, len(part), more) == ("signing, frames 10 to 49", 40, [])
     assert rotation.angle_between(part.local_rotations, clip[10:50].local_rotations).max() < 1e-4
-    (whole,) = corpus_page.read_real(tmp_path, (0, 10_000))
+    (whole,) = corpus_page.load_real_clips(tmp_path, (0, 10_000))
     assert whole == f"signing, frames 0 to {len(clip) - 1}"
     for frames, n in (((0, 20), 20), ((10_000, 10_100), 0)):
         with pytest.raises(InputError, match=rf"signing\.bvh: has {n} frames in {frames[0]}:.*expected at least 34"):
-            corpus_page.read_real(tmp_path, frames)
+            corpus_page.load_real_clips(tmp_path, frames)

@@ -133,7 +133,7 @@ def _mirrored(clip: Clip) -> Clip:
 def test_a_captured_clip_is_measured_as_the_corpus_is(pairs: Pairs) -> None:
     """The corpus's own pair, taken for a capture, has the figures of its signer."""
     own = pairs.clip(0)
-    rows = corpus_realism.compared_with_captures(pairs, {"a take": own})
+    rows = corpus_realism.compare_with_captures(pairs, {"a take": own})
     found = {row.name: row for row in rows if row.source.startswith("a take; n = ")}
     assert {"strong upper arm, rms", "strong wrist joint, rms", "bend of the strong wrist"} <= set(found)
     assert not any(name.startswith(("head", "neck", "lowest")) for name in found), "their motion has other reasons"
@@ -141,7 +141,7 @@ def test_a_captured_clip_is_measured_as_the_corpus_is(pairs: Pairs) -> None:
     assert 20 < n_moving < len(own)
     assert found["wrist speed while moving"].real == percentiles(signer_motion([own], "right").speed)
     assert len(found) == len(rows)
-    assert corpus_realism.compared_with_captures(pairs, {}) == []
+    assert corpus_realism.compare_with_captures(pairs, {}) == []
     (apart,) = (row for row in corpus_realism.likeness_of_hands(pairs, SIGNS, {}) if row.unit == "cm")
     assert (apart.source, apart.real) == ("range aimed at", (1.0, 3.0))
     assert 0.0 < apart.ours[2] < 6.0, "BOOK is symmetric"

@@ -66,7 +66,7 @@ class IntoTheStroke(Cutter):
 def test_arms_stay_up_between_two_words_from_any_rest(rest: str) -> None:
     words = seams.word_pairs(6, SIGNS, rest)
     assert all(p.signer.rest == q.signer.rest == rest for p, q in words)
-    methods = seams.compared_methods()
+    methods = seams.methods_to_compare()
     names = ("ends + hermite", "learned + learned")
     whole, learned, _ = seams.compare(words, {name: methods[name] for name in names})
     assert whole.arms_down > 15.0, "whole words come from rest and go back to it"
@@ -148,7 +148,7 @@ def test_the_command_prints_a_table_or_json() -> None:
     run = CliRunner().invoke(app, ["evaluate", "seams", "2", "--json"], catch_exceptions=False)
     printed = json.loads(run.stdout)
     assert printed["signature"] == seams.signature()
-    assert {r["method"] for r in printed["rows"]} == {*seams.compared_methods(), seams.STITCHER}
+    assert {r["method"] for r in printed["rows"]} == {*seams.methods_to_compare(), seams.STITCHER}
     stitched = next(r for r in printed["rows"] if r["method"] == seams.STITCHER)
     assert stitched["deepest"] is stitched["stroke_dips"] is None
     assert 0.0 <= stitched["dips"] <= 1.0, "of the transition itself"

@@ -53,7 +53,7 @@ def test_kinds_are_shares_of_the_signs_beside_those_of_asl() -> None:
 
 def test_kinds_of_words_and_of_pseudo_signs_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corpus_realism, "N_PSEUDO", 3)
-    rows = corpus_realism.known_kinds()
+    rows = corpus_realism.sign_kind_shares()
     assert len(rows) == 8
     everyday = list(notation.everyday().values())
     assert rows[0].ours[0] == pytest.approx(sum(one.hands == "one" for one in everyday) / len(everyday))

@@ -29,8 +29,8 @@ def step_angles(quats: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_an_augmented_take_is_long_enough_and_smooth(seed: int) -> None:
-    take = gap_data.augmented_take(swinging, RNG(seed))
-    np.testing.assert_array_equal(take, gap_data.augmented_take(swinging, RNG(seed)))
+    take = gap_data.draw_augmented_take(swinging, RNG(seed))
+    np.testing.assert_array_equal(take, gap_data.draw_augmented_take(swinging, RNG(seed)))
     assert take.shape[1:] == (len(ROLES), 4)
     assert len(take) >= 18
     np.testing.assert_allclose(np.linalg.norm(take, axis=-1), 1.0, atol=1e-9)
@@ -38,7 +38,7 @@ def test_an_augmented_take_is_long_enough_and_smooth(seed: int) -> None:
 
 
 def test_a_small_fraction_of_the_takes_stands_still() -> None:
-    takes = (gap_data.augmented_take(swinging, RNG(seed)) for seed in range(300))
+    takes = (gap_data.draw_augmented_take(swinging, RNG(seed)) for seed in range(300))
     motion = np.array([step_angles(take)[:, LEFT.stop :].max() for take in takes])
     assert 0.04 < np.mean(motion < 1e-6) < 0.25
 

@@ -24,7 +24,7 @@ from signsplice_workshop.train.networks import (  # noqa: E402
     BridgeConfig,
     rope_angles,
     rotary,
-    standardised,
+    standardise,
 )
 from signsplice_workshop.train.tasks import BridgeTask  # noqa: E402
 from training_toys import signing  # noqa: E402
@@ -43,7 +43,7 @@ def test_an_untrained_network_is_the_classical_method(gaps: GapDataset) -> None:
     batch = gaps.batch(gaps.rows(0, 8, 0))
     task = BridgeTask(Bridge(TOY), gaps.role_parents.tolist())
     with torch.no_grad():
-        np.testing.assert_allclose(task.filled(batch).numpy(), batch.base.numpy(), atol=1e-6)
+        np.testing.assert_allclose(task.predict_transitions(batch).numpy(), batch.base.numpy(), atol=1e-6)
         scores = task.judge(batch)
     assert scores["seam_error"] == pytest.approx(scores["seam_base"])
 
@@ -101,8 +101,10 @@ def test_padding_changes_nothing_and_every_weight_has_a_gradient(gaps: GapDatase
     row = int(batch.real.sum(1).argmin())
     alone = gaps.batch(gaps.rows(2, 6, 0)[row : row + 1])
     assert alone.base.shape[1] < batch.base.shape[1]
-    error, _ = task.errors(batch, task.filled(batch))
-    torch.testing.assert_close(error[row], task.errors(alone, task.filled(alone))[0][0], atol=1e-5, rtol=1e-4)
+    error, _ = task.errors(batch, task.predict_transitions(batch))
+    torch.testing.assert_close(
+        error[row], task.errors(alone, task.predict_transitions(alone))[0][0], atol=1e-5, rtol=1e-4
+    )
     task(batch).backward()
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.parameters())
 
@@ -113,7 +115,9 @@ def test_the_network_changes_arms_alone_and_not_the_ends(gaps: GapDataset) -> No
     torch.nn.init.normal_(network.out.weight, std=0.5)
     batch = gaps.batch(gaps.rows(1, 6, 0))
     with torch.no_grad():
-        change = (BridgeTask(network, gaps.role_parents.tolist()).filled(batch) - batch.base).abs().amax(-1)
+        change = (
+            (BridgeTask(network, gaps.role_parents.tolist()).predict_transitions(batch) - batch.base).abs().amax(-1)
+        )
     is_arm = torch.from_numpy(IS_ARM)
     assert change[..., ~is_arm].max() == 0.0
     assert change[..., is_arm].max() > 1e-2
@@ -146,5 +150,5 @@ def test_the_bridge_can_learn_one_batch_by_heart(gaps: GapDataset) -> None:
 
 def test_inputs_far_from_the_mean_are_clamped() -> None:
     x = torch.tensor([[0.0, 1.0, 100.0, -100.0]])
-    scaled = standardised(x, torch.ones(4), torch.full((4,), 2.0))
+    scaled = standardise(x, torch.ones(4), torch.full((4,), 2.0))
     torch.testing.assert_close(scaled, torch.tensor([[-0.5, 0.0, 5.0, -5.0]]))

@@ -22,7 +22,7 @@ from signsplice.splicing.features import N_SEEN, N_TOKEN, N_WORD  # noqa: E402
 from signsplice.splicing.learned import open_sessions  # noqa: E402
 from signsplice.splicing.runtime import onnxruntime  # noqa: E402
 from signsplice_workshop.train.bundles import write_bundle  # noqa: E402
-from signsplice_workshop.train.export import FLOAT16, halve_bundle, halved, weights_of  # noqa: E402
+from signsplice_workshop.train.export import FLOAT16, cast_weights_to_float16, halve_bundle, weights_of  # noqa: E402
 from signsplice_workshop.train.tuning import network_from_bundle  # noqa: E402
 
 WEIGHTS = np.random.default_rng(0).normal(0.0, 0.1, (64, 64)).astype(np.float32)
@@ -46,7 +46,7 @@ def run(content: bytes, x: np.ndarray) -> np.ndarray:
 
 
 def test_large_weights_lose_half_their_bytes_and_small_ones_nothing() -> None:
-    content = halved(graph())
+    content = cast_weights_to_float16(graph())
     assert len(content) < 0.6 * len(graph())
     x = np.random.default_rng(1).normal(size=(3, 64)).astype(np.float32)
     expected = x @ WEIGHTS.astype(np.float16).astype(np.float32) + BIAS
@@ -54,7 +54,7 @@ def test_large_weights_lose_half_their_bytes_and_small_ones_nothing() -> None:
     np.testing.assert_array_equal(run(content, np.zeros((1, 64), np.float32))[0], BIAS)
     beyond = WEIGHTS.copy()
     beyond[0, 0] = 1e6
-    np.testing.assert_array_equal(run(halved(graph(beyond)), x), run(graph(beyond), x))
+    np.testing.assert_array_equal(run(cast_weights_to_float16(graph(beyond)), x), run(graph(beyond), x))
 
 
 def test_a_bundle_records_what_it_was_made_from(tmp_path: Path) -> None:

@@ -21,14 +21,14 @@ torch = pytest.importorskip("torch")
 from torch import Tensor  # noqa: E402
 
 from signsplice.errors import SignspliceError  # noqa: E402
-from signsplice_workshop.train.prefetch import Dataset, Rows, prefetched  # noqa: E402
+from signsplice_workshop.train.prefetch import Dataset, Rows, prefetch_batches  # noqa: E402
 from training_toys import product_toy  # noqa: E402
 
 PARENT = """
 import os, sys
-from signsplice_workshop.train.prefetch import prefetched
+from signsplice_workshop.train.prefetch import prefetch_batches
 from test_prefetch import Counting
-with prefetched(Counting()) as dataset:
+with prefetch_batches(Counting()) as dataset:
     dataset.batch(dataset.rows(0, 2, 0), 0)
     import multiprocessing
     print(multiprocessing.active_children()[0].pid, flush=True)
@@ -74,7 +74,7 @@ def ends(pid: int) -> bool:
 @pytest.mark.parametrize("network", ["cutter", "transition"])
 def test_batches_made_in_advance_are_the_same(network: str) -> None:
     plain = product_toy(network)[1]
-    with prefetched(plain) as dataset:
+    with prefetch_batches(plain) as dataset:
         assert len(dataset) == len(plain)
         for step in (0, 1, 2, 5):
             rows = dataset.rows(step, 4, 0)
@@ -86,27 +86,27 @@ def test_batches_made_in_advance_are_the_same(network: str) -> None:
 
 
 def test_each_of_two_ranks_gets_its_rows_from_the_worker() -> None:
-    with prefetched(Counting(), rank=1, count=2) as dataset:
+    with prefetch_batches(Counting(), rank=1, count=2) as dataset:
         made = [dataset.batch(dataset.rows(step, 4, 0)[1::2], step) for step in range(3)]
     assert [rows for rows, _ in made] == [[1, 3], [5, 7], [9, 11]]
     assert [pid == os.getpid() for _, pid in made] == [True, False, False]
 
 
 def test_rows_that_were_not_expected_are_made_at_once() -> None:
-    with prefetched(Counting()) as dataset:
+    with prefetch_batches(Counting()) as dataset:
         dataset.batch(dataset.rows(0, 4, 0), 0)
         assert dataset.batch([7, 8], 1) == ([7, 8], os.getpid())
 
 
 def test_an_error_in_the_worker_is_raised_with_its_traceback() -> None:
-    with prefetched(Counting()) as dataset:
+    with prefetch_batches(Counting()) as dataset:
         batches(dataset, 0, 1, 2)
         with pytest.raises(ValueError, match="no batch for step 3"):
             batches(dataset, 3)
 
 
 def test_a_dead_worker_is_reported() -> None:
-    with prefetched(Counting()) as dataset:
+    with prefetch_batches(Counting()) as dataset:
         batches(dataset, 0)
         (worker,) = multiprocessing.active_children()
         os.kill(worker.pid or 0, signal.SIGKILL)
@@ -116,7 +116,7 @@ def test_a_dead_worker_is_reported() -> None:
 
 
 def test_the_worker_ends_with_the_block_even_while_it_works() -> None:
-    with prefetched(Counting()) as dataset:
+    with prefetch_batches(Counting()) as dataset:
         batches(dataset, 4)  # the worker begins step 5
         assert len(multiprocessing.active_children()) == 1
     assert multiprocessing.active_children() == []
@@ -132,6 +132,6 @@ def test_the_worker_ends_when_its_parent_is_killed() -> None:
 
 def test_where_processes_cannot_be_copied_this_one_makes_the_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(multiprocessing, "get_all_start_methods", lambda: ["spawn"])
-    with prefetched(Counting()) as dataset:
+    with prefetch_batches(Counting()) as dataset:
         assert batches(dataset, 0, 1) == [([0, 1, 2, 3], os.getpid()), ([4, 5, 6, 7], os.getpid())]
         assert multiprocessing.active_children() == []

@@ -48,7 +48,7 @@ def test_batches_that_cannot_be_divided_are_refused(tmp_path: Path) -> None:
 
 
 def test_processes_with_other_data_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Processes, "shared", lambda *_: "of-the-first")
+    monkeypatch.setattr(Processes, "broadcast_value", lambda *_: "of-the-first")
     second = Processes(1, 2, torch.device("cpu"))
     task, data, _ = product_toy()
     with pytest.raises(InputError, match=r"process 1 has other data or options than process 0 \(mine, not of-the-fir"):
@@ -61,7 +61,7 @@ def test_more_processes_than_gpus_are_refused(monkeypatch: pytest.MonkeyPatch) -
         monkeypatch.setenv(name, value)
     with (
         pytest.raises(InputError, match="process 2 of this machine has no GPU of its own, of 2; start one process for"),
-        processes.joined("cuda"),
+        processes.join_process_group("cuda"),
     ):
         pass
 

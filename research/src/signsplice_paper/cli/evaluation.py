@@ -76,13 +76,13 @@ def speed(**options: Any) -> None:
     from signsplice_paper.train import schedule
     from signsplice_workshop.corpora.pairs import Pairs
 
-    def finished(run: Run, bundle: Path) -> None:
+    def report_bundle(run: Run, bundle: Path) -> None:
         click.echo(f"{bundle}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}", err=True)
 
-    folder, corpus = call.made_folder(), Pairs(call.pairs)
+    folder, corpus = call.make_folder(), Pairs(call.pairs)
     judged = protocol.choose(corpus, "random", limit=call.limit)
     with tempfile.TemporaryDirectory(prefix="signsplice-speed-") as temporary:
-        schedule.export_untrained(speed.SYSTEMS, call.scale, call.pairs, Path(temporary), finished)
+        schedule.export_untrained(speed.SYSTEMS, call.scale, call.pairs, Path(temporary), report_bundle)
         with progress("timing") as advance:
             timed = speed.measure(corpus, Path(temporary), judged, advance)
     for path in speed.write(timed, folder, call.scale, judged):
@@ -116,7 +116,7 @@ def merge(sources: tuple[str, ...], **options: Any) -> None:
     call = PaperCall(**options)
     if not sources:
         raise InputError("merge adds results to those in --out: name folders of results with --from")
-    out = call.made_folder()
+    out = call.make_folder()
     n_rows, known = merging.merge([Path(folder) for folder in sources], out)
     print(f"{out}: {n_rows} rows added, {len(known.rows)} in all")
     write_all(call)
@@ -126,7 +126,7 @@ def _judge(call: PaperCall) -> None:
     from signsplice_paper import evaluation, judging, results
     from signsplice_workshop.corpora.pairs import Pairs
 
-    folder, corpus = call.made_folder(), Pairs(call.pairs)
+    folder, corpus = call.make_folder(), Pairs(call.pairs)
     file, choice = folder / results.FILE, call.choice
     judged = judging.Judge(
         corpus, results.load(file), progress, limit=call.limit, again=call.again, splits=choice.splits

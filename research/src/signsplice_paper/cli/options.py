@@ -110,7 +110,7 @@ class PaperCall:
         """Whether no training goes on any more."""
         return self.deadline is not None and time.monotonic() >= self.deadline
 
-    def made_folder(self) -> Path:
+    def make_folder(self) -> Path:
         """The folder of the results, made if it is not there. Raises ``InputError`` where it cannot be made."""
         try:
             self.out.mkdir(parents=True, exist_ok=True)

@@ -54,7 +54,7 @@ def curves(**options: Any) -> None:
 def search(**options: Any) -> None:
     """Try learning rates and widths."""
     call = PaperCall(**options)
-    out = call.made_folder()
+    out = call.make_folder()
     check_extra()
     from signsplice_paper import plan
     from signsplice_paper.train import search as searching
@@ -111,7 +111,7 @@ def train_system(
     from signsplice_workshop.train import processes
 
     systems = list(scales.SYSTEMS) if system == "all" else [system]
-    with processes.joined(device) as process:
+    with processes.join_process_group(device) as process:
         deadline = deadline_in(minutes)
         corpus = Pairs(pairs)
         if system == "all" and fr is not None:
@@ -181,18 +181,18 @@ def _train(todo: Sequence[Run], call: PaperCall) -> None:
     check_extra()
     from signsplice_paper.train import schedule
 
-    def started(number: int, run: Run) -> None:
+    def report_start(number: int, run: Run) -> None:
         click.echo(f"training {number} of {len(todo)}: {run.name}", err=True)
 
-    def finished(run: Run, folder: Path) -> None:
+    def report_finish(run: Run, folder: Path) -> None:
         print(f"{folder}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}")
 
     call.bundles.mkdir(parents=True, exist_ok=True)
     planned = schedule.Schedule(todo, call.pairs, call.bundles, call.steps, call.deadline)
     if call.workers > 1:
-        schedule.train_side_by_side(planned, call.workers, started)
+        schedule.train_side_by_side(planned, call.workers, report_start)
     else:
-        schedule.train_one_by_one(planned, started, finished, progress_printer)
+        schedule.train_one_by_one(planned, report_start, report_finish, progress_printer)
 
 
 def write_curves(call: PaperCall, required: bool) -> None:

@@ -80,9 +80,9 @@ class BatchPredictor:
             encoded = frames_by.encode(x, mask, n_before, marks)
             made = generate(frames_by, encoded, len(pairs), MOST_FRAMES, parallel=frames_by.concurrent)
             return [_prediction(p, frames) for p, frames in zip(positions, made, strict=True)]
-        return self._culled(pairs, positions)
+        return self._predict_with_culling(pairs, positions)
 
-    def _culled(self, pairs: Sequence[Words], positions: Sequence[Positions]) -> list[Prediction]:
+    def _predict_with_culling(self, pairs: Sequence[Words], positions: Sequence[Positions]) -> list[Prediction]:
         """Predictions from culled frames; without frames where a position is missing."""
         out = [Prediction(*p, np.zeros((0, pairs[0][0].shape[1]))) for p in positions]
         inputs = {
@@ -93,11 +93,11 @@ class BatchPredictor:
         if inputs:
             x = torch.from_numpy(np.stack([frames for frames, _ in inputs.values()])).to(self._device)
             mask = torch.from_numpy(np.stack([real for _, real in inputs.values()])).to(self._device)
-            for k, frames in zip(inputs, self._made(x, mask), strict=True):
+            for k, frames in zip(inputs, self._generate_transitions(x, mask), strict=True):
                 out[k] = _prediction(positions[k], frames)
         return out
 
-    def _made(self, x: Tensor, mask: Tensor) -> list[Tensor]:
+    def _generate_transitions(self, x: Tensor, mask: Tensor) -> list[Tensor]:
         """The transitions (n, K) of culled frames (B, 2 fr, K)."""
         network: Any = self.networks[-1]
         n_before = torch.full((len(x),), self.fr or 0, device=x.device)

@@ -22,7 +22,7 @@ from signsplice_paper import bundles, curve, pair_samples, protocol
 from signsplice_paper.configs import PaperConfig
 from signsplice_paper.curve import Curve
 from signsplice_paper.judging import ProgressBar
-from signsplice_paper.metrics import accuracy, squared_error
+from signsplice_paper.metrics import accuracy, pair_mse
 from signsplice_paper.prediction import Prediction
 from signsplice_paper.systems import open_bundle
 from signsplice_paper.train import scales
@@ -93,13 +93,13 @@ class CurveJudge:
                 continue
             if not again and curve.load(folder, bundles.short_hash(config)) is not None:
                 continue
-            parts = trained_parts(config, self.parts)
+            parts = find_trained_parts(config, self.parts)
             if not parts:
                 without.append(folder.name)
                 continue
             with self.progress(f"curve of {folder.name}") as advance:
                 made = measure(config, self.pairs, parts, self.device, advance)
-            exported = judged_bundle(config, self.pairs)
+            exported = score_bundle(config, self.pairs)
             if curve.difference(made, exported) <= curve.MOST_DIFFERENCE:
                 yield curve.save(made, folder)
                 continue
@@ -111,7 +111,7 @@ class CurveJudge:
             warn(f"{self.parts}: no snapshots of {', '.join(without)}, which get no curve; they are kept in training")
 
 
-def trained_parts(config: PaperConfig, parts: Path) -> list[TrainedPart]:
+def find_trained_parts(config: PaperConfig, parts: Path) -> list[TrainedPart]:
     """The parts of a bundle: the folders whose log is the one that the bundle holds; none where one has no snapshots,
     as of bundles that were made elsewhere.
     """
@@ -167,7 +167,7 @@ def measure(
     )  # fmt: skip
 
 
-def judged_bundle(config: PaperConfig, pairs: Pairs) -> float:
+def score_bundle(config: PaperConfig, pairs: Pairs) -> float:
     """The Accuracy of the exported bundle on the curve's pairs."""
     answer = protocol.answers(pairs, open_bundle(config.path.parent))
     return protocol.accuracy(answer, pairs, pair_samples.validation(pairs, config.split or ""))
@@ -178,7 +178,7 @@ def _scores(predictions: Sequence[Prediction], truths: Sequence[np.ndarray[Any, 
     both = list(zip(predictions, truths, strict=True))
     return (
         float(np.mean([accuracy(made.frames, true) for made, true in both])),
-        float(np.mean([squared_error(made.frames, true) for made, true in both])),
+        float(np.mean([pair_mse(made.frames, true) for made, true in both])),
     )
 
 

@@ -19,7 +19,7 @@ from signsplice_paper.train.networks.generator import FRAME, START, Encoded, Gen
 from signsplice_paper.train.networks.spsn import Spsn
 from signsplice_paper.train.networks.word_spsn import WordSpsn
 from signsplice_paper.train.pairs_data import splice_marks
-from signsplice_workshop.train.export import ExportGraph, exported
+from signsplice_workshop.train.export import ExportGraph, export_onnx
 
 
 def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
@@ -34,7 +34,7 @@ def paper_graphs(network: nn.Module, fr: int | None) -> dict[str, bytes]:
         graphs = _generator_graphs(network, fr)
     else:
         raise SignspliceError(f"cannot export a {type(network).__name__}, expected a network of the paper's systems")
-    return {f"{name}.onnx": exported(name, graph) for name, graph in graphs.items()}
+    return {f"{name}.onnx": export_onnx(name, graph) for name, graph in graphs.items()}
 
 
 def _frames(n_frames: int, network: Any) -> Tensor:

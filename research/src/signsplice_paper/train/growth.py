@@ -63,7 +63,7 @@ def pair_batch(data: WordsData, step: int, size: int, seed: int) -> tuple[Tensor
     rng = stream("pairs", seed, step)
     while len(xs) < size:
         p, q = data.rows(int(rng.integers(2**40)), 2, seed).tolist()
-        cut = data.cut(p, q)
+        cut = data.pair_cut(p, q)
         if cut is not None:
             xs.append(torch.cat([data.words[p], data.words[q]]))
             before.append(len(data.words[p]))

@@ -63,7 +63,7 @@ def train_one_by_one(
     part -> the callback for its training.
     """
     pairs = Pairs(schedule.pairs)
-    with processes.joined() as process, suppress(DeadlineError):
+    with processes.join_process_group() as process, suppress(DeadlineError):
         for number, run in enumerate(schedule.runs, 1):
             if schedule.minutes_left == 0.0:
                 return
@@ -135,7 +135,7 @@ def export_untrained(
 ) -> None:
     """Write bundles of untrained systems, a folder for each system, to time them at the sizes of a scale."""
     corpus = Pairs(pairs)
-    with processes.joined() as process:
+    with processes.join_process_group() as process:
         for system in systems:
             config = training.Training(system, scale, steps=0)
             training.make(config, corpus, folder / system, folder / PARTS, process)

@@ -94,7 +94,7 @@ def units_of(config: Config) -> int:
     return config.width
 
 
-def widened(config: Config, factor: float) -> Config:
+def widen_config(config: Config, factor: float) -> Config:
     """Sizes with ``factor`` times as many units; a multiple of the heads, where there are some."""
     heads = getattr(config, "n_heads", 1)
     sizes: dict[str, Any] = {"width": max(1, round(units_of(config) * factor / heads)) * heads}
@@ -106,7 +106,7 @@ def widened(config: Config, factor: float) -> Config:
 def variants(part: SystemPart) -> list[tuple[float, float, SystemPart]]:
     """Multiples of rate and width, and the part with these."""
     return [
-        (rate, width, replace(part, rate=part.rate * rate, config=widened(part.config, width)))
+        (rate, width, replace(part, rate=part.rate * rate, config=widen_config(part.config, width)))
         for width in WIDTHS
         for rate in RATES
     ]
@@ -140,7 +140,7 @@ def run(
         if (part.name, rate, width) not in done
     ]
     with Pool(workers) as each:
-        for row in each(_tried, jobs):
+        for row in each(_train_variant, jobs):
             if row is None:
                 continue
             rows.append(row)
@@ -154,7 +154,7 @@ def run(
     return rows
 
 
-def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) -> SearchRow | None:
+def _train_variant(job: tuple[SearchPlan, str, str, float, float, int, float | None]) -> SearchRow | None:
     """Train one variant; None where time is up."""
     plan, system, name, rate, width, workers, deadline = job
     if deadline is not None and time.monotonic() >= deadline:
@@ -170,8 +170,8 @@ def _tried(job: tuple[SearchPlan, str, str, float, float, int, float | None]) ->
     folder = training.part_folder(plan.folder, part, config, pairs)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with processes.joined() as process, processes.only_one(folder, process):
-            made = training.trained(part, config, pairs, folder, process)
+        with processes.join_process_group() as process, processes.only_one(folder, process):
+            made = training.train_part(part, config, pairs, folder, process)
     except DeadlineError:
         return None
     lines = records.lines(folder / records.LOG_FILE)

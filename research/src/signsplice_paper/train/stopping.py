@@ -82,11 +82,11 @@ class PaperLoop(LoopConfig):
         """Whether validation is on a plateau, or the processor time is spent."""
         if self.patience is None and self.most_cpu_s is None:
             return False
-        return processes.decided(has_ended(folder, step, self.patience, self.most_cpu_s))
+        return processes.broadcast_choice(has_ended(folder, step, self.patience, self.most_cpu_s))
 
     def interruption(self, step: int, processes: Processes) -> SignspliceError | None:
         """A ``DeadlineError`` where time is up."""
-        if self.deadline is None or not processes.decided(time.monotonic() >= self.deadline):
+        if self.deadline is None or not processes.broadcast_choice(time.monotonic() >= self.deadline):
             return None
         return DeadlineError(f"time is up after step {step} of {self.steps}; the same call continues")
 
@@ -95,7 +95,7 @@ class PaperLoop(LoopConfig):
         loss = {} if self.patience is None else {LOSS: task(batch).item()}
         return super().scores(task, batch) | loss
 
-    def validated(self, folder: Path, step: int, task: Task) -> None:
+    def on_validation_end(self, folder: Path, step: int, task: Task) -> None:
         """Write a snapshot."""
         if self.snapshots:
             path = snapshot_path(folder, step)

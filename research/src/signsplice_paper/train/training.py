@@ -30,9 +30,9 @@ from signsplice_paper.train.words_data import WordsData, words_of_split
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.train import checkpoint, records
 from signsplice_workshop.train.bundles import write_bundle
-from signsplice_workshop.train.export import FLOAT16, check_bundle_folder, halved
+from signsplice_workshop.train.export import FLOAT16, cast_weights_to_float16, check_bundle_folder
 from signsplice_workshop.train.loop import ProgressCallback, train
-from signsplice_workshop.train.prefetch import prefetched
+from signsplice_workshop.train.prefetch import prefetch_batches
 from signsplice_workshop.train.processes import Processes, only_one
 from signsplice_workshop.train.tasks import Task
 
@@ -103,7 +103,7 @@ def make(
             if processes.first:
                 corpus_data(pairs.folder, folder)
             callback = None if progress is None else progress(part.name)
-            tasks.append(trained(part, training, pairs, folder, processes, callback))
+            tasks.append(train_part(part, training, pairs, folder, processes, callback))
     if processes.first:
         _write(training, pairs, chosen, tasks, out, [part_folder(shared, part, training, pairs) for part in chosen])
 
@@ -144,7 +144,7 @@ def part_folder(shared: Path, part: SystemPart, training: Training, pairs: Pairs
     return shared / f"{name}-{recipe(part, training, pairs)}"
 
 
-def trained(
+def train_part(
     part: SystemPart,
     training: Training,
     pairs: Pairs,
@@ -181,7 +181,7 @@ def trained(
         deadline=training.deadline,
     )
     on_gpu = processes.device.type == "cuda"  # it would wait for batches; on a processor both share the cores
-    with prefetched(data, processes.rank, processes.count) if on_gpu else nullcontext(data) as batches:
+    with prefetch_batches(data, processes.rank, processes.count) if on_gpu else nullcontext(data) as batches:
         train(made, loop, batches, valid, folder, recipe(part, training, pairs), processes, progress)
     return made
 
@@ -198,7 +198,7 @@ def _write(
 ) -> None:
     files: dict[str, bytes] = {}
     for part, made, folder in zip(chosen, tasks, folders, strict=True):
-        files |= _exported(part, made, folder)
+        files |= _export_graphs(part, made, folder)
     contents = facts(training, pairs, chosen, tasks, folders) | _provenance(training, pairs, folders)
     if training.steps != 0 and not chosen[0].plain_loss and not isinstance(chosen[0].config, WordSpsnConfig):
         contents["runs"]["token_bias"] = token_bias(tasks[0], PairsData(pairs, training.split, "valid"))
@@ -247,12 +247,12 @@ def _provenance(training: Training, pairs: Pairs, folders: list[Path]) -> dict[s
     }
 
 
-def _exported(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
+def _export_graphs(part: SystemPart, made: Task, folder: Path) -> dict[str, bytes]:
     """A part's graphs, with 16-bit weights; graphs next to its checkpoint are reused if they are newer."""
     kept = folder / GRAPHS
     if kept.is_dir() and kept.stat().st_mtime_ns > (folder / checkpoint.NAME).stat().st_mtime_ns:
         return {path.name: read_bytes(path) for path in sorted(kept.iterdir())}
-    files = {name: halved(content) for name, content in paper_graphs(made.network, part.fr).items()}
+    files = {name: cast_weights_to_float16(content) for name, content in paper_graphs(made.network, part.fr).items()}
     with replacing_folder(kept) as graphs:
         for name, content in files.items():
             (graphs / name).write_bytes(content)

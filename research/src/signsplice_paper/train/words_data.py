@@ -73,14 +73,14 @@ class WordsData:
         rows = rng.permutation(self._sizes[signer])[:size] + self._sizes[:signer].sum()
         return np.asarray(rows, np.int64)
 
-    def cut(self, p: int, q: int) -> tuple[int, int] | None:
+    def pair_cut(self, p: int, q: int) -> tuple[int, int] | None:
         """Pre and post of the words in two rows; None for a pair that is not taught."""
         return self._cuts(self.numbers[p], self.numbers[q])
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> WordBatch:
         """The batch of the words in these rows."""
         words = [self.words[row] for row in rows]
-        cuts = [[self.cut(p, q) for q in rows] for p in rows]
+        cuts = [[self.pair_cut(p, q) for q in rows] for p in rows]
         mask = pad_sequence([torch.ones(len(word), dtype=torch.bool) for word in words], batch_first=True)
         return WordBatch(
             x=pad_sequence(words, batch_first=True),
@@ -111,7 +111,7 @@ def words_with_cards(
     """Words of a corpus whose truth can be read, by signer: any two have a cut, but for the pairs ``held_back``."""
     cards = {k: readable.Card(**pairs.head["words"][k]["card"]) for words in signers for k in words}
 
-    def cut(p: int, q: int) -> tuple[int, int] | None:
+    def pair_cut(p: int, q: int) -> tuple[int, int] | None:
         return None if (p, q) in held_back else (readable.leave(cards[p], cards[q]), readable.enter(cards[p], cards[q]))
 
-    return WordsData(pairs, signers, cut)
+    return WordsData(pairs, signers, pair_cut)

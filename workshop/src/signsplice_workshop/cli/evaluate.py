@@ -58,8 +58,8 @@ def clips(files: tuple[str, ...], fps: float | None, bundle: str | None, roles: 
     from signsplice.splicing.curves import TRANSITIONS
     from signsplice_workshop.measure.hidden_frames import SIGNATURE, hidden_frames, table
 
-    transitions = [*TRANSITIONS.values(), *_learned_transition(bundle)]
-    loaded = _loaded(files, fps, roles)
+    transitions = [*TRANSITIONS.values(), *_find_learned_transition(bundle)]
+    loaded = _load_clips(files, fps, roles)
     with progress("evaluate") as advance:
         rows = hidden_frames(loaded, transitions, progress=advance)
     return SIGNATURE, rows, table(rows, loaded)
@@ -75,7 +75,7 @@ def seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
 
     with progress("seams") as advance:
         pairs = measuring.word_pairs(n_pairs, rest=rest)
-        rows = measuring.compare(pairs, measuring.compared_methods(bundle), advance)
+        rows = measuring.compare(pairs, measuring.methods_to_compare(bundle), advance)
     return measuring.signature(rest), rows, measuring.table(rows, rest)
 
 
@@ -89,7 +89,7 @@ def pairs(folder: str, limit: int | None, bundle: str | None) -> Measured:
     from signsplice_workshop.measure import collisions
 
     corpus = Pairs(folder)
-    methods = collisions.compared_transitions(*_learned_transition(bundle))
+    methods = collisions.transitions_to_compare(*_find_learned_transition(bundle))
     numbers = range(len(corpus.index))[:limit]
     with progress("pairs") as advance:
         rows = collisions.compare(corpus, numbers, methods, advance)
@@ -114,7 +114,7 @@ def bodies(
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise InputError(f"--picture {picture}, expected a name that ends in .png")
     if files:
-        drawn, words = None, _loaded(files, fps, roles)
+        drawn, words = None, _load_clips(files, fps, roles)
         aside = words
     else:
         drawn = 40 if n_words is None else n_words
@@ -143,7 +143,7 @@ def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, 
 
     loaded = [load_avatar(file, roles, skin) for file in files]
     with open_shipped_lexicon() as lexicon:
-        words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _loaded(recorded, None, None)
+        words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _load_clips(recorded, None, None)
     with progress("avatars") as advance:
         rows = measuring.compare(loaded, words, advance)
     return measuring.signature(words), rows, measuring.table(rows)
@@ -185,10 +185,10 @@ def corpus(
     if real_frames is not None and real is None:
         raise InputError("--real-frames chooses frames of the files of --real; expected --real DIR too")
     frames = None if real_frames is None else _frame_range(real_frames)
-    real_clips = corpus_page.read_real(None if real is None else Path(real), frames)
+    real_clips = corpus_page.load_real_clips(None if real is None else Path(real), frames)
     folder = None if images is None else Path(images)
     if page is None:
-        lines = corpus_page.measured(Pairs(corpus), folder, real_clips, progress)
+        lines = corpus_page.measure_corpus(Pairs(corpus), folder, real_clips, progress)
     else:
         lines = corpus_page.write(Pairs(corpus), Path(page), Path(str(images)), real_clips, progress)
     if as_json:
@@ -207,7 +207,7 @@ def _frame_range(text: str) -> tuple[int, int]:
     return first, stop
 
 
-def _loaded(files: tuple[str, ...], fps: float | None, roles: str | None) -> list[Clip]:
+def _load_clips(files: tuple[str, ...], fps: float | None, roles: str | None) -> list[Clip]:
     """The clips, at another rate where one is given."""
     from signsplice.motion import resample
 
@@ -219,7 +219,7 @@ def _loaded(files: tuple[str, ...], fps: float | None, roles: str | None) -> lis
     return [resample(clip, fps) for clip in loaded]
 
 
-def _learned_transition(bundle: str | None) -> list[Transition]:
+def _find_learned_transition(bundle: str | None) -> list[Transition]:
     """The learned transition, where there is one; a warning where there is none."""
     from signsplice.splicing.options import choose
 

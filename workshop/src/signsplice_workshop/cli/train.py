@@ -45,7 +45,7 @@ def _train_product(
     check_extra()
     from signsplice_workshop.train import processes, training
 
-    with processes.joined(device) as process:
+    with processes.join_process_group(device) as process:
         config = training.ProductTraining(network, **given)
         data, start = [Path(folder) for folder in signing], None if earlier is None else Path(earlier)
         progress = progress_printer(network) if process.first else None
@@ -106,7 +106,7 @@ def _tune(
     from signsplice.splicing.bundle import WEIGHTS
     from signsplice_workshop.train import processes, tuning
 
-    with processes.joined(device) as process:
+    with processes.join_process_group(device) as process:
         config = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
         progress = progress_printer("transition") if process.first else None
         result = tuning.make(

@@ -50,7 +50,7 @@ from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.motion_version import MOTION_VERSION
 from signsplice_workshop.corpora.number_space import NumberSpace, read_space, space_of
 from signsplice_workshop.corpora.pool import Pool, is_whole
-from signsplice_workshop.corpora.touches import SeenEvents, seen_events, with_touches
+from signsplice_workshop.corpora.touches import SeenEvents, events_with_touches, with_touches
 
 Array = NDArray[Any]
 
@@ -62,7 +62,7 @@ KINDS = ("rotations", "roots", "positions")
 FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") for kind in KINDS))
 
 
-def _mapped(path: Path) -> NDArray[Any]:
+def _open_memmap(path: Path) -> NDArray[Any]:
     """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``open_file`` does, or it is none."""
     with open_file(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
         array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
@@ -90,9 +90,9 @@ class Pairs:
         try:
             self.head: dict[str, Any] = parse_json(read_bytes(head), str(head), "a corpus of pairs")
             check_type(self.head, dict[str, Any], HEAD)
-            self.index = _mapped(self.folder / "pairs.npy")
-            self.words = {k: _mapped(self.folder / f"word_{k}.npy") for k in KINDS}
-            self.new = {k: _mapped(self.folder / f"new_{k}.npy") for k in KINDS}
+            self.index = _open_memmap(self.folder / "pairs.npy")
+            self.words = {k: _open_memmap(self.folder / f"word_{k}.npy") for k in KINDS}
+            self.new = {k: _open_memmap(self.folder / f"new_{k}.npy") for k in KINDS}
             self.truth_kind = str(self.head.get("truth", "partner"))
             self.signers = tuple(read_signer(row) for row in self.head.get("signers", []))
             self.by_partner = not self.signers or truth.by_partner(self.truth_kind)
@@ -346,7 +346,7 @@ class Recipe:
         return lexicon_signer(self.seed), draw_signer(2 * self.seed + 1)
 
 
-def scaled_positions(clip: Clip, stature_cm: float) -> FloatArray:
+def normalise_positions(clip: Clip, stature_cm: float) -> FloatArray:
     """The numbers (T, 3 J) of a synthetic signer's clip (``signer_space``)."""
     return signer_space(clip.skeleton, stature_cm).numbers(clip)
 
@@ -362,7 +362,7 @@ class _PairRow(NamedTuple):
         """Where the row is stored until the corpus is complete."""
         return part / f"row-{self.signer}-{self.before:05d}.npz"
 
-    def stored(self, part: Path, n: int) -> StoredRow:
+    def to_stored_row(self, part: Path, n: int) -> StoredRow:
         """The row with the numbers of its words in a corpus of ``n`` words a signer."""
         first = self.signer * n
         return StoredRow(self.path(part), first + self.before, tuple(first + q for q in self.after))
@@ -388,8 +388,8 @@ def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, 
             words = _write_rows(recipe, rows, part, progress, processes)
             with replacing_folder(folder, hint) as made:
                 every = [word for signed in words for word in signed]
-                at = write_words(made, [(w.clip, scaled_positions(w.clip, w.signer.stature_cm)) for w in every])
-                write_transitions(made, [row.stored(part, len(recipe.signs)) for row in rows])
+                at = write_words(made, [(w.clip, normalise_positions(w.clip, w.signer.stature_cm)) for w in every])
+                write_transitions(made, [row.to_stored_row(part, len(recipe.signs)) for row in rows])
                 splits = draw_splits(
                     recipe.seed, len(recipe.signs), [(row.signer, row.before, q) for row in rows for q in row.after]
                 )
@@ -450,7 +450,7 @@ def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow
         states.append(splice.states)
         index.append((splice.pre, splice.post, len(splice.states)))
     clip = pose.clip(np.concatenate(states), p.signer, p.clip.fps)
-    positions = scaled_positions(clip, p.signer.stature_cm)
+    positions = normalise_positions(clip, p.signer.stature_cm)
     frames = {"rotations": clip.local_rotations, "roots": clip.root_positions, "positions": positions}
     save_row(path, index, frames)
     return row
@@ -468,7 +468,7 @@ def _head(
             "first": first,
             "frames": n_frames,
             "hands": word.sign.hands,
-            "events": asdict(seen_events(word)),
+            "events": asdict(events_with_touches(word)),
         }
         for word, (first, n_frames) in words
     ]

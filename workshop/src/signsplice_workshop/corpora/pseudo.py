@@ -127,7 +127,7 @@ def _segments(hands: str, course: str, starts: dict[str, float], rng: np.random.
     def draw_first() -> Segment:
         start = _posture(rng, _pick(rng, starts))
         if course == "touch":
-            start = _shifted(rng, replace(start, off=float(rng.uniform(3.0, 8.0))), float(rng.uniform(0.0, 3.0)))
+            start = _shift_posture(rng, replace(start, off=float(rng.uniform(3.0, 8.0))), float(rng.uniform(0.0, 3.0)))
         return Segment(first_kind, replace(start, off=0.0) if course == "release" else start, base)
 
     if not add(draw_first):
@@ -172,7 +172,7 @@ def _release(rng: np.random.Generator, start: Posture, base: Posture | None, tab
     if rng.random() < _FAR:
         end = replace(_posture(rng, _pick(rng, table)), shape=start.shape)
     else:
-        end = _shifted(rng, replace(start, off=float(rng.uniform(3.0, 13.0))), float(rng.uniform(0.0, 5.0)))
+        end = _shift_posture(rng, replace(start, off=float(rng.uniform(3.0, 13.0))), float(rng.uniform(0.0, 5.0)))
     if rng.random() < 0.3:
         end = replace(end, shape=_pick(rng, FREQUENCIES["shapes"]))
     if rng.random() < 0.25:
@@ -216,7 +216,7 @@ def _movement(
         times = _pick(rng, {1: 0.5, 2: 0.3, 3: 0.2})
         return Segment("M", replace(start, shape=_pick(rng, FREQUENCIES["shapes"])), base, times=times)
     if kind == "zigzag":
-        end = start if rng.random() < 0.5 else _shifted(rng, start, float(rng.uniform(5.0, 12.0)))
+        end = start if rng.random() < 0.5 else _shift_posture(rng, start, float(rng.uniform(5.0, 12.0)))
         swings = float(_pick(rng, {2.0: 0.5, 3.0: 0.4, 4.0: 0.1}))
         path = Path("zigzag", _direction(rng), size=float(rng.uniform(1.0, 7.0)), revolutions=swings)
         return Segment("M", end, base, path)
@@ -229,16 +229,16 @@ def _movement(
         if rng.random() < 0.3:  # both hands turn over, one at the other
             return Segment("M", replace(start, palm=_direction(rng)), replace(base, palm=_direction(rng)), times=times)
         # Both hands move together, or the base alone; it may turn over.
-        moved = _shifted(rng, base, float(rng.uniform(3.0, 9.0)))
+        moved = _shift_posture(rng, base, float(rng.uniform(3.0, 9.0)))
         if rng.random() < 0.25:
             moved = replace(moved, palm=_direction(rng))
         return Segment("M", start, moved, _bow(rng), times=times)
     if kind == "far":
         end = _posture(rng, _pick(rng, table))
         return Segment("M", replace(end, shape=start.shape), base, _bow(rng))
-    end = _shifted(rng, start, float(rng.uniform(3.0, 14.0)))
+    end = _shift_posture(rng, start, float(rng.uniform(3.0, 14.0)))
     if kind == "rotation":
-        end = replace(_shifted(rng, start, float(rng.uniform(0.0, 5.0))), palm=_direction(rng))
+        end = replace(_shift_posture(rng, start, float(rng.uniform(0.0, 5.0))), palm=_direction(rng))
     if rng.random() < 0.1:
         end = replace(end, shape=_pick(rng, FREQUENCIES["shapes"]))
     return Segment("M", end, base, _bow(rng), times=times)
@@ -248,7 +248,7 @@ def _bow(rng: np.random.Generator) -> Path:
     return Path("arc", _direction(rng), size=float(rng.uniform(1.5, 4.0))) if rng.random() < 0.4 else Path()
 
 
-def _shifted(rng: np.random.Generator, posture: Posture, size: float) -> Posture:
+def _shift_posture(rng: np.random.Generator, posture: Posture, size: float) -> Posture:
     offset = np.array(_direction(rng)) * size
     x, y, z = (float(a + b) for a, b in zip(posture.shift, offset, strict=True))
     return replace(posture, shift=(x, y, z))

@@ -144,7 +144,7 @@ def make_word(
     """
     word = planner.synthesize_word(with_holds(sign), careful(signer), take)
     events = word.events
-    card = None if events.first is None else read_card(word.clip, word.signer, sign.hands, margin)
+    card = None if events.first is None else extract_card(word.clip, word.signer, sign.hands, margin)
     if card is None or events.first is None:
         return None
     planned = (events.start, events.first[0], events.passes[-1][1], events.end)
@@ -152,7 +152,7 @@ def make_word(
     return (word, card) if max(abs(a - b) for a, b in zip(seen, planned, strict=True)) <= PLANNED else None
 
 
-def planned_word(sign: Sign, signer: Signer, slack: int) -> tuple[IsolatedWord, Card] | None:
+def make_word_from_plan(sign: Sign, signer: Signer, slack: int) -> tuple[IsolatedWord, Card] | None:
     """A sign as a signer makes it alone in a manner of their own, and its card, with events where they were planned:
     motion that runs on shows none of them to the frame. They lie ``slack`` frames
     outside the stroke, so that a cut that is off by as much takes nothing from it. None where the sign has no movement.
@@ -164,11 +164,11 @@ def planned_word(sign: Sign, signer: Signer, slack: int) -> tuple[IsolatedWord, 
     posture, stroke = (max(frame - slack, 0) for frame in (events.start, events.first[0]))
     stroke_end, hold_end = (min(frame + slack, len(word) - 1) for frame in (events.passes[-1][1], events.end))
     planned = (posture, stroke, stroke_end, hold_end)
-    card = read_card(word.clip, word.signer, sign.hands, holds=planned)
+    card = extract_card(word.clip, word.signer, sign.hands, holds=planned)
     return None if card is None else (word, card)
 
 
-def read_card(
+def extract_card(
     clip: Clip, signer: Signer, hands: str, margin: float = 1.0, holds: tuple[int, int, int, int] | None = None
 ) -> Card | None:
     """The card of a word, read from its motion alone; None where an event or a property cannot be seen.

@@ -26,10 +26,10 @@ from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import Signer, draw_signer, stream
 from signsplice_workshop.corpora import pseudo, readable, truth
 from signsplice_workshop.corpora.motion_version import MOTION_VERSION
-from signsplice_workshop.corpora.pairs import EXTENT, FILES, HEAD, KINDS, scaled_positions
+from signsplice_workshop.corpora.pairs import EXTENT, FILES, HEAD, KINDS, normalise_positions
 from signsplice_workshop.corpora.pool import Pool, is_whole
 from signsplice_workshop.corpora.readable import Card
-from signsplice_workshop.corpora.touches import seen_events
+from signsplice_workshop.corpora.touches import events_with_touches
 
 VERSION = 4
 """Raise it where the constants below or ``readable`` change: a corpus's hash is of the rest of its recipe."""
@@ -85,7 +85,7 @@ class TaughtCorpus:
 @dataclass(frozen=True)
 class OwnMannerCorpus(TaughtCorpus):
     """A corpus to teach systems on that are used: its signers sign in manners of their own, without holds, and events
-    are where they were planned (``readable.planned_word``).
+    are where they were planned (``readable.make_word_from_plan``).
 
     slack: how far outside the stroke they lie, frames
     """
@@ -221,7 +221,7 @@ def _write_signer(job: _Job) -> None:
         if job.slack is None:
             word = _readable_word(sign, job.signer, job.takes, job.margin)
         else:
-            word = readable.planned_word(sign, job.signer, job.slack)
+            word = readable.make_word_from_plan(sign, job.signer, job.slack)
         if word is not None:
             words.append(word)
         if len(words) == job.n_words:
@@ -249,7 +249,7 @@ def _write_signer(job: _Job) -> None:
             "frames": len(word),
             "hands": word.sign.hands,
             "known": bool(is_known),
-            "events": asdict(seen_events(word)),
+            "events": asdict(events_with_touches(word)),
             "card": asdict(card),
         }
         for (word, card), is_known in zip(words, known, strict=True)
@@ -273,7 +273,7 @@ def _splice(p: tuple[IsolatedWord, Card], q: tuple[IsolatedWord, Card]) -> truth
 def _arrays(states: Sequence[np.ndarray], signer: Signer) -> dict[str, np.ndarray]:
     """Rotations, roots and numbers of many stretches of states, one after another."""
     clip = pose.clip(np.concatenate(states), signer, readable.FPS)
-    arrays = (clip.local_rotations, clip.root_positions, scaled_positions(clip, signer.stature_cm))
+    arrays = (clip.local_rotations, clip.root_positions, normalise_positions(clip, signer.stature_cm))
     return {kind: array.astype(np.float32) for kind, array in zip(KINDS, arrays, strict=True)}
 
 

@@ -175,7 +175,7 @@ def key_frames(n_frames: int, every: int | tuple[int, int], rng: np.random.Gener
     return np.append(keys, n_frames - 1).astype(np.float64)
 
 
-def rekeyed(
+def rekey_clip(
     clip: Clip,
     every: int | tuple[int, int],
     kind: str,

@@ -88,12 +88,12 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True, partner: bool = T
     """
     if not words:
         raise InputError("no words, expected at least one")
-    cuts = [truth.cut(p, q, partner=partner) for p, q in itertools.pairwise(words)]
+    cuts = [truth.find_cut(p, q, partner=partner) for p, q in itertools.pairwise(words)]
     leaves, enters = [pre for pre, _ in cuts], [0, *(post for _, post in cuts)]
     signed: list[tuple[FloatArray, tuple[str, ...]]] = [(word.states, ()) for word in words]
     if changes:
         for k in range(len(words) - 1):
-            signed[k] = _changed(words, signed, k, leaves, enters)
+            signed[k] = _apply_coarticulation(words, signed, k, leaves, enters)
     glosses = [word.sign.gloss for word in words]
     pieces: list[tuple[FloatArray, FloatArray]] = []  # local rotations and root positions
     stretches: list[Stretch] = []
@@ -128,7 +128,7 @@ def utter(words: Sequence[IsolatedWord], changes: bool = True, partner: bool = T
     return Utterance(tuple(words), tuple(seams), clip, tuple(stretches))
 
 
-def _changed(
+def _apply_coarticulation(
     words: Sequence[IsolatedWord],
     signed: Sequence[tuple[FloatArray, tuple[str, ...]]],
     k: int,

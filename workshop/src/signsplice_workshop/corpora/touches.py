@@ -38,7 +38,7 @@ class SeenEvents(Events):
     gap_last_cm: float | None = None
 
 
-def seen_events(word: IsolatedWord) -> SeenEvents:
+def events_with_touches(word: IsolatedWord) -> SeenEvents:
     """The events of a word with skin distances, measured where they are not known yet."""
     events = word.events
     if isinstance(events, SeenEvents):
@@ -55,7 +55,7 @@ def seen_events(word: IsolatedWord) -> SeenEvents:
 
 def with_touches(word: IsolatedWord) -> IsolatedWord:
     """A word whose skin distances are measured, so that many cuts of it need not."""
-    return replace(word, events=seen_events(word))
+    return replace(word, events=events_with_touches(word))
 
 
 def touching_sides(hands: str, signer: Signer) -> tuple[str, ...]:

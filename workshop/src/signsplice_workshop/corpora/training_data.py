@@ -144,7 +144,7 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
     seeds = rng.integers(2**40, size=plan.n_words).tolist()
     signs = [CACHE.recent(pseudo.sign, int(k), most=_SIGNS_KEPT) for k in seeds]
     words = [with_touches(planner.synthesize_word(sign, signer, fps=plan.fps)) for sign in signs]
-    frames = [packed(word.clip) for word in words]
+    frames = [pack_motion(word.clip) for word in words]
     lengths = [len(word) for word in words]
     sentences: list[tuple[int, int]] = []
     seams: list[tuple[int, int, int]] = []
@@ -152,7 +152,7 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
     while len(seams) < plan.n_seams:
         chosen = rng.choice(plan.n_words, min(int(rng.integers(_SHORTEST, _LONGEST + 1)), plan.n_words), replace=False)
         sentence = running.utter([words[k] for k in chosen], changes=bool(rng.random() < 0.5))
-        frames.append(packed(sentence.clip))
+        frames.append(pack_motion(sentence.clip))
         seams += [(len(sentences), s.start, s.stop - s.start) for s in sentence.stretches if s.word is None]
         sentences.append((at, len(sentence.clip)))
         at += len(sentence.clip)
@@ -172,7 +172,7 @@ def part(plan: TrainingDataPlan, number: int) -> dict[str, Array]:
 
 
 def _true_cut(p: IsolatedWord, q: IsolatedWord) -> tuple[int, int, int]:
-    pre, post = truth.cut(p, q)
+    pre, post = truth.find_cut(p, q)
     return pre, post, truth.transition_frames(p.states[pre], q.states[post], p)
 
 
@@ -182,7 +182,7 @@ def with_rest(signer: Signer) -> Signer:
     return replace(signer, rest=str(rng.choice(RESTS[1:])) if rng.random() < 0.5 else HANGING)
 
 
-def packed(clip: Clip) -> tuple[Array, Array]:
+def pack_motion(clip: Clip) -> tuple[Array, Array]:
     """A clip's canonical quaternions (T, 43, 4) int16 and positions (T, 12, 3) float32, as a part stores them."""
     motion = canonical_motion(clip)
     quats = np.round(motion.quats * 32767.0).astype(np.int16)
@@ -242,7 +242,7 @@ def part_of_corpus(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
     order = {word: k for k, word in enumerate(words)}
     truth = np.tile(_NO_TRUTH, (len(words), len(words), 1))
     clips = {word: pairs.word_clip(word) for word in words}
-    frames = [packed(clips[word]) for word in words]
+    frames = [pack_motion(clips[word]) for word in words]
     lengths = [len(clips[word]) for word in words]
     at = sum(lengths)
     sentences: list[tuple[int, int]] = []
@@ -251,7 +251,7 @@ def part_of_corpus(pairs: Pairs, numbers: list[int]) -> dict[str, Array]:
         truth[order[p], order[q]] = pre, post, count
         before, after = clips[p][max(0, pre + 1 - AROUND) : pre + 1], clips[q][post : post + AROUND]
         sentence = concatenate([before, pairs.transition_clip(number), after])
-        frames.append(packed(sentence))
+        frames.append(pack_motion(sentence))
         seams.append((len(sentences), len(before), count))
         sentences.append((at, len(sentence)))
         at += len(sentence)

@@ -25,7 +25,7 @@ from signsplice.signer import handshapes as thumbs
 from signsplice.signer.collisions import clear_collisions, penetration
 from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, Signer
-from signsplice_workshop.corpora.touches import seen_events
+from signsplice_workshop.corpora.touches import events_with_touches
 
 KINDS = {
     "partner": "where a word is left and entered depends on the other word too",
@@ -156,11 +156,11 @@ def splice(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> Splice:
 
     partner: whether the cut depends on both words; without, each is left and entered as beside ``ANY_PARTNER``.
     """
-    pre, post = cut(p, q, partner=partner)
+    pre, post = find_cut(p, q, partner=partner)
     return Splice(pre, post, transition(p.states[pre - 2 : pre + 1], q.states[post : post + 3], p))
 
 
-def cut(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> tuple[int, int]:
+def find_cut(p: IsolatedWord, q: IsolatedWord, *, partner: bool = True) -> tuple[int, int]:
     """The last frame kept of ``p`` and the first frame kept of ``q``; see ``splice``."""
     check_alike(p, q)
     relation = relate(p, q) if partner else ANY_PARTNER
@@ -176,21 +176,27 @@ def check_alike(p: IsolatedWord, q: IsolatedWord) -> None:
 def relate(p: IsolatedWord, q: IsolatedWord) -> Relation:
     """How two words relate."""
     end, start = p.events.end, q.events.start
-    travel = _seen(q, start) - _seen(p, end)
+    travel = _mean_wrist_position(q, start) - _mean_wrist_position(p, end)
     shapes = p.states[end, pose.FINGERS], q.states[start, pose.FINGERS]
     leaving = entering = np.zeros(3)
     if p.events.passes:
-        begin, stop = kept_pass(p)
-        leaving = _seen(p, stop, begin, stop) - _seen(p, (begin + stop) // 2, begin, stop)
+        begin, stop = last_kept_pass(p)
+        leaving = _mean_wrist_position(p, stop, begin, stop) - _mean_wrist_position(p, (begin + stop) // 2, begin, stop)
     if q.events.first is not None:
         begin, stop = q.events.first
-        entering = _seen(q, (begin + stop + 1) // 2, begin, stop) - _seen(q, begin, begin, stop)
+        entering = _mean_wrist_position(q, (begin + stop + 1) // 2, begin, stop) - _mean_wrist_position(
+            q, begin, begin, stop
+        )
     return Relation(
         travel_cm=float(np.linalg.norm(travel)),
         shape_change=float(np.abs(shapes[1] - shapes[0]).mean()),
         leaving=_alignment(leaving, travel),
-        going_down=_alignment(_seen(p, (end + p.events.down) // 2) - _seen(p, end), travel),
-        coming_up=_alignment(_seen(q, start) - _seen(q, (q.events.up + start) // 2), travel),
+        going_down=_alignment(
+            _mean_wrist_position(p, (end + p.events.down) // 2) - _mean_wrist_position(p, end), travel
+        ),
+        coming_up=_alignment(
+            _mean_wrist_position(q, start) - _mean_wrist_position(q, (q.events.up + start) // 2), travel
+        ),
         entering=_alignment(entering, travel),
     )
 
@@ -202,11 +208,11 @@ def leave(p: IsolatedWord, relation: Relation) -> int:
 
 def leaving(p: IsolatedWord, relation: Relation) -> CutTime:
     """Where the word before is left, before it is rounded to a frame."""
-    events = seen_events(p)
+    events = events_with_touches(p)
     if not events.passes:
         fraction = KEEP_HOLD + KEEP_OTHER * min(1.0, relation.shape_change / OTHER_SHAPE)
         return CutTime(events.start, max(1.0, (events.end - events.start) * fraction))
-    begin, stop = kept_pass(p)
+    begin, stop = last_kept_pass(p)
     left_out = _undershoot(p, begin, stop, relation.leaving, events.gap_last_cm) * (stop - begin)
     if stop < events.passes[-1][1]:  # a pass is dropped, and the hand turns
         return CutTime(stop, -TURNING * left_out, towards_posture=True)
@@ -225,7 +231,7 @@ def enter(q: IsolatedWord, relation: Relation) -> int:
 
 def entering(q: IsolatedWord, relation: Relation) -> CutTime:
     """Where the word after is entered, before it is rounded to a frame."""
-    events = seen_events(q)
+    events = events_with_touches(q)
     if events.first is None:
         return CutTime(events.start, 0.0)
     begin, stop = events.first
@@ -236,7 +242,7 @@ def entering(q: IsolatedWord, relation: Relation) -> CutTime:
     return CutTime(events.start, -kept * (events.start - events.up))
 
 
-def kept_pass(p: IsolatedWord) -> tuple[int, int]:
+def last_kept_pass(p: IsolatedWord) -> tuple[int, int]:
     """The last pass of the last movement that running signing keeps: a repeated movement loses one. Revolutions of a
     circle, which follow one another without a return, all stay: between two of them the hand is at full speed.
     """
@@ -276,7 +282,7 @@ def _far(relation: Relation) -> float:
     return relation.travel_cm / (relation.travel_cm + FAR_CM)
 
 
-def _seen(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> FloatArray:
+def _mean_wrist_position(word: IsolatedWord, frame: int, least: int = 0, most: int | None = None) -> FloatArray:
     """The strong wrist's position (3,) around a frame, on the standard body; averaged so that errors of single frames
     hardly count.
     """

@@ -78,7 +78,7 @@ BODIES: Mapping[str, BodyProportions] = {
 """Bodies by name; those with ``held_out`` are kept aside."""
 
 
-def stretched(skeleton: Skeleton, body: BodyProportions) -> Skeleton:
+def scale_bones(skeleton: Skeleton, body: BodyProportions) -> Skeleton:
     """The skeleton with its bones stretched, in the axes of the T-pose: shoulders sideways, trunk and neck upward,
     arms, palms and fingers along themselves. Raises ``InputError`` where its arms are not known by name.
     """
@@ -231,8 +231,8 @@ class SourceClip:
             hand_depth=float(deeper[is_hand].max(initial=0.0)),
             forearm_depth=float(deeper[~is_hand].max(initial=0.0)),
             place_errors=self._place_errors(posed) / (HEAD_HEIGHT * head * (sizes.stature * sizes.unit.metres)),
-            palm_degrees=self._turned(posed, _palm_normals),
-            index_degrees=self._turned(posed, _index_directions),
+            palm_degrees=self._direction_angles(posed, _palm_normals),
+            index_degrees=self._direction_angles(posed, _index_directions),
             peak_ratio=peak / max(self._smoothness[0], 1e-9),
             jerk_ratio=jerk / max(self._smoothness[1], 1e-9),
             arm_ratio=float(np.mean(posed.arm_lengths) / np.mean(self.posed.arm_lengths)),
@@ -283,7 +283,9 @@ class SourceClip:
             found.append(np.linalg.norm(posed.ends[near, anchors[i]] - place, axis=-1))
         return np.concatenate(found)
 
-    def _turned(self, posed: PosedBody, direction: Callable[[PosedBody, str], FloatArray | None]) -> FloatArray:
+    def _direction_angles(
+        self, posed: PosedBody, direction: Callable[[PosedBody, str], FloatArray | None]
+    ) -> FloatArray:
         """Degrees (D,) between a direction of the hands at the source and after, where they sign."""
         found = [np.empty(0)]
         for side, name in enumerate(SIDES):
@@ -387,12 +389,12 @@ def _quantile_of(field: str, fraction: float) -> Callable[[Sequence[_Made]], flo
     return lambda words: _quantile(_all(field, words), fraction)
 
 
-def _kept(field: str) -> Callable[[Sequence[_Made]], float | None]:
+def _contact_fraction(field: str) -> Callable[[Sequence[_Made]], float | None]:
     """Fraction of errors that are less than ``TOUCH_M``."""
     return lambda words: _mean(_all(field, words) < TOUCH_M)
 
 
-def _kept_clear(words: Sequence[_Made]) -> float | None:
+def _clear_contact_fraction(words: Sequence[_Made]) -> float | None:
     return _mean(_all("pair_errors", words)[_all("clear", words).astype(bool)] < TOUCH_M)
 
 
@@ -408,7 +410,7 @@ def _most(field: str) -> Callable[[Sequence[_Made]], float]:
     return lambda words: max(getattr(word.measured, field) for word in words)
 
 
-def _made_contacts(words: Sequence[_Made]) -> float | None:
+def _new_contact_fraction(words: Sequence[_Made]) -> float | None:
     n_signing = sum(word.measured.n_signing for word in words)
     return sum(word.measured.n_made for word in words) / n_signing if n_signing else None
 
@@ -433,12 +435,12 @@ MEASURES = (
     Measure("held_out"),
     Measure("n_words", function=len),
     Measure("n_touching", function=lambda words: len(_all("frame_errors", words))),
-    Measure("kept_frames", "frames kept", "{:.1f}", 100.0, _kept("frame_errors")),
-    Measure("kept_pairs", "pairs kept", "{:.1f}", 100.0, _kept("pair_errors")),
-    Measure("kept_clear", "clear pairs kept", "{:.1f}", 100.0, _kept_clear),
+    Measure("kept_frames", "frames kept", "{:.1f}", 100.0, _contact_fraction("frame_errors")),
+    Measure("kept_pairs", "pairs kept", "{:.1f}", 100.0, _contact_fraction("pair_errors")),
+    Measure("kept_clear", "clear pairs kept", "{:.1f}", 100.0, _clear_contact_fraction),
     Measure("clear", function=lambda words: _mean(_all("clear", words).astype(bool))),
     Measure("error_p95", "p95, mm", "{:.1f}", 1e3, _quantile_of("pair_errors", 0.95)),
-    Measure("made", "made", "{:.1f}", 100.0, _made_contacts),
+    Measure("made", "made", "{:.1f}", 100.0, _new_contact_fraction),
     Measure("hand_depth", "hand deeper, mm", "{:.1f}", 1e3, _most("hand_depth")),
     Measure("forearm_depth", "forearm deeper, mm", "{:.1f}", 1e3, _most("forearm_depth")),
     Measure("place_median", "place, % of head", "{:.1f}", 100.0, _quantile_of("place_errors", 0.5)),
@@ -520,7 +522,7 @@ def _rows(name: str, body: BodyProportions, sources: Sequence[SourceClip]) -> li
     for source in sources:
         skeleton = source.clip.skeleton
         if id(skeleton) not in skeletons:
-            skeletons[id(skeleton)] = stretched(skeleton, body)
+            skeletons[id(skeleton)] = scale_bones(skeleton, body)
         plain, fitted = _both(source, skeletons[id(skeleton)], body)
         made[ROTATIONS].append(plain)
         made[FITTED].append(fitted)

@@ -17,7 +17,7 @@ from signsplice.progress import Progress, track_progress
 from signsplice.render.picture import Image, draw, make_scene
 from signsplice.render.sheet import INK, PAPER, pillow, write_line
 from signsplice.rig.align import Reference, copy_rotations, placement
-from signsplice_workshop.measure.bodies import BODIES, TOUCH_M, stretched
+from signsplice_workshop.measure.bodies import BODIES, TOUCH_M, scale_bones
 
 WORDS = ("NAME", "MOTHER", "APPLE", "FAMILY", "PLEASE", "DEAF", "FRIEND", "HAT")
 SHOWN = ("narrow", "broad", "child", "chibi", "long arms")
@@ -52,7 +52,7 @@ def _row(word: Clip) -> list[Image]:
     frame = _touching_frame(word, body)
     pictures = [_both_views(word, body, frame)]
     for name in SHOWN:
-        skeleton = stretched(word.skeleton, BODIES[name])
+        skeleton = scale_bones(word.skeleton, BODIES[name])
         other = build_capsules(skeleton, BODIES[name].shape)
         to = Reference(skeleton, word.fps, placement(word), word.local_rotations[0], name)
         carried = copy_rotations(word, to)[0]

@@ -37,7 +37,7 @@ m.
 """
 
 
-def compared_transitions(learned: Transition | None = None) -> list[tuple[Transition, bool]]:
+def transitions_to_compare(learned: Transition | None = None) -> list[tuple[Transition, bool]]:
     """Transitions to compare, each with whether it avoids collisions."""
     out: list[tuple[Transition, bool]] = [*((t, False) for t in TRANSITIONS.values()), (TRANSITIONS["hermite"], True)]
     return out if learned is None else [*out, (learned, False), (learned, True)]

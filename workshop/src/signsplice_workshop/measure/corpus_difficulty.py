@@ -22,7 +22,7 @@ from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS
 from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.pairs import Pairs
-from signsplice_workshop.corpora.touches import seen_events, with_touches
+from signsplice_workshop.corpora.touches import events_with_touches, with_touches
 from signsplice_workshop.measure import corpus_checks, motion_scores
 from signsplice_workshop.measure.hands import strong_side, strong_wrist
 from signsplice_workshop.measure.measures import Measure, Progress, Row, row_of, track_progress
@@ -60,7 +60,7 @@ def score_cutters(
     for cutter in track_progress(CUTTERS.values(), progress):
         cuts = [cutter.cut(clips[p], clips[q]) for p, q, _, _ in true]
         rows.append(_accuracy(cutter.name, [(cut.pre, cut.post) for cut in cuts], true))
-    rules = _rules(pairs, clips) | _fitted_rules(pairs, train, true)
+    rules = _rules(pairs, clips) | _fit_rules(pairs, train, true)
     return rows + [_accuracy(name, [rule(p, q) for p, q, _, _ in true], true) for name, rule in rules.items()]
 
 
@@ -78,7 +78,7 @@ def _rules(pairs: Pairs, clips: Mapping[int, Clip]) -> dict[str, Rule]:
     }
 
 
-def _fitted_rules(pairs: Pairs, train: Sequence[int], true: Sequence[Sequence[int]]) -> dict[str, Rule]:
+def _fit_rules(pairs: Pairs, train: Sequence[int], true: Sequence[Sequence[int]]) -> dict[str, Rule]:
     """The best constant offsets and, where every word of ``true`` occurs in ``train``, the best cut of each word."""
     events = [pairs.events(k) for k in range(len(pairs.head["words"]))]
     past = pairs.index[list(train), :4].tolist()
@@ -146,7 +146,7 @@ def score_reading(
     half to the other side. Pairs with a word that ``signs`` lacks are left out. Raises ``InputError`` for a corpus of
     version 1, whose rules are gone.
     """
-    words = _planned(pairs, numbers, signs)
+    words = _plan_words(pairs, numbers, signs)
     rows = [row for row in pairs.index[list(numbers), :4].tolist() if {row[0], row[1]} <= words.keys()]
     out = []
     for error in errors:
@@ -154,14 +154,14 @@ def score_reading(
         for n, (p, q, pre, post) in enumerate(rows):
             rng = stream("reading", round(1e4 * error), n)
             seen = _with_noise(words[p], error, rng), _with_noise(words[q], error, rng)
-            read = truth.cut(*seen, partner=pairs.by_partner)
+            read = truth.find_cut(*seen, partner=pairs.by_partner)
             distances.append(max(abs(read[0] - pre), abs(read[1] - post)))
         found = np.array(distances or [np.inf])
         out.append(ReadingAccuracy(error, float((found == 0).mean()), float((found <= 1).mean())))
     return out
 
 
-def _planned(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) -> dict[int, planner.IsolatedWord]:
+def _plan_words(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) -> dict[int, planner.IsolatedWord]:
     """The words of these pairs, planned anew from their signs."""
     corpus_checks.check_made_here(pairs)
     n_per_signer = len(pairs.head["words"]) // 2
@@ -175,7 +175,7 @@ def _planned(pairs: Pairs, numbers: Sequence[int], signs: Mapping[str, Sign]) ->
 
 
 def _with_noise(word: planner.IsolatedWord, error: float, rng: np.random.Generator) -> planner.IsolatedWord:
-    events, states = seen_events(word), word.states.copy()
+    events, states = events_with_touches(word), word.states.copy()
     states[:, pose.WRIST] += rng.normal(0.0, error, states[:, pose.WRIST].shape)
     states[:, pose.FINGERS] += rng.normal(0.0, RAD_PER_CM * error, states[:, pose.FINGERS].shape)
     gaps = [

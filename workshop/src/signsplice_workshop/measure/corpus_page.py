@@ -75,10 +75,10 @@ def _realism(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], 
     quantities = [
         *durations,
         *corpus_realism.motion_quantities(pairs, motion),
-        *corpus_realism.compared_with_captures(pairs, captured),
+        *corpus_realism.compare_with_captures(pairs, captured),
         *corpus_realism.likeness_of_hands(pairs, signs, captured),
         *corpus_realism.second_passes(pairs),
-        *corpus_realism.known_kinds(),
+        *corpus_realism.sign_kind_shares(),
     ]
     n_first = int((pairs.index[:, 0] < len(pairs.head["words"]) // 2).sum())
     drawn = stream("shapes", n_first).choice(n_first, min(N_SHAPES, n_first), replace=False)
@@ -115,7 +115,7 @@ def _realism(pairs: Pairs, signs: Mapping[str, Sign], real: Mapping[str, Clip], 
         "",
         f"Path over chord of transitions: {np.median(motion.detour):.2f} (median, those over 3 cm). "
         f"Fingers half formed at {formed} of them (5 / 25 / 50 / 75 / 95 %).",
-        *(f"\n{name} is no measure of real motion ({motion_scores.keyed_mark(real[name])})." for name in keyed),
+        *(f"\n{name} is no measure of real motion ({motion_scores.format_keyedness(real[name])})." for name in keyed),
         "",
         "Bend of the finger joints, degrees, 5 to 95 % (1 is the joint nearest to the wrist):",
         "",
@@ -172,13 +172,13 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
     """Measure a corpus and put a short form of the result into ``page`` between its marks, and every cell of the tables
     into a CSV file beside it; pictures go to the folder ``images``.
 
-    Arguments, result and errors as of ``measured``; raises ``InputError`` for a page without the marks too.
+    Arguments, result and errors as of ``measure_corpus``; raises ``InputError`` for a page without the marks too.
     """
     _check_measurable(pairs)
     text = read_bytes(page).decode("utf-8")
     if BEGIN not in text or END not in text:
         raise InputError(f"{page}: has no lines {BEGIN} and {END}, expected both; the tables go between them")
-    lines = measured(pairs, images, real, progress)
+    lines = measure_corpus(pairs, images, real, progress)
     here = os.path.relpath(images, page.parent).replace(os.sep, "/")
     shown = [line.replace(f"]({images.name}/", f"]({here}/") for line in short(lines, page.with_suffix(".csv").name)]
     before, after = text.split(BEGIN)[0], text.split(END, 1)[1]
@@ -188,7 +188,7 @@ def write(pairs: Pairs, page: Path, images: Path, real: Mapping[str, Clip], prog
 
 
 def short(lines: Sequence[str], csv_name: str) -> list[str]:
-    """Lines of ``measured`` as the page shows them: findings first, of realism what misses, no finger joints."""
+    """Lines of ``measure_corpus`` as the page shows them: findings first, of realism what misses, no finger joints."""
     tables = tables_in(lines)
     realism, difficulty, validity = (
         [table["rows"] for table in tables if table["section"] == section]
@@ -262,7 +262,7 @@ def _check_measurable(pairs: Pairs) -> None:
         )
 
 
-def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Bars) -> list[str]:
+def measure_corpus(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progress: Bars) -> list[str]:
     """What is measured of a corpus, as lines of Markdown; the first names the corpus.
 
     images: folder for pictures; None draws none. real: clips of real signing by name, for columns next to the
@@ -272,7 +272,7 @@ def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progre
     _check_measurable(pairs)
     if images is not None:
         corpus_pictures.check_matplotlib()
-    signs = known_signs(pairs)
+    signs = signs_by_gloss(pairs)
     lines = [
         f"Corpus `{pairs.head['hash']}`, version {pairs.version}: {len(pairs)} pairs, "
         f"truth by {'partner' if pairs.by_partner else 'word'}, seed {pairs.head['seed']}, {pairs.head['fps']:g} fps."
@@ -292,7 +292,7 @@ def measured(pairs: Pairs, images: Path | None, real: Mapping[str, Clip], progre
     return lines
 
 
-def known_signs(pairs: Pairs) -> dict[str, Sign]:
+def signs_by_gloss(pairs: Pairs) -> dict[str, Sign]:
     """Gloss -> sign: the signs that ship and the pseudo-signs of a corpus."""
     signs = {**notation.everyday(), **notation.alphabet()}
     glosses = [row["gloss"] for row in pairs.head["words"]]
@@ -300,7 +300,7 @@ def known_signs(pairs: Pairs) -> dict[str, Sign]:
     return signs | {gloss: pseudo.sign(int(gloss.removeprefix("PSEUDO-"))) for gloss in pseudo_signs}
 
 
-def read_real(folder: Path | None, frames: tuple[int, int] | None = None) -> dict[str, Clip]:
+def load_real_clips(folder: Path | None, frames: tuple[int, int] | None = None) -> dict[str, Clip]:
     """Name -> clip of the BVH files in a folder that hold signing: those named idle and those that hardly move are not
     read. ``frames``: the half-open range of each clip that is taken, which the name tells then.
 

@@ -52,7 +52,7 @@ def kinds(signs: Sequence[Sign], whose: str) -> list[Quantity]:
     ]
 
 
-def known_kinds() -> list[Quantity]:
+def sign_kind_shares() -> list[Quantity]:
     """Shares of kinds among the words that ship (without letters and digits) and among pseudo-signs."""
     pseudo_signs = [pseudo.sign(seed) for seed in range(N_PSEUDO)]
     return kinds(list(notation.everyday().values()), "words that ship") + kinds(pseudo_signs, "pseudo-signs")
@@ -134,12 +134,12 @@ def signer_motion(clips: Sequence[Clip], strong: str) -> MeasuredMotion:
     """Motion of the signer of some clips of one rig, whose strong side is ``strong``, "left" or "right"."""
     each = [_one(clip, strong) for clip in clips]
 
-    def joined(name: str) -> FloatArray:
+    def concatenate_field(name: str) -> FloatArray:
         return np.concatenate([np.empty(0), *(getattr(one, name) for one in each)])
 
     roles = dict.fromkeys(role for one in each for role in one.angular_deg)
     angular = {role: np.concatenate([one.angular_deg[role] for one in each]) for role in roles}
-    return MeasuredMotion(angular, *(joined(field.name) for field in fields(MeasuredMotion)[1:]))
+    return MeasuredMotion(angular, *(concatenate_field(field.name) for field in fields(MeasuredMotion)[1:]))
 
 
 def _one(clip: Clip, strong: str) -> MeasuredMotion:
@@ -262,13 +262,15 @@ def durations(pairs: Pairs) -> list[Quantity]:
     alone = [ms * (e.end - e.start + 1) for e in events]
     return [
         Quantity("transition", "ms", percentiles(ms * (index[:, 5] + 1)), (160, 200, 250, 320, 480), _CZECH),
-        Quantity("sign in a sentence", "ms", percentiles(ms * _kept_frames(index)), (158, 260, 400, 540, 912), _CZECH),
+        Quantity(
+            "sign in a sentence", "ms", percentiles(ms * _sample_sign_lengths(index)), (158, 260, 400, 540, 912), _CZECH
+        ),
         Quantity("sign alone", "ms", percentiles(alone), (440, 564, 720, 960, 1360), "Czech SL, 336 items"),
         Quantity("sign alone", "ms", percentiles(alone), (400, 630, 830, 1030, 1370), ASL_LEX),
     ]
 
 
-def _kept_frames(index: NDArray[np.int32]) -> FloatArray:
+def _sample_sign_lengths(index: NDArray[np.int32]) -> FloatArray:
     """Number of frames that a word keeps between two others, over triples of words drawn at random."""
     enters = {(p, q): post for p, q, _, post, _, _ in index.tolist()}
     leaves = {(p, q): pre for p, q, pre, _, _, _ in index.tolist()}
@@ -420,13 +422,13 @@ def forming(pairs: Pairs) -> FloatArray:
     """
     strong = strong_side(pairs)
     fractions: list[float] = []
-    for number in _drawn(pairs):
+    for number in _sample_pairs(pairs):
         pre, count = int(pairs.index[number, 2]), int(pairs.index[number, 5])
         fractions += half_formed(pairs.clip(number)[pre : pre + count + 2], strong, [(0, count + 1)])
     return np.array(fractions)
 
 
-def _drawn(pairs: Pairs) -> list[int]:
+def _sample_pairs(pairs: Pairs) -> list[int]:
     """Numbers of the first signer's pairs in which the motion of the signer is measured."""
     numbers = np.flatnonzero(pairs.index[:, 0] < len(pairs.head["words"]) // 2)
     drawn = stream("signing", len(numbers)).choice(numbers, min(N_SIGNING, len(numbers)), replace=False)
@@ -436,13 +438,13 @@ def _drawn(pairs: Pairs) -> list[int]:
 def signing_motion(pairs: Pairs) -> MeasuredMotion:
     """How the first signer moves in pairs drawn once, from the start of the first sign to the end of the second."""
     clips = []
-    for number in _drawn(pairs):
+    for number in _sample_pairs(pairs):
         p, q, pre, post, _, count = pairs.index[number].tolist()
         clips.append(pairs.clip(number)[pairs.events(p).start : pre + 2 + count + pairs.events(q).end - post])
     return signer_motion(clips, strong_side(pairs))
 
 
-def compared_with_captures(pairs: Pairs, captured: Mapping[str, Clip]) -> list[Quantity]:
+def compare_with_captures(pairs: Pairs, captured: Mapping[str, Clip]) -> list[Quantity]:
     """How the first signer moves beside captured clips by name, one line for each measure and clip."""
     ours = signing_motion(pairs)
     lines = []
@@ -453,7 +455,7 @@ def compared_with_captures(pairs: Pairs, captured: Mapping[str, Clip]) -> list[Q
                 us, them = (float(np.sqrt(np.mean(one.angular_deg[role] ** 2))) for one in (ours, real))
                 lines.append(Quantity(f"{text}, rms", "degrees/s", (us,), (them,), f"{name}; n = {len(real.speed)}"))
         for field, (text, unit) in _MEASURES.items():
-            lines += _compared(text, unit, getattr(ours, field), getattr(real, field), name)
+            lines += _compare_values(text, unit, getattr(ours, field), getattr(real, field), name)
     return lines
 
 
@@ -468,13 +470,13 @@ def likeness_of_hands(pairs: Pairs, signs: Mapping[str, Sign], captured: Mapping
     for field, (text, unit, aim) in _LIKENESS.items():
         values = getattr(ours, field)
         for name, clip in captured.items():
-            lines += _compared(text, unit, values, getattr(hand_likeness([clip]), field), name)
+            lines += _compare_values(text, unit, values, getattr(hand_likeness([clip]), field), name)
         if len(values):
             lines.append(Quantity(text, unit, percentiles(values), aim, AIMED))
     return lines
 
 
-def _compared(text: str, unit: str, ours: FloatArray, real: FloatArray, name: str) -> list[Quantity]:
+def _compare_values(text: str, unit: str, ours: FloatArray, real: FloatArray, name: str) -> list[Quantity]:
     """Values of the corpus beside those of a captured clip, of which few give a median alone; none without values."""
     if not (len(ours) and len(real)):
         return []

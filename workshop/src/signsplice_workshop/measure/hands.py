@@ -72,7 +72,7 @@ def hand_likeness(clips: Sequence[Clip], stretches: Sequence[Sequence[tuple[int,
     """
     distances, lags = [np.empty(0)], []
     for n, clip in enumerate(clips):
-        hands, speed, cosine = _seen_from_shoulders(clip)
+        hands, speed, cosine = _mirror_wrist_motion(clip)
         found = _alike(speed, cosine) if stretches is None else stretches[n]
         for begin, end in found:
             distances.append(np.linalg.norm(hands[0, begin : end + 1] - hands[1, begin : end + 1], axis=-1))
@@ -81,7 +81,7 @@ def hand_likeness(clips: Sequence[Clip], stretches: Sequence[Sequence[tuple[int,
     return HandLikeness(100.0 * np.concatenate(distances), np.array(lags))
 
 
-def _seen_from_shoulders(clip: Clip) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _mirror_wrist_motion(clip: Clip) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The right wrist and the left one's mirror image (2, T, 3), m, their speeds (2, T - 1), arm lengths a second, and
     the cosine (T - 1,) between their velocities.
     """

@@ -128,7 +128,7 @@ def table(rows: Sequence[Row], clips: Sequence[Clip] = ()) -> list[str]:
     of_length = [found[names[0], n] for n in lengths]
     lines: list[str] = [f"`{SIGNATURE}`"]
     keyed = [clip for clip in clips if judge_keyedness(clip).is_keyed]
-    lines += [f"\n{clip.name} is no measure of real motion ({motion_scores.keyed_mark(clip)})." for clip in keyed]
+    lines += [f"\n{clip.name} is no measure of real motion ({motion_scores.format_keyedness(clip)})." for clip in keyed]
     for measure in (one for one in MEASURES if one.head):
         cells = [[name, *(measure.cell(found[name, n]) for n in lengths)] for name in names]
         if measure.name == "velocity_jump":

@@ -37,7 +37,7 @@ def fingertip_joints(clip: Clip) -> list[int]:
 def relative_positions(clip: Clip, joints: Sequence[int]) -> FloatArray:
     """Positions (T, K, 3) of joints in the axes of the root."""
     rotations, positions = kinematics.forward(clip, [0, *joints])
-    return _seen_from(0, rotations, positions, list(range(1, len(joints) + 1)))
+    return _joint_local_positions(0, rotations, positions, list(range(1, len(joints) + 1)))
 
 
 def position_error(predicted: Clip, true: Clip) -> float:
@@ -78,7 +78,9 @@ def group_errors(predicted: Clip, true: Clip) -> GroupErrors:
 
     def error(parts: list[tuple[int, list[int]]]) -> float:
         seen = [
-            np.concatenate([_seen_from(origin, *clip, of) for origin, of in parts] or [np.empty((len(true), 0, 3))], 1)
+            np.concatenate(
+                [_joint_local_positions(origin, *clip, of) for origin, of in parts] or [np.empty((len(true), 0, 3))], 1
+            )
             for clip in posed
         ]
         distances = np.linalg.norm(seen[0] - seen[1], axis=-1)
@@ -91,7 +93,7 @@ def _is_finger(role: str) -> bool:
     return any(finger in role for finger in FINGERS)
 
 
-def _seen_from(origin: int, rotations: FloatArray, positions: FloatArray, joints: list[int]) -> FloatArray:
+def _joint_local_positions(origin: int, rotations: FloatArray, positions: FloatArray, joints: list[int]) -> FloatArray:
     """Positions (T, K, 3) of joints in the axes of one joint, of global rotations and positions of all."""
     relative = positions[:, joints] - positions[:, origin, None]
     return np.asarray(np.einsum("tba,tkb->tka", rotations[:, origin], relative))
@@ -118,7 +120,7 @@ def even_rotation_frames(clip: Clip) -> FloatArray:
     return np.where(speed > MOVING_RAD, change < EVEN_FRACTION * speed, np.nan)
 
 
-def keyed_fraction(clip: Clip) -> float:
+def even_rotation_fraction(clip: Clip) -> float:
     """Share of the moving frames in which every arm and finger joint repeats its last rotation step
     (``even_rotation_frames``): 0 of captured motion, and where nothing moves.
     """
@@ -127,9 +129,9 @@ def keyed_fraction(clip: Clip) -> float:
     return float(moving.mean()) if len(moving) else 0.0
 
 
-def keyed_mark(clip: Clip) -> str:
+def format_keyedness(clip: Clip) -> str:
     """How tables mark a clip that is keyed (``rig.keyedness``)."""
-    even = 100.0 * keyed_fraction(clip)
+    even = 100.0 * even_rotation_fraction(clip)
     return f"{judge_keyedness(clip).reason}, {even:.0f} % of its moving frames repeat the step before"
 
 

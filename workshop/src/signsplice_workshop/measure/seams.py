@@ -87,9 +87,9 @@ class Stitched:
 def stitch(before: Clip, after: Clip) -> Stitched:
     """Two clips of one skeleton and rate joined. Raises ``InputError`` where the rig's arms are not known by name."""
     fps = before.fps
-    spans = [_raised(clip) for clip in (before, after)]
+    spans = [_find_raised_span(clip) for clip in (before, after)]
     p, q = (
-        _shortened(kinematics.forward(clip)[1][first:stop], fps)
+        _limit_duration(kinematics.forward(clip)[1][first:stop], fps)
         for clip, (first, stop) in zip((before, after), spans, strict=True)
     )  # (T, J, 3)
     n_p, n_q = (max(1, int(min(SEARCH_S * fps, SEARCH_FRACTION * len(part)))) for part in (p, q))
@@ -102,7 +102,7 @@ def stitch(before: Clip, after: Clip) -> Stitched:
     filled = (1.0 - weight) * p[last] + weight * q[entry]
     whole = np.concatenate([p[: last + 1], filled, q[entry:]])
     return Stitched(
-        _filtered(whole, fps),
+        _low_pass(whole, fps),
         last + 1,
         last + 1 + n_gap,
         _source(spans[0], len(p), 0, last + 1),
@@ -110,7 +110,7 @@ def stitch(before: Clip, after: Clip) -> Stitched:
     )
 
 
-def _raised(clip: Clip) -> tuple[int, int]:
+def _find_raised_span(clip: Clip) -> tuple[int, int]:
     """The frames in which a wrist is above its elbow, five frames wider; the whole clip where none is."""
     motion = arms(clip)
     raised = np.flatnonzero((((motion.wrists - motion.elbows) @ motion.up) > 0.0).any(axis=1))
@@ -119,7 +119,7 @@ def _raised(clip: Clip) -> tuple[int, int]:
     return max(0, int(raised[0]) - MARGIN_FRAMES), min(len(clip), int(raised[-1]) + 1 + MARGIN_FRAMES)
 
 
-def _shortened(points: FloatArray, fps: float) -> FloatArray:
+def _limit_duration(points: FloatArray, fps: float) -> FloatArray:
     """The same motion (T, J, 3) in at most 0.8 s."""
     most = round(LONGEST_S * fps)
     if len(points) <= most:
@@ -136,7 +136,7 @@ def _source(span: tuple[int, int], n_frames: int, first: int, stop: int) -> tupl
     return span[0] + int(np.ceil(first * scale - 1e-9)), span[0] + int((stop - 1) * scale + 1e-9) + 1
 
 
-def _filtered(points: FloatArray, fps: float) -> FloatArray:
+def _low_pass(points: FloatArray, fps: float) -> FloatArray:
     b, a = butter(ORDER, CUTOFF_HZ / (0.5 * fps))
     if len(points) <= 3 * max(len(a), len(b)):
         return points
@@ -257,7 +257,7 @@ def word_pairs(
     return [(words[p], words[q]) for p, q in drawn]
 
 
-def compared_methods(bundle: str | Path | None = None) -> dict[str, SpliceOptions]:
+def methods_to_compare(bundle: str | Path | None = None) -> dict[str, SpliceOptions]:
     """Methods to compare, by name.
 
     Classical: each cutter with Hermite, each transition with the default cutter, and Hermite with collision avoidance.

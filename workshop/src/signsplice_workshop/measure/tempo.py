@@ -102,7 +102,7 @@ def _shortest_pass(of: _Measured) -> float | None:
     return min((seconds for sign in of.signs for seconds in sign.passes), default=None)
 
 
-def _kept_contacts(of: _Measured) -> float | None:
+def _contact_fraction(of: _Measured) -> float | None:
     there, seen = np.sum([sign.contacts for sign in of.signs], axis=0).tolist()
     return seen / there if there else None
 
@@ -124,7 +124,7 @@ MEASURES = (
     percent("whole", "strokes whole", 0, _sign("whole", np.mean)),
     percent("repetitions", "turns kept", 0, _sign("repeats", np.mean)),
     Measure("shortest_pass", "shortest pass, s", "{:.2f}", function=_shortest_pass),
-    percent("contacts", "contacts kept", 0, _kept_contacts),
+    percent("contacts", "contacts kept", 0, _contact_fraction),
 )
 """Of a lexicon at a tempo: seconds a sign takes, its transition included, over ``RUNNING_S``; what signs and seams are;
 fraction of the contacts that are seen in two frames or more.
@@ -196,7 +196,7 @@ def compare(
     return [
         row_of(
             MEASURES,
-            _measured(lexicon, SpliceOptions(tempo=tempo, bundle=bundle)),
+            _measure_lexicon(lexicon, SpliceOptions(tempo=tempo, bundle=bundle)),
             words=name,
             tempo=str(tempo),
         )
@@ -204,7 +204,7 @@ def compare(
     ]
 
 
-def _measured(words: Sequence[IsolatedWord], options: SpliceOptions) -> _Measured:
+def _measure_lexicon(words: Sequence[IsolatedWord], options: SpliceOptions) -> _Measured:
     """What became of every word in sentences of a lexicon's words."""
     signs: list[_SignMeasurement] = []
     seams: list[SeamScore] = []

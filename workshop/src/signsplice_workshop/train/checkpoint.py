@@ -42,7 +42,7 @@ def load(
     it is broken or of another training.
     """
     path = folder / NAME
-    state = processes.shared(read(folder) if processes.first and path.exists() else None)
+    state = processes.broadcast_value(read(folder) if processes.first and path.exists() else None)
     if state is None:
         return 0
     if state["recipe"] != recipe:

@@ -23,7 +23,7 @@ from signsplice.rig.info import ROLES
 from signsplice.signer.signer import stream
 from signsplice.splicing import features
 from signsplice.splicing.features import PHASES, CanonicalTrajectory
-from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, opened_signing
+from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, open_signer_file
 
 Int = NDArray[np.int64]
 
@@ -59,7 +59,7 @@ def read_words(path: Path) -> SignerWords:
     """The words of a signer's file, as ``synth.training_data`` writes it."""
     has_role = np.ones(len(ROLES), bool)
     trajectories, phases = [], []
-    with opened_signing(path) as stored:
+    with open_signer_file(path) as stored:
         packed_quats, positions, events, true_cuts = (stored[key] for key in ("turns", "places", "events", "pairs"))
         for (first, n_frames), word_events in zip(stored["words"].tolist(), events.tolist(), strict=True):
             frames = slice(first, first + n_frames)
@@ -148,15 +148,15 @@ class CutDataset:
         words = [word for draw in draws for word in draw.words]
         shape = len(draws), self.n_words
 
-        def padded(arrays: Sequence[NDArray[Any]]) -> Tensor:
+        def pad_arrays(arrays: Sequence[NDArray[Any]]) -> Tensor:
             whole = pad_sequence([torch.from_numpy(array) for array in arrays], batch_first=True)
             return whole.reshape(*shape, *whole.shape[1:])
 
         pair_fields = [f.name for f in fields(CutDraw) if f.name != "words"]
         return CutBatch(
-            tokens=padded([tokens for tokens, _ in words]),
-            mask=padded([np.ones(len(tokens), bool) for tokens, _ in words]),
-            phases=padded([phases for _, phases in words]),
+            tokens=pad_arrays([tokens for tokens, _ in words]),
+            mask=pad_arrays([np.ones(len(tokens), bool) for tokens, _ in words]),
+            phases=pad_arrays([phases for _, phases in words]),
             **{name: torch.from_numpy(np.stack([getattr(draw, name) for draw in draws])) for name in pair_fields},
             step=step,
         )
@@ -170,7 +170,7 @@ class CutDataset:
         lengths = np.array([min(len(trajectory), features.WORD_FRAMES) for trajectory, _ in words])
         pairs = np.ix_(chosen, chosen)
         truth = signer.true_cuts[pairs]
-        pre, post = _shifted_frames(truth, delays, lengths)
+        pre, post = _shift_cuts(truth, delays, lengths)
         tokens = [_tokens(trajectory, phases) for trajectory, phases in words]
         return CutDraw(tokens, pre, post, truth[..., 2] >= 0)
 
@@ -194,7 +194,7 @@ class CutDataset:
             if not self.clean:
                 if rng.random() < SUBFRAME_PROBABILITY:
                     delays[k] = rng.random()
-                    trajectory, phases = _delayed(trajectory, float(delays[k])), phases[: len(phases) - 1]
+                    trajectory, phases = _delay_trajectory(trajectory, float(delays[k])), phases[: len(phases) - 1]
                 if rng.random() < NOISE_PROBABILITY:
                     trajectory = _with_noise(trajectory, float(rng.uniform(*NOISE)), rng)
             words.append((trajectory, phases[: features.WORD_FRAMES]))
@@ -204,7 +204,7 @@ class CutDataset:
         return words, delays
 
 
-def _shifted_frames(cuts: Int, delays: FloatArray, lengths: Int) -> tuple[Int, Int]:
+def _shift_cuts(cuts: Int, delays: FloatArray, lengths: Int) -> tuple[Int, Int]:
     """Frames (W, W) to leave and to enter at, of cuts (W, W, 3), in words that are sampled ``delays`` (W,) later."""
     pre, post = np.rint(cuts[..., 0] - delays[:, None]), np.rint(cuts[..., 1] - delays)
     clipped = np.clip(pre, 0, lengths[:, None] - 1), np.clip(post, 0, lengths - 1)
@@ -217,7 +217,7 @@ def _tokens(trajectory: CanonicalTrajectory, phases: Int) -> tuple[NDArray[np.fl
     return tokens, np.concatenate([phases, phases[-1:]])[: len(tokens)]
 
 
-def _delayed(trajectory: CanonicalTrajectory, delay: float) -> CanonicalTrajectory:
+def _delay_trajectory(trajectory: CanonicalTrajectory, delay: float) -> CanonicalTrajectory:
     """The trajectory sampled ``delay`` frames after each of its frames but the last, 0 to 1."""
     rotations_6d = (1.0 - delay) * trajectory.rotations_6d[:-1] + delay * trajectory.rotations_6d[1:]
     positions = (1.0 - delay) * trajectory.positions[:-1] + delay * trajectory.positions[1:]

@@ -80,7 +80,7 @@ def _quiet() -> Iterator[None]:
                 logger.setLevel(level)
 
 
-def exported(name: str, graph: ExportGraph) -> bytes:
+def export_onnx(name: str, graph: ExportGraph) -> bytes:
     """A graph as ONNX. Raises ``SignspliceError`` if onnxruntime and torch differ."""
     shapes: list[Any] = [dict.fromkeys(graph.free.get(key, ()), _FREE) or None for key in graph.inputs]
     dynamic: tuple[Any, ...] = tuple(shapes)
@@ -171,7 +171,7 @@ def product_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
         # The example is a batch of several gaps, because the exporter would take a size of 1 for a constant.
         inputs = [{"tokens": valid.batch(rows).tokens} for rows in ([0, 1, 2], [3], [4, 5])]
         graphs = {"bridge": ExportGraph(network, inputs[0], ("turns",), {"tokens": (0,)}, tuple(inputs[1:]))}
-    return {f"{name}.onnx": exported(name, graph) for name, graph in graphs.items()}
+    return {f"{name}.onnx": export_onnx(name, graph) for name, graph in graphs.items()}
 
 
 def _cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, ExportGraph]:
@@ -200,7 +200,7 @@ HALF = "_float16"
 """Ending of the name of a weight that is stored in 16 bits."""
 
 
-def halved(content: bytes) -> bytes:
+def cast_weights_to_float16(content: bytes) -> bytes:
     """A graph with its larger weights stored in 16 bits, which it widens to 32 when it is opened. All arithmetic stays
     in 32 bits; a weight loses up to one part in 2,000 of itself.
     """
@@ -240,7 +240,7 @@ def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any] | None = None
         raise InputError(f"{out}: is the bundle itself; name another folder")
     check_bundle_folder(out)
     files = {name: read_file(source, config, name) for name in config.files}
-    small = {name: halved(content) for name, content in files.items()}
+    small = {name: cast_weights_to_float16(content) for name, content in files.items()}
     stored = {k: v for k, v in config.stored.items() if k not in ("version", "files")}
     stored |= {"precision": FLOAT16, "halved": {"bundle": bundle_sha256(source), **(facts or {})}}
     write_bundle(out, stored, small)

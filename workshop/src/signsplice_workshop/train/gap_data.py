@@ -35,7 +35,7 @@ from signsplice.splicing import features as gap_features
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 from signsplice_workshop.corpora.rekeying import with_keys
-from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, opened_signing
+from signsplice_workshop.train.prefetch import draw_from_folders, group_by_folder, open_signer_file
 
 STILL, WANDERING = 0.12, 0.18
 """Fractions of the hidden stretches in which the body stands still, and in which the arms wander."""
@@ -68,7 +68,7 @@ _MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.N_CONTEXT
 """The shortest gap with all the frames that the network sees on either side."""
 
 
-def augmented_take(draw_take: Callable[[], FloatArray], rng: np.random.Generator, idle: bool = True) -> FloatArray:
+def draw_augmented_take(draw_take: Callable[[], FloatArray], rng: np.random.Generator, idle: bool = True) -> FloatArray:
     """One take of ``draw_take`` with a random tempo, lags, another take's left arm; at least ``_MIN_FRAMES`` long.
 
     ``idle``: a fraction of the results shows no signing, but a body that stands still or arms that wander.
@@ -208,7 +208,7 @@ class SignerMotion:
 
 def read_signer(path: Path) -> SignerMotion:
     """The motion of a signer's file, as ``synth.training_data`` writes it."""
-    with opened_signing(path) as stored:
+    with open_signer_file(path) as stored:
         quats = rotation.normalize(stored["turns"].astype(np.float32) / 32767.0)
         sentences, words = (
             tuple(quats[first : first + n_frames] for first, n_frames in stored[key].tolist())
@@ -354,7 +354,7 @@ class GapDataset:
             sentence, start, n_gap = signer.seams[plan.seam]
             quats = signer.sentences[sentence]
         else:
-            quats = augmented_take(lambda: signer.draw_take(rng), rng, self.idle)
+            quats = draw_augmented_take(lambda: signer.draw_take(rng), rng, self.idle)
             n_gap = min(n_gap, len(quats) - 4)
             start = int(rng.integers(2, len(quats) - n_gap - 1))
         low, high = max(0, start - gap_features.N_CONTEXT), min(len(quats), start + n_gap + gap_features.N_CONTEXT)

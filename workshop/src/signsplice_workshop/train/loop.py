@@ -83,7 +83,7 @@ class LoopConfig:
         """The scores of a validation batch by name."""
         return task.judge(batch)
 
-    def validated(self, folder: Path, step: int, task: Task) -> None:
+    def on_validation_end(self, folder: Path, step: int, task: Task) -> None:
         """Keep what is wanted of a validation besides its scores and the checkpoint; nothing by default."""
 
 
@@ -109,7 +109,7 @@ def train(
             f"batches of {size} examples cannot be divided among {processes.count} processes; choose a number of "
             "processes that divides them"
         )
-    if (first := processes.shared(recipe)) != recipe:
+    if (first := processes.broadcast_value(recipe)) != recipe:
         raise InputError(f"process {processes.rank} has other data or options than process 0 ({recipe}, not {first})")
     task.to(processes.device)
     optimiser = loop.optimiser([p for p in task.parameters() if p.requires_grad])
@@ -179,7 +179,7 @@ class _Call:
         self.log.write(step, **scores, cpu_s=self.cpu_s)
         self.report(step, self.loop.steps, scores)
         self.save(step)
-        self.loop.validated(self.folder, step, self.task)
+        self.loop.on_validation_end(self.folder, step, self.task)
 
     def save(self, step: int) -> None:
         checkpoint.save(self.folder, step, self.task, self.optimiser, self.recipe)

@@ -67,7 +67,7 @@ def rotary(x: Tensor, rope: tuple[Tensor, Tensor]) -> Tensor:
     return x * rope[0] + torch.cat([b, a], dim=-1) * rope[1]
 
 
-def standardised(x: Tensor, mean: Tensor, deviation: Tensor) -> Tensor:
+def standardise(x: Tensor, mean: Tensor, deviation: Tensor) -> Tensor:
     """Numbers (..., N) minus their mean, divided by their standard deviation, at most ``MAX_DEVIATIONS``: captures may
     hold values that were never trained on.
     """
@@ -132,7 +132,7 @@ class Bridge(nn.Module):
         """The terms (B, N_TERMS, A, 3) of a polynomial of rotation vectors (``features.answer_basis``), for tokens
         (B, N_SEEN, N_TOKEN).
         """
-        states = self.embedding(standardised(tokens, self.mean, self.deviation))
+        states = self.embedding(standardise(tokens, self.mean, self.deviation))
         rope = rope_angles(states.shape[1], self.config.width // self.config.n_heads, states)
         for layer in self.layers:
             states = layer(states, rope, None)
@@ -196,7 +196,7 @@ class Cutting(nn.Module):
 
         tokens: (B, T, N_WORD), with T even. mask: (B, T), False at padding.
         """
-        numbers = standardised(tokens, self.mean, self.deviation)
+        numbers = standardise(tokens, self.mean, self.deviation)
         n_words, n_frames, width = *numbers.shape[:2], self.config.width
         pairs = self.embedding(numbers.reshape(n_words, n_frames // 2, 2 * N_WORD))  # (B, T / 2, D)
         allowed = None if mask is None else mask[:, None, None, ::2]

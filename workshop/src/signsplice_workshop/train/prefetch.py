@@ -56,16 +56,16 @@ class _BatchWorker:
         try:
             self._connection.send((rows, step))
         except OSError as error:
-            raise self._ended() from error
+            raise self._exit_error() from error
 
     def receive(self) -> Any:
         """The batch that was asked for first of those not received yet; None where making it failed."""
         try:
             return self._connection.recv()
         except (EOFError, OSError) as error:
-            raise self._ended() from error
+            raise self._exit_error() from error
 
-    def _ended(self) -> SignspliceError:
+    def _exit_error(self) -> SignspliceError:
         self._process.join(1.0)
         return SignspliceError(
             f"the process that makes batches has ended (exit code {self._process.exitcode}); call again to continue "
@@ -130,7 +130,7 @@ class _PrefetchedDataset:
 
 
 @contextmanager
-def prefetched(dataset: Dataset, rank: int = 0, count: int = 1) -> Iterator[Dataset]:
+def prefetch_batches(dataset: Dataset, rank: int = 0, count: int = 1) -> Iterator[Dataset]:
     """The same dataset with a process that makes batches in advance, which ends with the block.
 
     ``rank`` of ``count`` processes trains on every ``count``-th row of each batch. Where the system cannot copy a
@@ -150,7 +150,7 @@ T = TypeVar("T")
 
 
 @contextmanager
-def opened_signing(path: Path) -> Iterator[Any]:
+def open_signer_file(path: Path) -> Iterator[Any]:
     """The arrays of a signer's file, by name. Raises ``FormatError`` where the block cannot read them."""
     with format_errors(str(path), "file of signing to train on"), np.load(path) as stored:
         yield stored

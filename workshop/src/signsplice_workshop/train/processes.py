@@ -43,11 +43,11 @@ class Processes:
         """Whether this is the process that validates and writes files."""
         return self.rank == 0
 
-    def decided(self, choice: bool) -> bool:
+    def broadcast_choice(self, choice: bool) -> bool:
         """The first process's choice, in every process: their clocks and files differ."""
-        return self.shared(choice)
+        return self.broadcast_value(choice)
 
-    def shared(self, value: T) -> T:
+    def broadcast_value(self, value: T) -> T:
         """The first process's value, in every process; it is pickled."""
         values = [value]
         if self.count > 1:
@@ -85,7 +85,7 @@ def only_one(folder: Path, processes: Processes) -> Iterator[None]:
     trained at once, the second one finds the part trained. All processes of a call wait for its first one.
     """
     lock = FileLock(folder / ".lock")
-    while not processes.decided(processes.first and _acquired(lock)):
+    while not processes.broadcast_choice(processes.first and _try_acquire(lock)):
         continue
     try:
         yield
@@ -93,7 +93,7 @@ def only_one(folder: Path, processes: Processes) -> Iterator[None]:
         lock.release()
 
 
-def _acquired(lock: FileLock) -> bool:
+def _try_acquire(lock: FileLock) -> bool:
     try:
         lock.acquire(timeout=_LOCK_S)
     except Timeout:
@@ -102,7 +102,7 @@ def _acquired(lock: FileLock) -> bool:
 
 
 @contextmanager
-def joined(device: str = "auto") -> Iterator[Processes]:
+def join_process_group(device: str = "auto") -> Iterator[Processes]:
     """The processes that `torchrun` started, or this one alone; gradients meet by nccl on GPUs, else by gloo.
 
     Raises ``InputError`` where a machine has fewer GPUs than processes, and ``SignspliceError`` where another process

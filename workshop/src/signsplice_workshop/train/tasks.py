@@ -97,10 +97,10 @@ class BridgeTask(Task):
 
     def forward(self, batch: GapBatch) -> Tensor:
         """The loss () of a batch: mean over its gaps."""
-        position_errors, rotation_errors = self.errors(batch, self.filled(batch))
+        position_errors, rotation_errors = self.errors(batch, self.predict_transitions(batch))
         return 10.0 * position_errors.mean() + ROTATION_WEIGHT * rotation_errors.mean()
 
-    def filled(self, batch: GapBatch) -> Tensor:
+    def predict_transitions(self, batch: GapBatch) -> Tensor:
         """The network's transitions, quaternions (B, T, R, 4)."""
         terms = self.network(batch.tokens).float()  # (B, N_TERMS, A, 3)
         rotvecs = torch.einsum("btk,bkac->btac", batch.basis, terms) * batch.weights[:, None, :, None]
@@ -124,7 +124,7 @@ class BridgeTask(Task):
         """Mean position error, arm length / 1000, of the network (``_error``) and of the classical transition
         (``_base``), for true transitions (``seam``) and for other hidden stretches (``stretch``).
         """
-        errors, base_errors = self.errors(batch, self.filled(batch))[0], self.errors(batch, batch.base)[0]
+        errors, base_errors = self.errors(batch, self.predict_transitions(batch))[0], self.errors(batch, batch.base)[0]
         scores = {}
         for name, rows in (("seam", batch.seam), ("stretch", ~batch.seam)):
             if rows.any():

@@ -31,7 +31,7 @@ from signsplice_workshop.train.export import check_bundle_folder, product_graphs
 from signsplice_workshop.train.gap_data import GapDataset
 from signsplice_workshop.train.loop import LoopConfig, ProgressCallback, train
 from signsplice_workshop.train.networks import Bridge, BridgeConfig, Cutting, CuttingConfig
-from signsplice_workshop.train.prefetch import Dataset, group_by_folder, opened_signing, prefetched
+from signsplice_workshop.train.prefetch import Dataset, group_by_folder, open_signer_file, prefetch_batches
 from signsplice_workshop.train.processes import Processes, only_one
 from signsplice_workshop.train.tasks import BridgeTask, CuttingTask, Task
 from signsplice_workshop.train.warm_start import WarmStart
@@ -166,7 +166,7 @@ def make(
     ]
     recipe = _recipe(training, data_hashes, earlier)
     folder = out.parent / "parts" / f"{training.network}-{training.scale}-seed{training.seed}-{recipe}"
-    trained_on = _trained_on(train_paths, earlier)
+    trained_on = _find_training_corpus(train_paths, earlier)
     made_of = _provenance(training, signing, hashes, processes, earlier)
     folder.mkdir(parents=True, exist_ok=True)
     if processes.first:
@@ -174,8 +174,8 @@ def make(
         if trained_on is not None:
             records.write_json(folder / warm_start.CORPUS_FILE, trained_on)
     check_bundle_folder(out)
-    warm_start.stored_networks(out)  # raises now what it would after the training
-    task, valid = _trained(training, train_paths, held_back, earlier, folder, recipe, processes, report_progress)
+    warm_start.load_network_entries(out)  # raises now what it would after the training
+    task, valid = _train_network(training, train_paths, held_back, earlier, folder, recipe, processes, report_progress)
     if processes.first:
         for name, content in product_graphs(task, valid).items():
             atomic.write(folder / name, content)
@@ -196,7 +196,7 @@ def make(
         assemble(out, {training.network: folder})
 
 
-def _trained(
+def _train_network(
     training: ProductTraining,
     train_paths: Sequence[Path],
     held_back: Sequence[Path],
@@ -219,7 +219,7 @@ def _trained(
     )  # fmt: skip
     with (
         only_one(folder, processes),
-        prefetched(data, processes.rank, processes.count) as batches,
+        prefetch_batches(data, processes.rank, processes.count) as batches,
     ):
         train(task, loop, batches, valid, folder, recipe, processes, report_progress)
     return task, valid
@@ -227,7 +227,7 @@ def _trained(
 
 def assemble(out: Path, folders: dict[str, Path]) -> None:
     """Put the networks in ``folders``, by name, into a bundle; its other networks stay."""
-    networks = warm_start.stored_networks(out)
+    networks = warm_start.load_network_entries(out)
     sources = {name: folders.get(name, out) for name in (*networks, *folders)}
     networks |= {name: json.loads((folder / "facts.json").read_text()) for name, folder in folders.items()}
     files = {file: (folder / file).read_bytes() for name, folder in sources.items() for file in FILES[name]}
@@ -319,13 +319,13 @@ def _last_scores(folder: Path) -> dict[str, float]:
     return {k: v for k, v in judged[-1].items() if k != "step"} if judged else {}
 
 
-def _trained_on(paths: Sequence[Path], earlier: WarmStart | None) -> dict[str, str] | None:
+def _find_training_corpus(paths: Sequence[Path], earlier: WarmStart | None) -> dict[str, str] | None:
     """The corpus of pairs and its split that signers' files, or the training to start from, come from; None where
     none does. Raises ``InputError`` for two, because only what was not trained on can be used for testing.
     """
     found = set() if earlier is None or earlier.trained_on is None else {tuple(earlier.trained_on.values())}
     for path in paths:
-        with opened_signing(path) as stored:
+        with open_signer_file(path) as stored:
             if "corpus" in stored:
                 found.add((str(stored["corpus"]), str(stored["split"])))
     if len(found) > 1:

@@ -35,7 +35,7 @@ from signsplice_workshop.train.export import check_bundle_folder, product_graphs
 from signsplice_workshop.train.gap_data import GapDataset, SignerMotion, signer_motion
 from signsplice_workshop.train.loop import LoopConfig, ProgressCallback, train
 from signsplice_workshop.train.networks import Bridge, BridgeConfig
-from signsplice_workshop.train.prefetch import prefetched
+from signsplice_workshop.train.prefetch import prefetch_batches
 from signsplice_workshop.train.processes import Processes, only_one
 from signsplice_workshop.train.tasks import BridgeTask
 from signsplice_workshop.train.training import FILES
@@ -116,7 +116,7 @@ def make(
         tuning.steps, tuning.batch, tuning.rate, tuning.seed, max(1, tuning.steps // 5), 128,
         bf16=processes.device.type == "cuda",
     )  # fmt: skip
-    with only_one(folder, processes), prefetched(data) as batches:
+    with only_one(folder, processes), prefetch_batches(data) as batches:
         train(task, loop, batches, valid, folder, recipe, processes, report_progress)
     tuned = settings | {
         "words": len(clips),

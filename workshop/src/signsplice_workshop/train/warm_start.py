@@ -86,7 +86,7 @@ def _read_json(path: Path) -> dict[str, Any] | None:
     return dict(read_json(path, "what a training was made of")) if path.exists() else None
 
 
-def stored_networks(out: Path) -> dict[str, Any]:
+def load_network_entries(out: Path) -> dict[str, Any]:
     """What a bundle says of its networks; nothing where there is none. Raises ``InputError`` where it is broken."""
     head = out / BUNDLE_FILE
     with format_errors(str(head), "description of a trained system"):

@@ -62,7 +62,7 @@ def _linear(n_in: int, n_out: int) -> nn.Linear:
     return layer
 
 
-def _scaled_inputs(layer: nn.Linear, numbers: Tensor) -> Tensor:
+def _embed_inputs(layer: nn.Linear, numbers: Tensor) -> Tensor:
     """Inputs (B, S, D) from the numbers of frames (B, S, K), scaled to ``_INPUT_DEVIATION``."""
     inputs: Tensor = layer(numbers) * _INPUT_DEVIATION
     return inputs
@@ -116,7 +116,7 @@ class ConvS2S(Generator):
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
         """Memory: mask (B, S), keys and values (B, S, D). State: the last two inputs (B, 2, D) of every layer."""
         real = mask[..., None].to(x.dtype)
-        embedded = _scaled_inputs(self.embedding, with_deltas(self.normaliser(x), n_before))
+        embedded = _embed_inputs(self.embedding, with_deltas(self.normaliser(x), n_before))
         inputs = self._with_positions(embedded, 0) * real
         states = inputs
         for layer in self.encoder:
@@ -125,7 +125,7 @@ class ConvS2S(Generator):
             states.register_hook(self._share_of_gradient)  # type: ignore[no-untyped-call]
         padding = x.new_zeros(x.shape[0], _KERNEL - 1, self.config.width)
         memory, start = (mask, states, (states + inputs) * _SQRT_HALF), (padding,) * len(self.decoder)
-        again, _ = self._decoded(inputs, memory, start)
+        again, _ = self._run_decoder(inputs, memory, start)
         return Encoded(admissible(self.token(again), n_before), memory, start)
 
     def _share_of_gradient(self, gradient: Tensor) -> Tensor:
@@ -136,12 +136,12 @@ class ConvS2S(Generator):
     ) -> tuple[Tensor, Tensor, State]:
         """Frames, logits of the last frame, and the last two inputs of every layer."""
         shown = (kinds == FRAME)[..., None].to(fed.dtype)
-        embedded = self.kind(kinds) + shown * _scaled_inputs(self.fed, self.normaliser(fed))
+        embedded = self.kind(kinds) + shown * _embed_inputs(self.fed, self.normaliser(fed))
         target = self._with_positions(embedded, start)
-        x, after = self._decoded(target, memory, state)
+        x, after = self._run_decoder(target, memory, state)
         return self.normaliser.inverse(self.frame(x)), self.last(x)[..., 0], after
 
-    def _decoded(self, target: Tensor, memory: State, state: State) -> tuple[Tensor, State]:
+    def _run_decoder(self, target: Tensor, memory: State, state: State) -> tuple[Tensor, State]:
         """States (B, T, D) of inputs (B, T, D), and the last two inputs of every layer."""
         mask, keys, values = memory
         x, after = target, []

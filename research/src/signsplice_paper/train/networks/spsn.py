@@ -51,7 +51,7 @@ def score(decoded: Tensor, encoded: Tensor) -> Tensor:
     return squares - 2.0 * decoded @ encoded.transpose(1, 2) / decoded.shape[-1]
 
 
-def printed_weights(scores: Tensor, mask: Tensor | None = None) -> Tensor:
+def paper_attention_weights(scores: Tensor, mask: Tensor | None = None) -> Tensor:
     """Weights a = 1 - softmax(score) (B, T, S), as printed (eq. 7, 8); 0 at padding."""
     if mask is None:
         return 1.0 - scores.softmax(-1)
@@ -116,5 +116,5 @@ class Spsn(nn.Module):
         """H~ (B, T, D) = tanh(W_c [C_t, H_t]) with C_t = a_t H (eq. 9); the decoder's states without attention."""
         if not self.config.attention:
             return decoded
-        weights = printed_weights(score(decoded, encoded), mask)
+        weights = paper_attention_weights(score(decoded, encoded), mask)
         return torch.tanh(self.combine(torch.cat([weights @ encoded, decoded], dim=-1)))
