@@ -1,12 +1,11 @@
 """signsplice: joins mocap clips of sign-language words into fluent sentences.
 
-The names below are all that most users need; each is imported when first used, so that ``import signsplice`` costs
-nothing.
+Most users need only the names below. Each is imported on first use, so that ``import signsplice`` is cheap.
 """
 
 from signsplice.hooks import html_renderers
 
-TYPE_CHECKING = False  # typing's own costs an import, in which an interrupt would show a traceback
+TYPE_CHECKING = False  # typing.TYPE_CHECKING needs an import, in which an interrupt would show a traceback
 if TYPE_CHECKING:
     from signsplice.body.retarget import retarget
     from signsplice.errors import FormatError, InputError, RigMismatchError, SignspliceError

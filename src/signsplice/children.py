@@ -1,4 +1,4 @@
-"""Processes that end with the process that started them, also where that one is killed."""
+"""Child processes that end with their parent, even if it is killed."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from typing import TypeVar
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Environment of workers: how a product is cut among threads decides its last bits."""
+"""Environment of workers: the number of threads changes the last bits of matrix products."""
 
 
 def end_with_parent() -> None:
-    """Let this process, a child made by ``multiprocessing``, end as soon as its parent has ended."""
+    """End this process, a ``multiprocessing`` child, as soon as its parent ends."""
     parent = parent_process()
     if parent is not None:
         threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
@@ -33,13 +33,13 @@ def _end_after(parent: BaseProcess) -> None:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
 def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that start anew, on one thread each, end with this one, and leave Ctrl-C to it."""
+    """Yield a pool of spawned, single-threaded processes that end with this one and ignore Ctrl-C."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin)
@@ -48,7 +48,7 @@ def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
     except BaseException:
         for process in list((pool._processes or {}).values()):  # 3.14 has ProcessPoolExecutor.kill_workers
             process.kill()
-        # else its reader waits for the rest of a result that was being written
+        # otherwise its reader waits for the rest of a partly written result
         pool._result_queue._writer.close()  # type: ignore[attr-defined]
         raise
     finally:
@@ -61,10 +61,9 @@ def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def in_order(function: Callable[[Item], Result], items: Iterable[Item], workers: int) -> Iterator[Result]:
-    """What a function gives for each item, in their order, by so many processes; few are ahead of what is taken.
+    """Yield the function's result for each item, in order, computed by ``workers`` processes a few items ahead.
 
-    With one worker no process is started. Raises what the function raises, and ``BrokenProcessPool`` where a process
-    ends.
+    One worker starts no process. Raises what the function raises, and ``BrokenProcessPool`` if a process ends.
     """
     if workers == 1:
         yield from map(function, items)
@@ -85,8 +84,8 @@ def _begin() -> None:
 
 
 def parent_death_hook() -> Callable[[], None] | None:
-    """What ``subprocess.Popen`` calls as ``preexec_fn`` so that the system kills the child when the calling thread has
-    ended; None where the system cannot (only Linux can).
+    """Return a ``preexec_fn`` for ``subprocess.Popen`` with which the system kills the child when the calling thread
+    ends; None on systems other than Linux.
     """
     if sys.platform != "linux":
         return None
@@ -97,7 +96,7 @@ def parent_death_hook() -> Callable[[], None] | None:
 
     def bind() -> None:
         control(set_signal, signal.SIGKILL)
-        if os.getppid() != parent:  # it has ended before the call
+        if os.getppid() != parent:  # the parent ended before the call
             os._exit(1)
 
     return bind

@@ -1,4 +1,4 @@
-"""The demo: words that ship, spliced into a sentence, with pictures and a report."""
+"""The demo: splices shipped words into a sentence, with pictures and a report."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice
 
 SENTENCE = ("HELLO", "I", "DEAF", "I", "SIGN", "THANK-YOU")
-"""The words that the demo splices, chosen for their different locations and handshapes; no grammatical sentence."""
+"""Words that the demo splices, chosen for their different locations and handshapes; not a grammatical sentence."""
 _FILES = ("sentence.bvh", "sentence.gif", "sentence.png", "report.json", "avatar.glb")
 _SYSTEM = "lptransformer"
-"""The system of the paper that splices the same words, for comparison."""
+"""System of the paper that splices the same words for comparison."""
 _ARM = 0.85
-"""How long the bones of the avatar's arms are, as a part of the signer's."""
+"""Ratio of the avatar's arm length to the signer's."""
 
 
 def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[str]:
     """Write words, the sentence, its report, a contact sheet, a film, an avatar, and the same words spliced by
-    LpTransformer into the folder ``out``; returns lines that describe them.
+    LpTransformer into the folder ``out``. Returns lines that describe them.
     """
     try:
         (out / "words").mkdir(parents=True, exist_ok=True)
@@ -61,18 +61,18 @@ def run(out: Path, progress: Callable[[int, int], None] | None = None) -> list[s
 
 
 def _avatar(signer: Clip) -> Clip:
-    """One frame of the signer with shorter arms: written as a GLB, an avatar with the figure as its mesh."""
+    """Return one frame of the signer with shorter arms; written as a GLB, it is an avatar with the figure as mesh."""
     offsets = signer.skeleton.offsets.copy()  # (J, 3)
     for joint, name in enumerate(signer.skeleton.names):
         if name.endswith(("Arm", "ForeArm", "Hand")):
             offsets[joint] *= _ARM
     skeleton = replace(signer.skeleton, offsets=offsets)
-    at_rest = Face(ARKIT_CHANNELS, np.full((1, len(ARKIT_CHANNELS)), 1e-6))  # what is 0 throughout gets no target
+    at_rest = Face(ARKIT_CHANNELS, np.full((1, len(ARKIT_CHANNELS)), 1e-6))  # a channel of zeros gets no morph target
     return replace(signer[:1], skeleton=skeleton, channels=None, name="avatar", face=at_rest)
 
 
 def seam_table(result: SpliceResult) -> list[str]:
-    """Lines of a table of the seams."""
+    """Return a table of the seams as lines."""
     lines = [
         f"cutter {result.cutter}, transition {result.transition}",
         f"{'seam':24} {'leave':>5} {'enter':>5} {'new':>4} {'s':>6} {'jump m/s':>9} {'peak m/s':>9} {'jerk':>5}",

@@ -1,4 +1,4 @@
-"""Exceptions. Every message is one line: where, what was given, what was expected, what to do."""
+"""Exceptions. Every message is one line: location, actual value, expected value, remedy."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ class SignspliceError(Exception):
 
 
 class InputError(SignspliceError):
-    """A wrong input or call; nothing was written. The command line exits with status 2."""
+    """The input or call is invalid; nothing was written. The command line exits with status 2."""
 
 
 class FormatError(InputError):
-    """A file that does not follow its format.
+    """A file does not follow its format.
 
-    what: what was found and what was expected.
+    what: the actual and the expected content.
     file: path; empty for text that is not from a file.
     line: line number; None for a format without lines.
 
@@ -24,25 +24,25 @@ class FormatError(InputError):
     """
 
     def __init__(self, what: str, *, file: str = "", line: int | None = None) -> None:
-        what = " ".join(what.splitlines())  # it may quote what the file holds
+        what = " ".join(what.splitlines())  # it may quote the file's content
         self.file, self.line, self.what = file, line, what
         where = f"{file or '<text>'}:{line}: " if line is not None else f"{file}: " if file else ""
         super().__init__(where + what)
 
 
 class LimitError(FormatError):
-    """A file that asks for more than ``formats.limits`` allows. The limits can be lifted for files that are trusted."""
+    """A file exceeds ``formats.limits``, which can be lifted for trusted files."""
 
 
 class RigMismatchError(InputError):
-    """Two skeletons with too few body parts in common to retarget motion from one to the other."""
+    """Two skeletons share too few body parts to retarget motion between them."""
 
 
 class UnknownGlossError(InputError):
-    """Glosses that a lexicon does not have.
+    """A lexicon lacks some glosses.
 
-    unknown: each of them -> the glosses nearest to it, none where nothing is near.
-    where: the lexicon.
+    unknown: missing gloss -> the nearest glosses; empty if none is similar enough.
+    where: name of the lexicon.
     """
 
     def __init__(self, unknown: Mapping[str, Sequence[str]], where: str) -> None:
@@ -59,4 +59,4 @@ class UnknownGlossError(InputError):
 
 
 class MissingExtraError(SignspliceError):
-    """A package is missing that an extra installs; the message names the extra."""
+    """A package of an extra is not installed; the message names the extra."""

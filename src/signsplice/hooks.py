@@ -1,9 +1,9 @@
-"""What higher rooms plug into lower ones when the package is imported; free of imports, as the public face needs it."""
+"""Hooks that higher packages register in lower ones; without imports, since ``signsplice/__init__.py`` uses them."""
 
-TYPE_CHECKING = False  # typing's own costs an import
+TYPE_CHECKING = False  # typing.TYPE_CHECKING needs an import
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
 html_renderers: "list[Callable[[Any], str]]" = []
-"""What shows a clip as HTML; the last one is used."""
+"""Functions that render a clip as HTML; the last one is used."""

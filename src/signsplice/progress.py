@@ -1,4 +1,4 @@
-"""How far long work is, told to whoever asked for it."""
+"""Progress callbacks for long work."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import TypeVar
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
-"""Called with how many are done, and of how many."""
+"""Called with the number of finished items and the total."""
 
 
 def track_progress(items: Collection[T], progress: Progress | None) -> Iterator[T]:
-    """The items in order, with a call of ``progress`` after each is done."""
+    """Yield the items in order and call ``progress`` after each."""
     for done, item in enumerate(items, 1):
         yield item
         if progress is not None:

@@ -1,1 +1,1 @@
-"""How fast every part is, the service under load, and sentences in bulk."""
+"""Benchmarks: speed of every part, the service under load, and sentences in bulk."""

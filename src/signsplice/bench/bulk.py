@@ -1,4 +1,4 @@
-"""What sentences in bulk cost: time a core, growth with workers, memory, bytes; and the core-hours that follow."""
+"""Cost of sentences in bulk: time per core, scaling with workers, memory, bytes; and the resulting core-hours."""
 
 from __future__ import annotations
 
@@ -25,20 +25,24 @@ from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.engine import splice
 from signsplice.splicing.options import open_learned
 
-N_PAIRS, N_SENTENCES, WORDS = 6707 * 6706, 1_000_000, 10
-"""What the core-hours are for: all ordered pairs of the paper's dictionary; ten-word sentences."""
+N_PAIRS = 6707 * 6706
+"""Ordered pairs of the paper's dictionary, for which core-hours are computed."""
+N_SENTENCES = 1_000_000
+"""Sentences for which core-hours are computed."""
+WORDS = 10
+"""Words of a sentence."""
 _BLOCK = 64
 _STAGES = 10
 Advance = Callable[[str], None]
 
 
 def measure(lexicon: str, count: int, n_memory: int, advance: Advance, seed: int = 0) -> dict[str, Any]:
-    """All figures, JSON-ready, each with how it was taken; times are processor time unless they say wall.
+    """Return all figures and their conditions, JSON-ready; times are processor time unless named wall.
 
-    count: sentences of each timing. n_memory: ten-word sentences over which memory is watched. advance: is told what
-    is measured next.
+    count: sentences of each timing. n_memory: ten-word sentences of the memory measurement. advance: called with the
+    name of the next measurement.
     """
-    found: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "processor": processor(),
         "cores": os.cpu_count(),
         "load": [round(load, 2) for load in os.getloadavg()] if hasattr(os, "getloadavg") else None,
@@ -48,22 +52,22 @@ def measure(lexicon: str, count: int, n_memory: int, advance: Advance, seed: int
         "seed": seed,
     }
     with open_lexicon(lexicon) as words:
-        found["words"] = len(drawing.signs(words))
+        figures["words"] = len(drawing.signs(words))
         advance("seams, alone and together")
-        found["seams"] = seams(words, count, seed)
+        figures["seams"] = seams(words, count, seed)
         for name, batches, rows in _kinds(words, count, seed):
             advance(name)
-            CACHE.clear()  # the time includes that of reading words and opening networks
-            found[name] = shards(lexicon, batches, rows)
+            CACHE.clear()  # the time includes reading words and opening networks
+            figures[name] = shards(lexicon, batches, rows)
         advance("memory")
-        found["memory"] = memory(words, n_memory, seed)
+        figures["memory"] = memory(words, n_memory, seed)
         advance("workers")
-        found["workers"] = growth(lexicon, words, count, seed, None)
+        figures["workers"] = growth(lexicon, words, count, seed, None)
         with suppress(MissingExtraError):
             advance("workers of Ray")
-            found["ray"] = growth(lexicon, words, count, seed, "local")
-    found["core_hours"] = core_hours(found)
-    return found
+            figures["ray"] = growth(lexicon, words, count, seed, "local")
+    figures["core_hours"] = core_hours(figures)
+    return figures
 
 
 def _kinds(words: Lexicon, count: int, seed: int) -> Iterator[tuple[str, list[pa.RecordBatch], int]]:
@@ -74,11 +78,11 @@ def _kinds(words: Lexicon, count: int, seed: int) -> Iterator[tuple[str, list[pa
 
 
 def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
-    """Ms a seam of ``count`` pairs and of as many ten-word sentences, each alone and many together, in turns: of words
-    that the networks have not read, and of words that they have.
+    """Measure processor time per seam, ms, of ``count`` pairs and of as many ten-word sentences, alternately one by one
+    and in blocks; of words whose network features are not cached, and of words whose features are.
     """
     maker, glosses = SentenceMaker(words), drawing.signs(words)
-    found: dict[str, Any] = {"block": _BLOCK}
+    figures: dict[str, Any] = {"block": _BLOCK}
     for name, batches in (
         ("pairs", drawing.pairs(glosses, count, seed)),
         ("sentences", drawing.random_recipes(glosses, count, (WORDS, WORDS), seed)),
@@ -93,45 +97,45 @@ def seams(words: Lexicon, count: int, seed: int) -> dict[str, Any]:
                     splice(clips)
             with _add_cpu_time(times, "read_together"):
                 splice_many(block)
-            apart = [[replace(clip) for clip in clips] for clips in block]  # a word is known by its object
+            sentence_copies = [[replace(clip) for clip in clips] for clips in block]  # words are cached by object
             with _add_cpu_time(times, "new_alone"):
-                for clips in apart:
+                for clips in sentence_copies:
                     splice(clips)
             copies = {id(clip): replace(clip) for clips in block for clip in clips}
             with _add_cpu_time(times, "new_together"):
                 splice_many([[copies[id(clip)] for clip in clips] for clips in block])
         n_seams = sum(len(clips) - 1 for clips in sentences)
-        found[name] = {way: 1e3 * seconds / n_seams for way, seconds in times.items()}
-    return found
+        figures[name] = {case: 1e3 * seconds / n_seams for case, seconds in times.items()}
+    return figures
 
 
 @contextmanager
 def _add_cpu_time(times: dict[str, float], name: str) -> Iterator[None]:
-    """Adds the processor time of a block to ``times[name]``, seconds."""
+    """Add the processor time of a block to ``times[name]``, seconds."""
     began = time.process_time()
     yield
     times[name] += time.process_time() - began
 
 
 def shards(lexicon: str, batches: list[pa.RecordBatch], n_rows: int) -> dict[str, Any]:
-    """Ms of processor time and bytes a row of one shard of these recipes, reading words and writing files included;
-    with clips, and with recipes and hashes alone.
+    """Measure processor time, ms, and bytes per row of one shard of these recipes, including reading words and writing
+    files; with clips, and with recipes and hashes alone.
     """
-    found: dict[str, Any] = {"rows": n_rows}
+    figures: dict[str, Any] = {"rows": n_rows}
     for store in ("frames", "recipes"):
         with tempfile.TemporaryDirectory() as folder:
-            out = Path(folder) / "out"
-            prepare(out, BulkOptions(lexicon, store=store, shard_size=n_rows), lambda: batches)
-            (out / INDEX).mkdir()
-            made = make_shard(str(out), 0, 1 << 20)
-        found[f"{store}_ms"] = 1e3 * made.cpu_s / n_rows
-        found[f"{store}_bytes"] = made.n_bytes / n_rows
-        found["seams"], found["frames"] = made.n_seams / n_rows, made.n_frames / n_rows
-    return found
+            job_folder = Path(folder) / "out"
+            prepare(job_folder, BulkOptions(lexicon, store=store, shard_size=n_rows), lambda: batches)
+            (job_folder / INDEX).mkdir()
+            result = make_shard(str(job_folder), 0, 1 << 20)
+        figures[f"{store}_ms"] = 1e3 * result.cpu_s / n_rows
+        figures[f"{store}_bytes"] = result.n_bytes / n_rows
+        figures["seams"], figures["frames"] = result.n_seams / n_rows, result.n_frames / n_rows
+    return figures
 
 
 def memory(words: Lexicon, count: int, seed: int) -> list[dict[str, float]]:
-    """Resident memory, MB, of this process while it makes ``count`` ten-word sentences, in ten stages."""
+    """Measure resident memory, MB, of this process while it makes ``count`` ten-word sentences, in ten stages."""
     maker = SentenceMaker(words)
     done = 0
     stages: list[dict[str, float]] = []
@@ -146,7 +150,7 @@ def memory(words: Lexicon, count: int, seed: int) -> list[dict[str, float]]:
 
 
 def resident_mb() -> float:
-    """Resident memory of this process, MB; 0.0 where the system does not say."""
+    """Return the resident memory of this process, MB; 0.0 if unknown."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     except OSError:
@@ -154,8 +158,8 @@ def resident_mb() -> float:
 
 
 def growth(lexicon: str, words: Lexicon, count: int, seed: int, ray: str | None) -> list[dict[str, float]]:
-    """Wall and sentences a second of ``count`` ten-word sentences by 1 and by 2 workers, twice each in turns, from the
-    first finished shard to the last, so that the start of processes and the first words are not in it.
+    """Measure sentences per second of wall time with 1 and with 2 workers, twice each, alternately, for ``count``
+    ten-word sentences; from the first finished shards to the last, to exclude the start of processes.
     """
     glosses = drawing.signs(words)
     n_rows = max(count, 40)
@@ -163,14 +167,14 @@ def growth(lexicon: str, words: Lexicon, count: int, seed: int, ray: str | None)
     best: dict[int, float] = {}
     for workers in (1, 2, 2, 1):
         with tempfile.TemporaryDirectory() as folder:
-            out = Path(folder) / "out"
+            job_folder = Path(folder) / "out"
             options = BulkOptions(lexicon, shard_size=max(n_rows // 40, 1))
             times: list[tuple[float, int]] = []
 
             def note(state: Progress, times: list[tuple[float, int]] = times) -> None:
                 times.append((time.perf_counter(), state.n_done))
 
-            run(out, options, lambda: batches, workers, ray, advance=note)
+            run(job_folder, options, lambda: batches, workers, ray, advance=note)
             settled = times[1 + workers :]
             rate = (settled[-1][1] - settled[0][1]) / (settled[-1][0] - settled[0][0])
             best[workers] = max(best.get(workers, 0.0), rate)
@@ -178,7 +182,7 @@ def growth(lexicon: str, words: Lexicon, count: int, seed: int, ray: str | None)
 
 
 def core_hours(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Core-hours and bytes of all pairs of the paper's dictionary and of a million ten-word sentences."""
+    """Compute core-hours and bytes of all pairs of the paper's dictionary and of a million ten-word sentences."""
     rows = {"pairs": N_PAIRS, "sentences": N_SENTENCES}
     hours: dict[str, Any] = {}
     for name, n in rows.items():
@@ -192,10 +196,10 @@ def core_hours(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def page(found: Mapping[str, Any]) -> str:
-    """The figures as tables in Markdown, with the arithmetic."""
+    """Format the figures as tables in Markdown, with the arithmetic."""
     seam, hours = found["seams"], found["core_hours"]
     frames, hashes = hours["sentences_frames"], hours["sentences_recipes"]
-    made = found.get("made_with", {"commit": "not recorded", "words": "not recorded"})
+    made_with = found.get("made_with", {"commit": "not recorded", "words": "not recorded"})
     lines = [
         f"- {frames['rows']:,} ten-word sentences take {frames['hours']:.1f} core-hours with clips, "
         f"{hashes['hours']:.1f} as recipes and hashes.",
@@ -203,15 +207,17 @@ def page(found: Mapping[str, Any]) -> str:
         f"are new, {seam['sentences']['read_together']:.2f} ms where they are known.",
         "",
         f"Processor: {found['processor']}, {found['cores']} cores, load {found['load']} when it began; "
-        f"{found['words']} signs (sha256 {made['words'][:12]}); networks {str(found['bundle'])[:12]}; commit "
-        f"{made['commit']}. Written by `signsplice bench bulk`.",
+        f"{found['words']} signs (sha256 {made_with['words'][:12]}); networks {str(found['bundle'])[:12]}; commit "
+        f"{made_with['commit']}. Written by `signsplice bench bulk`.",
     ]
-    ways = {"new": "not read before", "read": "read before"}
-    kinds = [(name, way) for name in ("pairs", "sentences") for way in ways]
-    times = [(f"{name}, words {ways[way]}", *(seam[name][f"{way}_{how}"] for how in ("alone", "together")))
-             for name, way in kinds]  # fmt: skip
+    states = {"new": "not read before", "read": "read before"}
+    kinds = [(name, state) for name in ("pairs", "sentences") for state in states]
+    times = [(f"{name}, words {states[state]}", *(seam[name][f"{state}_{how}"] for how in ("alone", "together")))
+             for name, state in kinds]  # fmt: skip
     head = "ms of processor time a seam", "each alone", f"{seam['block']} together", "together / alone"
-    lines += _table(head, [(name, f"{one:.2f}", f"{many:.2f}", f"{many / one:.2f}") for name, one, many in times])
+    lines += _table(
+        head, [(name, f"{alone:.2f}", f"{together:.2f}", f"{together / alone:.2f}") for name, alone, together in times]
+    )
     rows: list[Sequence[str]] = []
     for name, row in hours.items():
         kind, store = name.split("_")
@@ -228,5 +234,5 @@ def page(found: Mapping[str, Any]) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A table in Markdown below an empty line."""
+    """Format a table in Markdown below an empty line."""
     return ["", *(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))]

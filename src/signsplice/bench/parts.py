@@ -1,7 +1,7 @@
-"""The speed of every part beside its baselines, and of the networks that ship: seams, sentences and streams.
+"""Speed of every part and of its baselines, and of the shipped networks: seams, sentences and streams.
 
-Machines differ and share their cores, so what counts are medians over repeats and the ratios of two calls that
-alternate. The skeleton has 53 joints; the motions are made here, so that the benchmark needs no file.
+Machines differ and share their cores, so the figures are medians over repeats and ratios of alternating calls. The
+skeleton has 53 joints; the motions are made here, so that the benchmark needs no file.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from signsplice.splicing.options import choose
 
 
 def milliseconds(run: Callable[[], object]) -> float:
-    """Wall-clock time of one call, ms."""
+    """Measure the wall-clock time of one call, ms."""
     start = time.perf_counter()
     run()
     return 1e3 * (time.perf_counter() - start)
 
 
 def median_milliseconds(repeats: int, *runs: Callable[[], object]) -> list[float]:
-    """Median time of each call, ms. The calls alternate, so that a change of the machine's speed affects all alike."""
+    """Measure the median time of each call, ms. The calls alternate, so that changes of speed affect all alike."""
     for run in runs:
         run()
     times = [[milliseconds(run) for run in runs] for _ in range(repeats)]
@@ -51,7 +51,7 @@ def median_milliseconds(repeats: int, *runs: Callable[[], object]) -> list[float
 
 
 def forget(clips: Iterable[Clip], reader: WordReader | None = None) -> None:
-    """Clear what is cached of clips, so that the next call computes it again."""
+    """Clear cached features of clips, so that the next call computes them again."""
     for clip in clips:
         clip.derived.clear()
         if reader is not None:
@@ -59,14 +59,14 @@ def forget(clips: Iterable[Clip], reader: WordReader | None = None) -> None:
 
 
 N_STREAM = 1000
-"""Words of a long stream; fewer with few repeats."""
+"""Maximum number of words of a long stream; fewer with few repeats."""
 N_WARM_UP = 20
-"""Seams before the first that is timed."""
+"""Number of seams before the first timed one."""
 
 
 def seams(repeats: int) -> dict[str, Any]:
-    """Times of whole seams (features, cut, duration, transition, collision avoidance, join, scores), of the part that
-    the networks take, and of a sentence of ten words; a different pair of the words that ship each time.
+    """Measure the time of whole seams (features, cut, duration, transition, collision avoidance, join, scores), of the
+    networks in them, and of a ten-word sentence; each with other shipped words.
     """
     cutter = choose().cutter
     if not isinstance(cutter, LearnedCutter):
@@ -75,7 +75,7 @@ def seams(repeats: int) -> dict[str, Any]:
     with open_shipped_lexicon() as words:
         clips = [words.clip(gloss) for gloss in words]
     rng = np.random.default_rng(0)
-    times, inside = [], []  # ms of the whole call and of the networks in it
+    times, inside = [], []  # ms, of the whole call and of the networks in it
     for n in range(20 * repeats + N_WARM_UP):
         pair = [clips[k] for k in rng.choice(len(clips), 2, replace=False)]
         forget(pair, reader)
@@ -99,8 +99,8 @@ def seams(repeats: int) -> dict[str, Any]:
 
 
 def streams(repeats: int) -> dict[str, Any]:
-    """Time from the moment the second word is known to the first piece; and of a long stream the time per word and its
-    second half over its first, in time and in peak memory.
+    """Measure the time from the arrival of the second word to the first piece; and, of a long stream, the time per word
+    and the ratio of its second half to its first, in time and in peak memory.
     """
     cutter = choose().cutter
     reader = cutter.reader if isinstance(cutter, LearnedCutter) else None
@@ -121,7 +121,7 @@ def streams(repeats: int) -> dict[str, Any]:
         return 1e3 * (time.perf_counter() - start)
 
     def unread(count: int) -> Iterator[Clip]:
-        """Words in turn, each as if it were new."""
+        """Yield words in turn, each without cached features."""
         for n in range(count):
             forget([clips[n % len(clips)]], reader)
             yield clips[n % len(clips)]
@@ -154,7 +154,7 @@ N_LEXICON = 6707
 
 
 def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, Any]:
-    """Part -> figure with its unit -> median over ``repeats`` runs; ratios to the baselines are among the figures."""
+    """Return part -> figure with its unit -> median over ``repeats`` runs, including ratios to the baselines."""
     parts: list[tuple[str, Callable[[int], dict[str, Any]]]] = [
         ("read", _reading),
         ("kinematics", _kinematics),
@@ -174,7 +174,7 @@ def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, An
 
 
 def table(figures: dict[str, Any]) -> str:
-    """The figures as lines of text."""
+    """Format the figures as lines of text."""
     lines = [f"{figures['joints']} joints, medians of {figures['repeats']} runs"]
     for part, values in figures.items():
         if isinstance(values, dict):
@@ -192,7 +192,7 @@ def _demo_words() -> list[Clip]:
 
 
 def _long_clip(n_frames: int) -> Clip:
-    """The demo words again and again, each time resampled so that no frames are the same."""
+    """Repeat the demo words, resampled each time so that no two frames are equal."""
     parts: list[Clip] = []
     for word in cycle(_demo_words()):
         if sum(map(len, parts)) >= n_frames:
@@ -202,7 +202,7 @@ def _long_clip(n_frames: int) -> Clip:
 
 
 def _word_clips() -> tuple[Clip, Clip]:
-    """Two words slowed down to exactly 150 frames."""
+    """Return two words slowed down to exactly 150 frames."""
     a, b = _demo_words()[2:4]
     clips = [resample(clip, clip.fps, (len(clip) - 1) / (N_WORD - 0.5)) for clip in (a, b)]
     return clips[0][:N_WORD], clips[1][:N_WORD]
@@ -222,8 +222,10 @@ def _reading(repeats: int) -> dict[str, Any]:
         except ImportError:
             (ours,) = median_milliseconds(repeats, lambda: load(path))
             return {"3000 frames, ms": ours, "pybvh": "not installed"}
-        ours, other = median_milliseconds(repeats, lambda: load(path), lambda: pybvh.read_bvh_file(path, world_up="+y"))
-    return {"3000 frames, ms": ours, "pybvh 0.9.0, ms": other, "ratio to pybvh": ours / other}
+        ours, theirs = median_milliseconds(
+            repeats, lambda: load(path), lambda: pybvh.read_bvh_file(path, world_up="+y")
+        )
+    return {"3000 frames, ms": ours, "pybvh 0.9.0, ms": theirs, "ratio to pybvh": ours / theirs}
 
 
 def _kinematics(repeats: int) -> dict[str, Any]:
@@ -235,7 +237,7 @@ def _kinematics(repeats: int) -> dict[str, Any]:
 
 
 def _forward_by_frame(clip: Clip) -> None:
-    """Forward kinematics one frame and one joint at a time: the baseline."""
+    """Compute forward kinematics one frame and one joint at a time, as the baseline."""
     for frame in range(len(clip)):
         rotations = list(rotation.to_matrix(clip.local_rotations[frame]))
         positions = [clip.root_positions[frame]] * len(rotations)
@@ -262,16 +264,16 @@ def _search(repeats: int) -> dict[str, Any]:
         raise AssertionError(f"the plain search found {plain[1]}, the cutter {plain[0]}, expected the same")
     times = median_milliseconds(10 * repeats, *runs)
     (pairwise,) = median_milliseconds(repeats, search_anew)
-    out = {f"{name}, ms": ms for name, ms in zip(CUTTERS, times, strict=True)}
-    ours = out["hand-distance, ms"]
-    return out | {"hand-distance pair by pair, ms": pairwise, "times faster": pairwise / ours}
+    figures = {f"{name}, ms": ms for name, ms in zip(CUTTERS, times, strict=True)}
+    ours = figures["hand-distance, ms"]
+    return figures | {"hand-distance pair by pair, ms": pairwise, "times faster": pairwise / ours}
 
 
 def _plain_search(before: Clip, after: Clip) -> Cut:
-    """The hand-distance search one pair of frames at a time: the baseline."""
+    """Search by hand distance one pair of frames at a time, as the baseline."""
     p, q = arms(before), arms(after)
     (p_start, p_stop), (q_start, q_stop) = active_span(p), active_span(q)
-    best, found = float("inf"), Cut(0, 0)
+    best, best_cut = float("inf"), Cut(0, 0)
     for i in range(p_stop - search_window(p_stop - p_start, p.fps), p_stop):
         for j in range(q_start, q_start + search_window(q_stop - q_start, q.fps)):
             cost = 0.0
@@ -280,8 +282,8 @@ def _plain_search(before: Clip, after: Clip) -> Cut:
                 delta_quat = rotation.from_matrix(p.hand_rotations[i, hand].T @ q.hand_rotations[j, hand])
                 cost += distance / p.shoulder_width + float(np.linalg.norm(rotation.log(delta_quat))) / np.pi
             if cost < best:
-                best, found = cost, Cut(i, j)
-    return found
+                best, best_cut = cost, Cut(i, j)
+    return best_cut
 
 
 def _transitions(repeats: int) -> dict[str, Any]:
@@ -293,9 +295,9 @@ def _transitions(repeats: int) -> dict[str, Any]:
 
 
 def _seam(repeats: int) -> dict[str, Any]:
-    """A whole seam of two 150-frame clips with the same placement: cut, transition, and join with its scores."""
+    """Measure a seam of two 150-frame clips with the same placement: cut, transition, and join with its scores."""
     clips = _word_clips()
-    out: dict[str, Any] = {}
+    figures: dict[str, Any] = {}
     for name in CUTTERS:
         parts: dict[str, list[float]] = {"cut": [], "transition": [], "join": []}
         for _ in range(10 * repeats):
@@ -303,15 +305,15 @@ def _seam(repeats: int) -> dict[str, Any]:
             timing = splice(clips, SpliceOptions(name, "hermite", "tempo")).timing_ms
             for part, rows in parts.items():
                 rows.append(timing[part])
-        out[f"{name} + hermite, ms"] = median(sum(row) for row in zip(*parts.values(), strict=True))
+        figures[f"{name} + hermite, ms"] = median(sum(row) for row in zip(*parts.values(), strict=True))
         if name == "rest-trim":
-            out |= {f"of it {part}, ms": median(rows) for part, rows in parts.items()}
-    return out
+            figures |= {f"of it {part}, ms": median(rows) for part, rows in parts.items()}
+    return figures
 
 
 def _lexicon(repeats: int) -> dict[str, Any]:
-    """A lexicon of 6,707 words opened and closed, a different word of 150 frames read from it each time, and a BVH file
-    of as many frames read. All other words are short, so that the benchmark writes little.
+    """Measure opening and closing a lexicon of 6,707 words, reading a different word of 150 frames from it each time,
+    and reading a BVH file of as many frames. All other words are short, so that the benchmark writes little.
     """
     clips = _word_clips()
     short = [clip[start : start + 10] for clip in clips for start in range(0, 140, 20)]
@@ -337,26 +339,27 @@ def _lexicon(repeats: int) -> dict[str, Any]:
 
 
 def _memory() -> dict[str, Any]:
-    """Peak of a splice's allocations, its result included, over the size of its clips, as read from files.
+    """Measure the ratio of a splice's peak allocation, including its result, to the size of its clips, as read from
+    files.
 
-    The clips are eight with the same placement and, the worst case, eight with different placements that are kept
+    Splices eight clips with the same placement and, as the worst case, eight with different placements that are kept
     whole.
     """
     together = [_from_file(clip) for clip in _word_clips() * 4]
-    apart = [
+    displaced = [
         _from_file(replace(clip, root_positions=clip.root_positions + 7.0 * n, channels=None))
         for n, clip in enumerate(together)
     ]
-    out: dict[str, Any] = {"clips, MB": sum(clip.nbytes for clip in together) / 1e6}
-    for name, clips, cutter in (("ratio", together, "pose-velocity"), ("ratio at worst", apart, "ends")):
+    figures: dict[str, Any] = {"clips, MB": sum(clip.nbytes for clip in together) / 1e6}
+    for name, clips, cutter in (("ratio", together, "pose-velocity"), ("ratio at worst", displaced, "ends")):
         options = SpliceOptions(cutter, "hermite", "tempo")
         splice(clips, options)
         tracemalloc.start()
         splice(clips, options)
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
-        out[name] = peak / sum(clip.nbytes for clip in clips)
-    return out
+        figures[name] = peak / sum(clip.nbytes for clip in clips)
+    return figures
 
 
 def _from_file(clip: Clip) -> Clip:
@@ -364,7 +367,7 @@ def _from_file(clip: Clip) -> Clip:
 
 
 def _start(repeats: int) -> dict[str, Any]:
-    """Whole processes: the help, and a bare interpreter as the baseline."""
+    """Measure whole processes: the help, and a bare interpreter as the baseline."""
     help_run = [sys.executable, "-m", "signsplice", "--help"]
     bare_run = [sys.executable, "-c", "pass"]
     ours, bare = median_milliseconds(

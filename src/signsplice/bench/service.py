@@ -1,6 +1,6 @@
 """The service under load, on this machine: open streams, requests per second, memory over minutes.
 
-The callers run on the same machine and take some of its time, which callers elsewhere would not.
+The callers run on the same machine and take some of its time, unlike remote callers.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from signsplice.lexicon import open_shipped_lexicon
 from signsplice.progress import Progress
 
 _N_PREFETCHED = 3
-"""Words that a stream's caller has sent before they are needed."""
+"""Number of words that a stream's caller sends in advance."""
 _SETTLE_S = 8.0
-"""Duration of the first requests, which are not measured: processes start and read the networks."""
+"""Duration of the first requests, seconds; not measured, since processes start and read the networks."""
 
 
 @contextmanager
 def _serving() -> Iterator[tuple[str, int]]:
-    """Address and process number of a service with default settings."""
+    """Yield address and process number of a service with default settings."""
     process = subprocess.Popen(
         [sys.executable, "-m", "signsplice", "serve", "--port", "0"],
         stdout=subprocess.PIPE,
@@ -51,10 +51,10 @@ def _serving() -> Iterator[tuple[str, int]]:
 def measure(
     n_streams: int, seconds: float, rate: float, minutes: float, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Figures of a service: streams, then requests, for ``seconds`` each, then half of both for ``minutes``.
+    """Measure a service: streams, then requests, for ``seconds`` each, then half of both for ``minutes``.
 
-    late_ms: delay of a frame after the time when it was due, counted from its stream's first frame.
-    request_ms: time from when a request was due, whether or not it could be sent then, to its answer.
+    late_ms: delay of a frame after its due time, counted from its stream's first frame.
+    request_ms: time from a request's due time, whether or not it could be sent then, to its answer.
     memory.mb: of all processes, every ten seconds.
     """
     with _serving() as (address, pid):
@@ -99,12 +99,12 @@ async def _measure(
 
 
 def _percentiles(values: Sequence[float] | np.ndarray[Any, Any]) -> dict[str, float]:
-    found = {f"p{percent}": float(np.percentile(values, percent)) for percent in (50, 95, 99)}
-    return {key: round(value, 1) for key, value in {**found, "max": float(np.max(values))}.items()}
+    percentiles = {f"p{percent}": float(np.percentile(values, percent)) for percent in (50, 95, 99)}
+    return {key: round(value, 1) for key, value in {**percentiles, "max": float(np.max(values))}.items()}
 
 
 async def _streams(address: str, words: Sequence[str], n: int, seconds: float) -> list[np.ndarray[Any, Any]]:
-    """For each stream, the delay of every frame, ms."""
+    """Measure the delay of every frame of each stream, ms."""
     return list(await asyncio.gather(*(_stream(address, words, seed, seconds) for seed in range(n))))
 
 
@@ -140,7 +140,7 @@ async def _stream(address: str, words: Sequence[str], seed: int, seconds: float)
 async def _requests(
     address: str, words: Sequence[str], rate: float, seconds: float, seed: int
 ) -> tuple[list[float], int]:
-    """The time from when each request was due to its answer, ms; and how many failed."""
+    """Measure the time from each request's due time to its answer, ms; and count failures."""
     import httpx
 
     rng = random.Random(seed)
@@ -169,7 +169,7 @@ async def _requests(
 
 
 async def _soak(address: str, pid: int, words: Sequence[str], n: int, rate: float, seconds: float) -> list[float]:
-    """Memory of all processes of the service under both loads, every ten seconds, MB."""
+    """Measure memory of all processes of the service under both loads, every ten seconds, MB."""
     import psutil
 
     service = psutil.Process(pid)
@@ -188,7 +188,7 @@ async def _soak(address: str, pid: int, words: Sequence[str], n: int, rate: floa
 
 
 def table(figures: dict[str, Any]) -> str:
-    """The figures as lines of text."""
+    """Format the figures as lines of text."""
     streams, requests, memory = figures["streams"], figures["requests"], figures["memory"]
     lines = [
         f"streams   {streams['n']} at {streams['fps']} fps for {streams['seconds']:g} s; delay of frames, ms: "

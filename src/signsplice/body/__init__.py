@@ -1,1 +1,1 @@
-"""The solid body around a skeleton: capsules, collision, arm inverse kinematics, and the mesh that is drawn."""
+"""The solid body around a skeleton: capsules, collision, arm inverse kinematics, and the mesh for pictures."""

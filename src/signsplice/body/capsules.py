@@ -21,20 +21,20 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 
 N_JOINTS = 4
-"""Joints, at most, that carry a vertex."""
+"""Largest number of joints that carry a vertex."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
     """A part of the mesh in one colour.
 
-    name: what it is, with its side.
+    name: of the part, with its side.
     colour: sRGB, 0 to 1.
     vertices, normals: (V, 3) in the bind pose, clip units, the root at the origin.
     triangles: (F, 3) indices of vertices.
-    joints, weights: (V, 4) which joints carry each vertex, and how much; unused ones have weight 0.
-    morphs: coefficient of a face -> vertices that it moves (N,), and how far at 1 (N, 3).
-    uvs: (V, 2) texture coordinates, v down; None for none.
+    joints, weights: (V, 4) joints that carry each vertex, and their weights; unused ones have weight 0.
+    morphs: coefficient of a face -> vertices that it moves (N,), and their moves at 1 (N, 3).
+    uvs: (V, 2) texture coordinates, v down; None without texture.
     """
 
     name: str
@@ -50,10 +50,10 @@ class MeshPart:
 
 @dataclass(frozen=True)
 class FaceControl:
-    """What moves an avatar's face: an expression of VRM, or one morph target.
+    """A control of an avatar's face: an expression of VRM, or one morph target.
 
     name: its name in the file.
-    binds: node, number of the morph target, and weight there with the control at 1.
+    binds: node, number of the morph target, and its weight when the control is at 1.
     """
 
     name: str
@@ -62,17 +62,17 @@ class FaceControl:
 
 @dataclass(frozen=True, eq=False)
 class AvatarFile:
-    """The file that an avatar was read from, and where its J joints are in it.
+    """The file of an avatar, and the places of its J joints in it.
 
-    content: a whole .glb file: it names no other.
+    content: a whole .glb file, which refers to no other.
     nodes: (J,) the node of each joint.
     turn: (3, 3) from the file's world to the avatar's axes: VRM 0.x avatars face -Z, ours +Z.
     worlds: (J, 4, 4) the joints at rest in the file's world.
-    above: (4, 4) what the root hangs on.
-    face: what moves its face.
-    n_targets: node -> number of morph targets, of the nodes that the face moves.
-    expressions: names of the expressions of VRM that move a target, presets as VRM 1.0 has them.
-    look_at: how eyes that are bones turn; None where the gaze moves none.
+    above: (4, 4) transform above the root.
+    face: controls of the face.
+    n_targets: node that the face moves -> number of its morph targets.
+    expressions: names of the VRM expressions that move a target, presets under their VRM 1.0 names.
+    look_at: rotation of eyes that are bones; None if the gaze moves no bones.
     opens_jaw: whether the jaw is a bone and no morph target opens the mouth.
     """
 
@@ -91,19 +91,21 @@ class AvatarFile:
 _SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
 _THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
 """Half a finger's breadth as a fraction of stature, about 10 mm on 1.70 m."""
-_PALM, _MITTEN = (0.12, 0.0095, 1.22, 1.35), (0.08, 0.02, 0.018)
-"""Where on the way to a knuckle its part of the palm begins, and the radius there; the radius at the knuckle, in those
-of the finger, and of the thumb. Length and radii of a hand without fingers.
+_PALM = (0.12, 0.0095, 1.22, 1.35)
+"""Part of the way to a knuckle at which its capsule of the palm begins; the radius there, statures; the radius at the
+knuckle, in radii of the finger, and the same for the thumb.
 """
-_TAPER, _TIP = (1.12, 0.09), (0.2, 2.0, 0.8)
-"""Radius of a first phalanx at its beginning, in those of the finger, and how much it falls with each. Least and
-largest length of a last phalanx, in those of the one before, and the length where no end is known.
-"""
+_MITTEN = (0.08, 0.02, 0.018)
+"""Length and both radii of a hand without fingers, statures."""
+_TAPER = (1.12, 0.09)
+"""Radius of a first phalanx at its beginning, in radii of the finger, and its decrease with each phalanx."""
+_TIP = (0.2, 2.0, 0.8)
+"""Least and largest length of a last phalanx, in lengths of the one before, and its length if no end is known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Capsule:
-    """One capsule: its key, joint, both ends (3,) in the joint's frame, the radii there, part and side."""
+    """One capsule: key, joint, both ends (3,) in the joint's frame, the radii there, part and side."""
 
     key: str
     joint: int
@@ -118,10 +120,9 @@ class Capsule:
 def hand_capsules(
     skeleton: Skeleton, joints: Mapping[str, int], rest: FloatArray, side: str, height: float, thickness: float
 ) -> list[Capsule]:
-    """The palm of one hand as capsules from the wrist to each knuckle, and every phalanx; none without a wrist.
+    """Returns capsules from the wrist to each knuckle, and of every phalanx of one hand; none without a wrist.
 
-    joints: of roles. rest: (J, 3) of the joints at rest. height: stature, in the unit of the skeleton. thickness: of
-    fingers, 1 as usual.
+    joints: of roles. rest: (J, 3) joints at rest. height: stature, clip units. thickness: of fingers, 1 as usual.
     """
     wrist = joints.get(f"{side}Hand")
     if wrist is None:
@@ -152,8 +153,8 @@ def hand_capsules(
 
 
 def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: FloatArray) -> FloatArray:
-    """Where a finger ends beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before, straight
-    on.
+    """Returns the end of a finger beyond its last joint: its end site or tip joint, else 0.8 of the phalanx before,
+    straight on.
     """
     sites = [site.offset for site in skeleton.end_sites if site.joint == joint]
     sites += [skeleton.offsets[child] for child in skeleton.children[joint]]
@@ -166,7 +167,7 @@ def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: FloatArray) -> 
 
 
 ARM = ("sleeve", "cuff")
-"""Parts that an arm is made of: upper arm and forearm."""
+"""Parts of an arm: upper arm and forearm."""
 # Limbs: role of the bone, role at its end, radii at both ends as fractions of stature, part.
 _LIMBS = (
     ("UpperArm", "LowerArm", 0.031, 0.024, "sleeve"),
@@ -176,19 +177,26 @@ _LIMBS = (
     ("Foot", "Toes", 0.024, 0.020, "shoe"),
 )
 
-# Trunk: capsules side by side, how far to the left and how thick, as fractions of stature; together an oval.
+# Trunk: capsules side by side that form an oval: distance to the left and radius, as fractions of stature.
 _COLUMNS = ((0.058, 0.053), (0.0, 0.060), (-0.058, 0.053))
-_BELOW_SHOULDERS, _WAIST = 0.045, (0.94, 0.92)
-"""How far below the shoulders columns begin; their place and thickness at the waist, as parts of those above."""
-HEM, _SEAT, _HIPS = 0.035, (1.08, 0.057), (0.95, 0.057)
-"""How far below the hips the trunk ends; place, as a part, and radius of a column there; part of the way to the legs'
-joints that the hips reach, and their radius."""
-_NECK, _BACK = (0.02, 0.030, 0.029), (0.02, 0.044, 0.050)
-"""How far the neck goes beyond its bone, and the back begins below it, and radii at both ends."""
-_COLLAR, _SHOULDER = (0.55, 0.45, 0.004, 0.034, 0.033), ((0.2, 0.93), (0.035, 0.0325))
-"""A collar's end: parts of the way to its shoulder and to the middle of both, how far below, and radii; between which
-parts of the collar bone the shoulder lies, and its radii.
-"""
+_BELOW_SHOULDERS = 0.045
+"""Distance from the shoulders down to the top of the columns, statures."""
+_WAIST = (0.94, 0.92)
+"""Place and thickness of the columns at the waist, as parts of those above."""
+HEM = 0.035
+"""Distance from the hips down to the end of the trunk, statures."""
+_SEAT = (1.08, 0.057)
+"""Place of a column at the hem, as a part of that above, and its radius there, statures."""
+_HIPS = (0.95, 0.057)
+"""Part of the way to the legs' joints that the hips reach, and their radius, statures."""
+_NECK = (0.02, 0.030, 0.029)
+"""Length of the neck beyond its bone, and its radii at both ends, statures."""
+_BACK = (0.02, 0.044, 0.050)
+"""Distance from the neck down to the top of the back, and the back's radii at both ends, statures."""
+_COLLAR = (0.55, 0.45, 0.004, 0.034, 0.033)
+"""End of a collar: parts of the way to its shoulder and to the middle of both; drop and both radii, statures."""
+_SHOULDER = ((0.2, 0.93), (0.035, 0.0325))
+"""Parts of the collar bone between which the shoulder lies, and its radii, statures."""
 
 # The head about its joint in the T-pose: left, up, forward of both ends, radii; all fractions of stature.
 _HEAD = (
@@ -205,7 +213,7 @@ _HEAD = (
 
 @dataclass(frozen=True)
 class BodyShape:
-    """How a body differs from the usual proportions of its stature; 1 for each is the usual.
+    """Factors on the usual proportions of a body of its stature; 1 is usual.
 
     head: size of head and neck.
     trunk_width: width of chest, waist and hips.
@@ -223,13 +231,13 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class CapsuleGroups:
-    """Indices of a body's capsules by what they are part of.
+    """Indices of a body's capsules by region.
 
     left, right: the hands.
     head: head and neck.
     trunk: trunk and shoulders.
     left_arm, right_arm: upper arms and forearms.
-    below_arms: the trunk where arms do not begin.
+    below_arms: the trunk without shoulders and collar.
     """
 
     left: tuple[int, ...]
@@ -245,14 +253,14 @@ class CapsuleGroups:
 class BodyCapsules(HasDerived):
     """C tapered capsules, each fixed to a joint.
 
-    joints: (C,) the joint that carries each.
+    joints: (C,) joint that carries each.
     starts, ends: (C, 3) the axis in that joint's frame, clip units.
     radii: (C, 2) at start and end, clip units.
-    parts: what each is ("face", "sleeve", "Index", ...).
+    parts: kind of each ("face", "sleeve", "Index", ...).
     sides: "left", "right" or "".
-    keys: a name of each that the same capsule has on every body ("leftIndexProximal", "chest1", ...).
-    relief: how the skin of head and trunk lies above these capsules; None where they are the skin.
-    skin: points of skin that follow the joints; None where there is no mesh.
+    keys: name of each, the same on every body ("leftIndexProximal", "chest1", ...).
+    relief: height of the skin of head and trunk above these capsules; None if the capsules are the skin.
+    skin: points of skin that follow the joints; None without a mesh.
     """
 
     joints: NDArray[np.intp]
@@ -267,15 +275,15 @@ class BodyCapsules(HasDerived):
 
     @cached_property
     def groups(self) -> CapsuleGroups:
-        """The hands, and what they must not go into."""
+        """The hands, and the regions that they must not enter."""
         parts = list(enumerate(zip(self.parts, self.sides, strict=True)))
-        left, right = (
+        left_hand, right_hand = (
             tuple(n for n, (part, s) in parts if s == side and part not in (*ARM, "leg", "shoe")) for side in SIDES
         )
         left_arm, right_arm = (tuple(n for n, (part, s) in parts if s == side and part in ARM) for side in SIDES)
         return CapsuleGroups(
-            left,
-            right,
+            left_hand,
+            right_hand,
             head=tuple(n for n, (part, _) in parts if part in ("face", "hair", "nose", "neck")),
             trunk=(trunk := tuple(n for n, (part, _) in parts if part == "shirt")),
             left_arm=left_arm,
@@ -288,14 +296,14 @@ class BodyCapsules(HasDerived):
 
 @dataclass(frozen=True, eq=False)
 class Avatar(Skeleton):
-    """The skeleton of an avatar, in metres, with its own skin; at rest it stands as its file has it.
+    """The skeleton of an avatar, in metres, with its own skin, in the rest pose of its file.
 
     label: the file's name without folder and suffix.
-    body: its capsules, fitted to its mesh; None: those of the usual proportions.
-    mesh: its mesh in the rest pose; empty where the file holds none.
+    body: its capsules, fitted to its mesh; None: capsules of usual proportions.
+    mesh: its mesh in the rest pose; empty if the file holds none.
     is_vrm: whether its rest pose is the T-pose from which VRM animations rotate its bones.
-    warnings: what a user should know about it, one line each.
-    file: the file that it was read from, into which its motion is written; None: none.
+    warnings: facts that a user should know about it, one line each.
+    file: its file, into which exports write its motion; None without a file.
     """
 
     label: str = "the avatar"
@@ -307,8 +315,8 @@ class Avatar(Skeleton):
 
 
 def body_capsules(skeleton: Skeleton) -> BodyCapsules:
-    """The body of a skeleton: that of an avatar's skin, else from roles and size, kept as long as the skeleton lives; a
-    thin capsule for every bone where no arm is known.
+    """Returns the body of a skeleton, cached for its lifetime: an avatar's own, else one from roles and size; a thin
+    capsule for every bone if no arm is known.
     """
     if isinstance(skeleton, Avatar) and skeleton.body is not None:
         return skeleton.body
@@ -318,7 +326,7 @@ def body_capsules(skeleton: Skeleton) -> BodyCapsules:
 def capsule_ends(
     body: BodyCapsules, global_rotations: FloatArray, global_positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward
+    """Returns both ends (T, C, 3) of each capsule in the world, from the globals (T, J, 3, 3) and (T, J, 3) of forward
     kinematics.
     """
     rotations, positions = global_rotations[:, body.joints], global_positions[:, body.joints]
@@ -327,7 +335,7 @@ def capsule_ends(
 
 
 def build_capsules(skeleton: Skeleton, shape: BodyShape) -> BodyCapsules:
-    """The body of a skeleton whose arms are known, in a given shape."""
+    """Returns the body of a skeleton with known arms, in a given shape."""
     info = rig_info(skeleton)
     joints, rest, height = info.roles.joints, rest_positions(skeleton), info.sizes.stature
     rows = _trunk(skeleton, height, shape)
@@ -362,7 +370,7 @@ def _body(rows: list[Capsule]) -> BodyCapsules:
 
 
 def _sticks(skeleton: Skeleton) -> BodyCapsules:
-    """A capsule for every bone, as thick as a tenth of its length; a ball for a skeleton of one joint."""
+    """Returns a capsule for every bone, a tenth of its length in radius; a ball for a skeleton of one joint."""
     rows: list[Capsule] = []
     for joint in range(1, len(skeleton)):
         length = float(np.linalg.norm(skeleton.offsets[joint]))
@@ -374,7 +382,7 @@ def _sticks(skeleton: Skeleton) -> BodyCapsules:
 
 
 def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]:
-    """Chest, belly, pelvis, shoulders, neck and head, measured in the T-pose (left +X, up +Y, forward +Z)."""
+    """Returns chest, belly, pelvis, shoulders, neck and head, measured in the T-pose (left +X, up +Y, forward +Z)."""
     info = rig_info(skeleton)
     joints, positions = info.roles.joints, info.t_pose.positions
     left, up, _ = np.eye(3) * height
@@ -382,7 +390,7 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]
     big, wide, deep = shape.head, shape.trunk_width, shape.trunk_depth
 
     def add(key: str, joint: int, start: FloatArray, end: FloatArray, r0: float, r1: float, part: str) -> None:
-        """Both ends relative to the joint, in the axes of the T-pose."""
+        """Adds a capsule with both ends relative to the joint, in the axes of the T-pose."""
         start, end = rotation.rotate(rotation.inverse(info.t_pose.rotations[joint]), np.stack([start, end]))
         rows.append(Capsule(key, joint, start, end, r0 * height, r1 * height, part))
 
@@ -423,7 +431,7 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]
 
 
 def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]:
-    """What joins chest and arms: along the collar bones, which move, or straight across where a rig has none."""
+    """Returns capsules from chest to arms: along the collar bones, which move, or straight across without these."""
     joints, rest = rig_info(skeleton).roles.joints, rest_positions(skeleton)
     rows: list[Capsule] = []
     for side in SIDES:

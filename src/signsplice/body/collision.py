@@ -1,7 +1,6 @@
-"""Distances within one body: from hands and forearms to head, trunk, arms and the other hand; and how deep they lie
-there.
+"""Distances and depths within one body: from hands and forearms to head, trunk, arms and the other hand.
 
-Two bodies of the same roles have the same capsules by key, so that a distance on one has its counterpart on the other.
+Two bodies of the same roles share the keys of their capsules, so a distance on one has its counterpart on the other.
 A depth is positive inside and negative outside, in clip units. An exit direction is the unit vector along which a
 capsule would leave the other one by the shortest path.
 
@@ -29,7 +28,7 @@ TINY = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """All pairs of some capsules with others: rows of a body's capsules, (A,) and (B,)."""
+    """All pairs of two sets of capsules: rows (A,) and (B,) of a body's capsules."""
 
     own: Index
     other: Index
@@ -40,9 +39,9 @@ class SkinPairs:
     """Pairs of capsules whose distance matters, as rows of a body's capsules.
 
     own, other: (K,) of each pair; ``own`` is of a hand or forearm.
-    own_side: (K,) 0 where ``own`` is of the left arm, 1 of the right.
-    other_side: (K,) likewise of ``other``; -1 where it is of head or trunk, which do not move with a wrist.
-    blocks: the same pairs as products: all of one hand, or one forearm, with all that it may meet.
+    own_side: (K,) 0 if ``own`` is of the left arm, 1 if of the right.
+    other_side: (K,) likewise for ``other``; -1 for head and trunk, which do not move with a wrist.
+    blocks: the same pairs as products: one hand, or one forearm, with everything that it may meet.
     """
 
     own: Index
@@ -54,10 +53,10 @@ class SkinPairs:
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """Pairs of capsules that are near one another at some frames.
+    """Pairs of capsules that are close to each other in some frames.
 
     frames, k: (N,) in order of frames.
-    distance: (N,) from skin to skin at the source, m.
+    distance: (N,) skin distance at the source, m.
     """
 
     frames: Index
@@ -66,14 +65,14 @@ class Near:
 
 
 def skin_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
-    """All pairs of a hand's capsules and those of head, neck, trunk, other arm and other hand, among these keys."""
+    """Returns all pairs of a hand's capsule and one of head, neck, trunk, other arm or other hand, among these keys."""
     hands, arms, solid = _parts(body, keys)
     blocks = [(hands[side], [*solid, *arms[1 - side]]) for side in (0, 1)]
     return _make_skin_pairs(body, [*blocks, (hands[0], hands[1])])
 
 
 def forearm_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
-    """All pairs of a forearm and a capsule of head, neck, trunk, but where arms begin, or the other arm, among these
+    """Returns all pairs of a forearm and a capsule of head, neck, trunk below the arms, or the other arm, among these
     keys.
     """
     _, arms, solid = _parts(body, keys)
@@ -85,7 +84,7 @@ def forearm_pairs(body: BodyCapsules, keys: frozenset[str]) -> SkinPairs:
 
 
 def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], list[list[int]], list[int]]:
-    """Rows of both hands, of both arms, and of head, neck and trunk."""
+    """Returns the rows of both hands, of both arms, and of head, neck and trunk."""
     groups = body.groups
     hands = [[n for n in group if body.keys[n] in keys] for group in (groups.left, groups.right)]
     solid = [n for n in (*groups.head, *groups.trunk) if body.keys[n] in keys]
@@ -98,56 +97,56 @@ def _parts(body: BodyCapsules, keys: frozenset[str]) -> tuple[list[list[int]], l
 
 def _make_skin_pairs(body: BodyCapsules, blocks: list[tuple[list[int], list[int]]]) -> SkinPairs:
     side = np.array([SIDES.index(side) if side else -1 for side in body.sides], np.intp)
-    rows = [_Block(np.array(own, np.intp), np.array(other, np.intp)) for own, other in blocks]
-    own = np.concatenate([np.repeat(block.own, len(block.other)) for block in rows])
-    other = np.concatenate([np.tile(block.other, len(block.own)) for block in rows])
-    return SkinPairs(own, other, side[own], side[other], tuple(rows))
+    rows = [_Block(np.array(own_rows, np.intp), np.array(other_rows, np.intp)) for own_rows, other_rows in blocks]
+    own_rows = np.concatenate([np.repeat(block.own, len(block.other)) for block in rows])
+    other_rows = np.concatenate([np.tile(block.other, len(block.own)) for block in rows])
+    return SkinPairs(own_rows, other_rows, side[own_rows], side[other_rows], tuple(rows))
 
 
 def near_pairs(
     starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, margin: float
 ) -> tuple[Index, Index]:
-    """Frames and pairs (N,), in order of frames, that may be nearer than ``margin``, from capsule ends (T, C, 3) and
-    radii (C, 2): first by a ball around each whole hand or forearm, then by one around each of its capsules.
+    """Returns frames and pairs (N,), in order of frames, that may be nearer than ``margin``, from capsule ends
+    (T, C, 3) and radii (C, 2). Tests a ball around each hand or forearm first, then a ball around each of its capsules.
     """
     axes = ends - starts
     lengths, thick, middles = dot(axes, axes), radii.max(axis=1), starts + 0.5 * axes
     reach = 0.5 * np.sqrt(lengths.max(axis=0)) + thick
-    found, offset = [], 0
+    hits, offset = [], 0
     for block in pairs.blocks:
         n_own, n_other = len(block.own), len(block.other)
         if n_own and n_other:
             ball = middles[:, block.own].mean(axis=1, keepdims=True)
-            out = middles[:, block.own] - ball
-            radius = (np.sqrt(dot(out, out)) + reach[block.own]).max(axis=1, keepdims=True)
+            from_middle = middles[:, block.own] - ball
+            radius = (np.sqrt(dot(from_middle, from_middle)) + reach[block.own]).max(axis=1, keepdims=True)
             b = block.other
-            away = segment_distance_squared(ball, starts[:, b], axes[:, b], lengths[:, b])
-            frames, columns = np.nonzero(away < (radius + thick[b] + margin) ** 2)
+            squared = segment_distance_squared(ball, starts[:, b], axes[:, b], lengths[:, b])
+            frames, columns = np.nonzero(squared < (radius + thick[b] + margin) ** 2)
             rows = frames * len(radii)
-            at, own = rows[:, None] + b[columns, None], rows[:, None] + block.own
-            away = segment_distance_squared(
-                _take(middles, own), _take(starts, at), _take(axes, at), lengths.reshape(-1).take(at)
+            b_rows, own_rows = rows[:, None] + b[columns, None], rows[:, None] + block.own
+            squared = segment_distance_squared(
+                _take(middles, own_rows), _take(starts, b_rows), _take(axes, b_rows), lengths.reshape(-1).take(b_rows)
             )
-            most = reach[block.own] + thick[b[columns], None] + margin
-            near, a = np.nonzero(away < most * most)
-            found.append((frames[near], offset + a * n_other + columns[near]))
+            limit = reach[block.own] + thick[b[columns], None] + margin
+            close, a = np.nonzero(squared < limit * limit)
+            hits.append((frames[close], offset + a * n_other + columns[close]))
         offset += n_own * n_other
-    frames, k = (np.concatenate([one[part] for one in found] or [np.empty(0, np.intp)]) for part in (0, 1))
+    frames, k = (np.concatenate([hit[part] for hit in hits] or [np.empty(0, np.intp)]) for part in (0, 1))
     order = np.argsort(frames, kind="stable")
     return frames[order], k[order]
 
 
 def _take(points: FloatArray, at: Index) -> FloatArray:
-    """Rows (..., 3) of points (T, C, 3) by their flat index."""
+    """Returns rows (..., 3) of points (T, C, 3) by their flat index."""
     return points.reshape(-1, 3).take(at, axis=0)
 
 
 def segment_distance_squared(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
-    """Squared distance of points from line segments (..., 3) with axes of squared ``length`` (...)."""
-    away = point - start
-    along = np.clip(dot(away, axis) / (length + TINY), 0.0, 1.0)
-    away = away - along[..., None] * axis
-    return dot(away, away)
+    """Returns squared distances of points from line segments (..., 3) with axes of squared ``length`` (...)."""
+    offset = point - start
+    share = np.clip(dot(offset, axis) / (length + TINY), 0.0, 1.0)
+    offset = offset - share[..., None] * axis
+    return dot(offset, offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +155,7 @@ class Clearances:
 
     distance: (...) from skin to skin; negative inside.
     normals: (..., 3) unit vectors from the other capsule to the own one.
-    own_at, other_at: (...) where along each axis the nearest points lie, 0 to 1.
+    own_at, other_at: (...) places of the nearest points along each axis, 0 to 1.
     """
 
     distance: FloatArray
@@ -168,9 +167,9 @@ class Clearances:
 def clearances(
     r: FloatArray, u: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
 ) -> Clearances:
-    """Skin distances of capsules with axes u from those with axes v (..., 3), which start r (..., 3) from one another;
-    radii (..., 2). From the nearest points of the two axes (Ericson 2005, 5.1.9) with the radii there: exact for
-    capsules of one thickness, within the taper's slope for others.
+    """Returns skin distances of capsules with axes u from capsules with axes v (..., 3); r (..., 3) separates their
+    starts; radii (..., 2). Uses the nearest points of the two axes (Ericson 2005, 5.1.9) with the radii there: exact
+    for capsules of constant thickness, otherwise within the taper's slope.
     """
     uu, vv, uv = dot(u, u) + TINY, dot(v, v) + TINY, dot(u, v)
     ur, vr = dot(u, r), dot(v, r)
@@ -178,63 +177,65 @@ def clearances(
     t = np.clip((uv * s + vr) / vv, 0.0, 1.0)
     s = np.clip((uv * t - ur) / uu, 0.0, 1.0)
     line = r + s[..., None] * u - t[..., None] * v
-    away = np.sqrt(dot(line, line)) + TINY
+    axis_distance = np.sqrt(dot(line, line)) + TINY
     thick = own_radii[..., 0] + s * (own_radii[..., 1] - own_radii[..., 0])
     thick = thick + other_radii[..., 0] + t * (other_radii[..., 1] - other_radii[..., 0])
-    return Clearances(away - thick, line / away[..., None], s, t)
+    return Clearances(axis_distance - thick, line / axis_distance[..., None], s, t)
 
 
 def pair_clearances(
     starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, frames: Index, k: Index
 ) -> Clearances:
-    """Skin distances of the pairs ``k`` (N,) at ``frames`` (N,), from capsule ends (T, C, 3) and radii (C, 2)."""
-    own, other, rows = pairs.own[k], pairs.other[k], frames * len(radii)
-    p, q = _take(starts, rows + own), _take(starts, rows + other)
-    u, v = _take(ends, rows + own) - p, _take(ends, rows + other) - q
-    return clearances(p - q, u, v, radii[own], radii[other])
+    """Returns skin distances of pairs ``k`` (N,) at ``frames`` (N,), from capsule ends (T, C, 3), radii (C, 2)."""
+    own_rows, other_rows, rows = pairs.own[k], pairs.other[k], frames * len(radii)
+    p, q = _take(starts, rows + own_rows), _take(starts, rows + other_rows)
+    u, v = _take(ends, rows + own_rows) - p, _take(ends, rows + other_rows) - q
+    return clearances(p - q, u, v, radii[own_rows], radii[other_rows])
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Dot products (...) of vectors (..., 3)."""
+    """Returns dot products (...) of vectors (..., 3)."""
     return np.asarray(np.einsum("...c,...c->...", a, b))
 
 
-WARN_M, WARN_FOREARM_M = 0.01, 0.03
-"""Depths of a hand, and of a forearm in the trunk, whose width is a guess, from which a clip is warned about, m."""
+WARN_M = 0.01
+"""Depth of a hand in the body from which a clip gets a warning, m."""
+WARN_FOREARM_M = 0.03
+"""The same for a forearm in the trunk, whose width is a guess, m."""
 _ROOM = 12_000
-"""How many distances are computed at once: arrays of over 128 kB cost page faults."""
+"""Distances per block: arrays of over 128 kB cost page faults."""
 _WHOLE_HAND_WEIGHT = 1.2
-"""How much the direction from hand to hand counts beside the exit direction of two capsules of the hands."""
+"""Weight of the direction from hand to hand, relative to the exit direction of two capsules of the hands."""
 
 
 def forearm_penetration(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
-    """Depth (T, 2) of the left and the right forearm, elbow included, in the trunk where arms do not begin, clip units
+    """Returns the depth (T, 2) of the left and right forearm, elbow included, in the trunk below the arms, clip units
     (negative: the distance), from the globals of ``kinematics.forward`` for all joints; minus infinity without one.
     """
     body = body_capsules(skeleton)
     starts, ends = capsule_ends(body, global_rotations, global_positions)
     depth = np.full((len(starts), 2), -np.inf)
     for side, arm in enumerate((body.groups.left_arm, body.groups.right_arm)):
-        own = [n for n in arm if body.parts[n] == "cuff"]
-        if own and body.groups.below_arms:
-            depth[:, side] = overlap(starts, ends, body.radii, own, body.groups.below_arms)[0].max(axis=(1, 2))
+        forearm = [n for n in arm if body.parts[n] == "cuff"]
+        if forearm and body.groups.below_arms:
+            depth[:, side] = overlap(starts, ends, body.radii, forearm, body.groups.below_arms)[0].max(axis=(1, 2))
     return depth
 
 
 def depth_warnings(clip: Clip) -> list[str]:
-    """A line for each hand and forearm of a clip that somewhere lies too deep in the body."""
+    """Returns a line for each hand and forearm of a clip that lies too deep in the body in some frame."""
     info = rig_info(clip.skeleton)
     if not info.has_arms:
         return []
     posed = forward(clip)
     hands, _ = pose_capsules(clip.skeleton, *posed).penetration()
     lines = []
-    for name, where, most, depth in (
+    for name, where, limit, depth in (
         ("hand", "head, trunk, the other arm or its hand", WARN_M, hands),
         ("forearm", "the trunk", WARN_FOREARM_M, forearm_penetration(clip.skeleton, *posed)),
     ):
         for side, depths in zip(SIDES, info.sizes.unit.metres * depth.T, strict=True):
-            if depths.max() > most:
+            if depths.max() > limit:
                 frame = int(depths.argmax())
                 lines.append(f"the {side} {name} lies {100 * depths[frame]:.1f} cm in {where} at frame {frame}")
     return lines
@@ -253,19 +254,19 @@ class PosedCapsules:
     ends: FloatArray
 
     def __getitem__(self, frames: slice | NDArray[np.bool_]) -> PosedCapsules:
-        """The capsules of some frames."""
+        """Returns the capsules of some frames."""
         return PosedCapsules(self.body, self.starts[frames], self.ends[frames])
 
     def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,), forearms: bool = False) -> NearPairs:
-        """Pairs of capsules that may overlap once hands have moved by up to ``slack``, clip units: one of a hand, taken
-        as a ball about its middle, and one of head, trunk, the other arm or its hand.
+        """Returns pairs of capsules that may overlap after hands move by up to ``slack``, clip units: one of a hand,
+        taken as a ball about its middle, and one of head, trunk, the other arm or its hand.
 
-        firsts: frames with which clips begin, where these are several laid end to end.
-        forearms: of a forearm and the other arm too, as of its hand.
+        firsts: first frames of the clips, if several lie end to end.
+        forearms: adds pairs of a forearm and the other arm.
 
-        Whole hands are tested first, as balls too: most of the time they are near to nothing.
+        Tests whole hands first, as balls too: most of the time they are close to nothing.
         """
-        hands, others, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
+        hands, obstacles, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
         if not forearms:
             hands, may_meet = hands[:2], may_meet[:2]
         radii = self.body.radii
@@ -274,77 +275,79 @@ class PosedCapsules:
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
         middles = starts + 0.5 * axes
         reach = 0.5 * np.sqrt(dot(axes, axes)) + thick
-        whole = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
-        balls, radius = (np.hstack([ball[k] for ball in whole]) for k in (0, 1))
-        met = _meet(balls, radius, starts[:, others], axes[:, others], thick[others] + slack)
+        hand_balls = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
+        balls, radius = (np.hstack([ball[k] for ball in hand_balls]) for k in (0, 1))
+        met = _meet(balls, radius, starts[:, obstacles], axes[:, obstacles], thick[obstacles] + slack)
         met &= may_meet
         frames, part, column = np.nonzero(met)
         rows = np.array([*zip_longest(*hands, fillvalue=-1)], np.intp).reshape(-1, len(hands))
-        own, other = rows.T[part], others[column]  # of each hand its capsules, then -1
-        at, axis = frames[:, None], axes[frames, other]
-        away = segment_distance_squared(
-            middles[at, own], starts[frames, other][:, None], axis[:, None], dot(axis, axis)[:, None]
+        movers, other_rows = rows.T[part], obstacles[column]  # of each hand its capsules, then -1
+        t, axis = frames[:, None], axes[frames, other_rows]
+        squared = segment_distance_squared(
+            middles[t, movers], starts[frames, other_rows][:, None], axis[:, None], dot(axis, axis)[:, None]
         )
-        least = np.maximum(reach[at, own] + thick[other, None] + slack, 0.0)
-        n, k = np.nonzero((away < least * least) & (own >= 0))
-        frames, i, j, left, meeting = frames[n], own[n, k], other[n], part[n] % 2 == 0, column[n] >= n_solid
-        apart = np.zeros((len(i), 3))
+        least = np.maximum(reach[t, movers] + thick[other_rows, None] + slack, 0.0)
+        n, k = np.nonzero((squared < least * least) & (movers >= 0))
+        frames, i, j, is_left, meeting = frames[n], movers[n, k], other_rows[n], part[n] % 2 == 0, column[n] >= n_solid
+        between_hands = np.zeros((len(i), 3))
         if meeting.any():
-            apart = (starts[:, hands[0]].mean(axis=1) - starts[:, hands[1]].mean(axis=1))[frames]
+            between_hands = (starts[:, hands[0]].mean(axis=1) - starts[:, hands[1]].mean(axis=1))[frames]
         return NearPairs(
             n_frames=len(starts),
             frames=frames,
             pairs=i * len(radii) + j,
-            hands=np.column_stack([left, np.where(meeting, -1.0, ~left)]),
+            hands=np.column_stack([is_left, np.where(meeting, -1.0, ~is_left)]),
             meeting=meeting,
             offsets=starts[frames, i] - starts[frames, j],
             axes=(axes[frames, i], axes[frames, j]),
             radii=(radii[i], radii[j]),
-            apart=apart,
+            apart=between_hands,
         )
 
     def nearest(
         self, own: Sequence[int], parts: Sequence[Sequence[int]], most: float = np.inf
     ) -> tuple[FloatArray, FloatArray]:
-        """Distance (T, P) of the skin of some capsules from that of each of some parts, clip units, negative inside,
-        and the unit vector (T, P, 3) away from it; ``most`` and 0 at frames where all are farther.
+        """Returns the skin distance (T, P) of some capsules from each of some parts, clip units, negative inside, and
+        the unit vector (T, P, 3) away from it; ``most`` and 0 in frames in which all are farther.
         """
-        rows, other = np.asarray(own, np.intp), np.concatenate([np.asarray(part, np.intp) for part in parts])
-        step = max(1, _ROOM // (len(rows) * len(other)))
+        rows, columns = np.asarray(own, np.intp), np.concatenate([np.asarray(part, np.intp) for part in parts])
+        step = max(1, _ROOM // (len(rows) * len(columns)))
         if len(self.starts) > step:
             blocks = [self[n : n + step].nearest(own, parts, most) for n in range(0, len(self.starts), step)]
             return np.concatenate([block[0] for block in blocks]), np.concatenate([block[1] for block in blocks])
         bounds = np.cumsum([0, *map(len, parts)])
         radii, starts, axes = self.body.radii, self.starts, self.ends - self.starts
-        distance, out = np.full((len(starts), len(parts)), most), np.zeros((len(starts), len(parts), 3))
+        distance, normals = np.full((len(starts), len(parts)), most), np.zeros((len(starts), len(parts), 3))
         middles, half = starts[:, rows] + 0.5 * axes[:, rows], 0.5 * np.sqrt(dot(axes[:, rows], axes[:, rows]))
         thick, thin = radii.max(axis=1), radii.min(axis=1)
-        at = np.arange(len(starts))
+        t = np.arange(len(starts))
         if np.isfinite(most):
             balls, radius = _ball(middles, half + thick[rows])
-            at = np.flatnonzero(
-                _meet(balls, radius, starts[:, other], axes[:, other], thick[other] + most).any(axis=(1, 2))
+            t = np.flatnonzero(
+                _meet(balls, radius, starts[:, columns], axes[:, columns], thick[columns] + most).any(axis=(1, 2))
             )
-        if not len(at):
-            return distance, out
-        box = np.ix_(at, other)
-        away = np.sqrt(np.maximum(_segment_distances_squared(middles[at], starts[box], axes[box]), 0.0))  # (F, A, B)
-        greatest = (away - thin[rows, None] - thin[other]).min(axis=1)
+        if not len(t):
+            return distance, normals
+        box = np.ix_(t, columns)
+        distances = np.sqrt(
+            np.maximum(_segment_distances_squared(middles[t], starts[box], axes[box]), 0.0)
+        )  # (F, A, B)
+        greatest = (distances - thin[rows, None] - thin[columns]).min(axis=1)
         greatest = np.minimum.reduceat(greatest, bounds[:-1], axis=1)  # (F, P)
         part = np.repeat(np.arange(len(parts)), np.diff(bounds))
-        least = away - (half[at] + thick[rows])[..., None] - thick[other]
+        least = distances - (half[t] + thick[rows])[..., None] - thick[columns]
         frames, i, j = np.nonzero(least <= greatest[:, part][:, None] + TINY)
-        frames, i, part, j = at[frames], rows[i], part[j], other[j]
+        frames, i, part, j = t[frames], rows[i], part[j], columns[j]
         start, to = starts[frames, i], starts[frames, j]
-        found = clearances(start - to, axes[frames, i], axes[frames, j], radii[i], radii[j])
-        order = np.argsort(found.distance, kind="stable")[::-1]  # of a part's pairs the last one, the nearest, stays
-        distance[frames[order], part[order]] = found.distance[order]
-        out[frames[order], part[order]] = found.normals[order]
-        return distance, out
+        gaps = clearances(start - to, axes[frames, i], axes[frames, j], radii[i], radii[j])
+        order = np.argsort(gaps.distance, kind="stable")[::-1]  # the last pair of a part, the nearest, stays
+        distance[frames[order], part[order]] = gaps.distance[order]
+        normals[frames[order], part[order]] = gaps.normals[order]
+        return distance, normals
 
     def penetration(self, firsts: Sequence[int] = (0,)) -> tuple[FloatArray, FloatArray]:
-        """``hand_penetration`` where a hand lies in something, in a small part of the time: only ``near_pairs`` are
-        tested. Elsewhere the depth is some number not above 0, and the exit direction means nothing.
+        """Returns ``hand_penetration`` if a hand lies in something, in a fraction of the time: tests ``near_pairs``
+        only. Otherwise the depth is some number not above 0, and the exit direction is meaningless.
         """
         return self.near_pairs(firsts=firsts).penetration()
 
@@ -352,68 +355,68 @@ class PosedCapsules:
 def _meeting_parts(
     body: BodyCapsules,
 ) -> tuple[list[NDArray[np.intp]], NDArray[np.intp], int, NDArray[np.bool_], FloatArray]:
-    """The capsules of both hands and both forearms; the (B,) others, which they must not go into, and how many of
-    these are not of the right hand; which of them (4, B) are tested for each of the former; and radii (C,).
+    """Returns the capsules of both hands and both forearms; the (B,) obstacles, which they must not enter; how many of
+    these are not of the right hand; which of them (4, B) to test for each hand and forearm; and radii (C,).
     """
     groups, arms = body.groups, (body.groups.left_arm, body.groups.right_arm)
-    own = [groups.left, groups.right, *([n for n in arm if body.parts[n] == "cuff"] for arm in arms)]
-    others = np.array([*groups.head, *groups.trunk, *arms[0], *arms[1], *groups.right], np.intp)
-    n_solid = len(others) - len(groups.right)
-    meet = np.ones((4, len(others)), bool)
+    movers = [groups.left, groups.right, *([n for n in arm if body.parts[n] == "cuff"] for arm in arms)]
+    obstacles = np.array([*groups.head, *groups.trunk, *arms[0], *arms[1], *groups.right], np.intp)
+    n_solid = len(obstacles) - len(groups.right)
+    meet = np.ones((4, len(obstacles)), bool)
     meet[1, n_solid:] = False  # the right hand and itself
     for side, arm in enumerate(arms):
-        meet[side::2, np.isin(others, arm)] = False
-    meet[2:, ~np.isin(others, arms[0] + arms[1])] = False
-    return [np.array(rows, np.intp) for rows in own], others, n_solid, meet, body.radii.max(axis=1)
+        meet[side::2, np.isin(obstacles, arm)] = False
+    meet[2:, ~np.isin(obstacles, arms[0] + arms[1])] = False
+    return [np.array(rows, np.intp) for rows in movers], obstacles, n_solid, meet, body.radii.max(axis=1)
 
 
 def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Middles (T, 1, 3) and radii (T, 1) of balls about balls (T, K, 3), (T, K); empty where there is none."""
+    """Returns middles (T, 1, 3) and radii (T, 1) of balls about balls (T, K, 3), (T, K); radius -inf if K is 0."""
     if not middles.shape[1]:
         return np.zeros((len(middles), 1, 3)), np.full((len(middles), 1), -np.inf)
-    whole = middles.mean(axis=1, keepdims=True)
-    away = middles - whole
-    return whole, (np.sqrt(dot(away, away)) + reach).max(axis=1, keepdims=True)
+    middle = middles.mean(axis=1, keepdims=True)
+    offsets = middles - middle
+    return middle, (np.sqrt(dot(offsets, offsets)) + reach).max(axis=1, keepdims=True)
 
 
 def _meet(
     middles: FloatArray, reach: FloatArray, starts: FloatArray, axes: FloatArray, thick: FloatArray
 ) -> NDArray[np.bool_]:
-    """Whether balls, middles (T, A, 3) and radii (T, A), meet capsules, starts and axes (T, B, 3) and radii (B,):
-    (T, A, B).
+    """Tells whether (T, A, B) balls, middles (T, A, 3) and radii (T, A), meet capsules, starts and axes (T, B, 3) and
+    radii (B,).
     """
     step = max(1, _ROOM // max(1, middles.shape[1] * starts.shape[1]))
     met = np.empty((len(middles), middles.shape[1], starts.shape[1]), bool)
     for n in range(0, len(middles), step):
-        at = slice(n, n + step)
-        distances = _segment_distances_squared(middles[at], starts[at], axes[at])
-        met[at] = distances < np.maximum(reach[at, :, None] + thick, 0.0) ** 2
+        block = slice(n, n + step)
+        distances = _segment_distances_squared(middles[block], starts[block], axes[block])
+        met[block] = distances < np.maximum(reach[block, :, None] + thick, 0.0) ** 2
     return met
 
 
 def _segment_distances_squared(points: FloatArray, starts: FloatArray, axes: FloatArray) -> FloatArray:
-    """Squared distances (T, A, B) of points (T, A, 3) from line segments, starts and axes (T, B, 3)."""
+    """Returns squared distances (T, A, B) of points (T, A, 3) from line segments, starts and axes (T, B, 3)."""
     # By matrix products: few temporary arrays.
     squares = dot(axes, axes)[:, None] + TINY
-    along = points @ axes.transpose(0, 2, 1) - dot(starts, axes)[:, None]  # (T, A, B)
-    fraction = np.clip(along / squares, 0.0, 1.0)
-    away = dot(points, points)[:, :, None] + dot(starts, starts)[:, None] - 2.0 * points @ starts.transpose(0, 2, 1)
-    return np.asarray(away - fraction * (2.0 * along - fraction * squares))
+    projection = points @ axes.transpose(0, 2, 1) - dot(starts, axes)[:, None]  # (T, A, B)
+    fraction = np.clip(projection / squares, 0.0, 1.0)
+    squared = dot(points, points)[:, :, None] + dot(starts, starts)[:, None] - 2.0 * points @ starts.transpose(0, 2, 1)
+    return np.asarray(squared - fraction * (2.0 * projection - fraction * squares))
 
 
 @dataclass(frozen=True, eq=False)
 class NearPairs:
-    """K pairs of capsules that lie near one another, each of a hand and of what the hand must not go into.
+    """K pairs of capsules close to each other: one of a hand, and one that the hand must not enter.
 
     n_frames: T, of the clip.
     frames: (K,) the frame of each pair.
     pairs: (K,) a number for the two capsules of each.
-    hands: (K, 2) how a pair's offset follows the left and the right hand; 1 and -1 where both hands meet.
-    meeting: (K,) whether it is a pair of two hands.
-    offsets: (K, 3) from the start of the other capsule to that of the hand's.
+    hands: (K, 2) factors with which a pair's offset follows the left and right hand; 1 and -1 if both hands meet.
+    meeting: (K,) whether both capsules are of hands.
+    offsets: (K, 3) from the start of the other capsule to the start of the hand's.
     axes: (K, 3) of the hand's capsule and of the other.
     radii: (K, 2) of both, likewise.
-    apart: (K, 3) from the right to the left hand, where both meet.
+    apart: (K, 3) from the right to the left hand, if both meet.
     """
 
     n_frames: int
@@ -427,8 +430,8 @@ class NearPairs:
     apart: FloatArray
 
     def penetration(self, moves: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Depth (T, 2) of each hand, and the exit direction (T, 2, 3), with the hands moved by ``moves`` (T, 2, 3); as
-        ``PosedCapsules.penetration``.
+        """Returns the depth (T, 2) of each hand, and the exit direction (T, 2, 3), with the hands moved by ``moves``
+        (T, 2, 3); as ``PosedCapsules.penetration``.
         """
         depth, exits = np.full((self.n_frames, 2), -np.inf), np.zeros((self.n_frames, 2, 3))
         if not len(self.frames):
@@ -440,46 +443,46 @@ class NearPairs:
         depths, directions = _penetration(offsets, *self.axes, *self.radii)
         both = self.meeting
         if both.any():
-            apart = self.apart[both] if moved is None else self.apart[both] + moved[both]
-            across = directions[both] + _WHOLE_HAND_WEIGHT * apart / (
-                np.linalg.norm(apart, axis=-1, keepdims=True) + TINY
+            between_hands = self.apart[both] if moved is None else self.apart[both] + moved[both]
+            direction = directions[both] + _WHOLE_HAND_WEIGHT * between_hands / (
+                np.linalg.norm(between_hands, axis=-1, keepdims=True) + TINY
             )
-            directions[both] = across / (np.linalg.norm(across, axis=-1, keepdims=True) + TINY)
+            directions[both] = direction / (np.linalg.norm(direction, axis=-1, keepdims=True) + TINY)
         deeper = np.argsort(depths, kind="stable")
         for side in (0, 1):
-            own = deeper[self.hands[deeper, side] != 0.0]  # of a frame's pairs the last one, the deepest, stays
-            depth[self.frames[own], side] = depths[own]
-            exits[self.frames[own], side] = directions[own] * self.hands[own, side, None]
+            hand_pairs = deeper[self.hands[deeper, side] != 0.0]  # the last pair of a frame, the deepest, stays
+            depth[self.frames[hand_pairs], side] = depths[hand_pairs]
+            exits[self.frames[hand_pairs], side] = directions[hand_pairs] * self.hands[hand_pairs, side, None]
         return depth, exits
 
     def persistent_contact_distance(self) -> float:
-        """The least skin distance that a pair of the two hands has at both ends of the clip, clip units, negative
-        inside; infinite where no pair is near at both.
+        """Returns the least skin distance that a pair of the two hands keeps at both ends of the clip, clip units,
+        negative inside; infinite if no pair is close at both.
         """
         ends = [np.flatnonzero(self.meeting & (self.frames == frame)) for frame in (0, self.n_frames - 1)]
-        _, *found = np.intersect1d(self.pairs[ends[0]], self.pairs[ends[1]], assume_unique=True, return_indices=True)
+        _, *matches = np.intersect1d(self.pairs[ends[0]], self.pairs[ends[1]], assume_unique=True, return_indices=True)
         depths = []
-        for end, both in zip(ends, found, strict=True):
-            at = end[both]
-            axes, radii = ([part[at] for part in parts] for parts in (self.axes, self.radii))
-            depths.append(_penetration(self.offsets[at], *axes, *radii)[0])
+        for end, both in zip(ends, matches, strict=True):
+            pair_rows = end[both]
+            axes, radii = ([part[pair_rows] for part in parts] for parts in (self.axes, self.radii))
+            depths.append(_penetration(self.offsets[pair_rows], *axes, *radii)[0])
         return float(-np.minimum(*depths).max(initial=-np.inf))
 
 
 def _sum_weighted_rows(weights: FloatArray, rows: FloatArray) -> FloatArray:
-    """Sums (K, 3) of rows (K, S, 3), each times its weight (K, S)."""
+    """Returns sums (K, 3) of rows (K, S, 3), each times its weight (K, S)."""
     return np.asarray((weights[:, :, None] * rows).sum(axis=1))
 
 
 def pose_capsules(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> PosedCapsules:
-    """A skeleton's capsules, from the globals of ``kinematics.forward`` for all joints."""
+    """Returns a skeleton's capsules, from the globals of ``kinematics.forward`` for all joints."""
     body = body_capsules(skeleton)
     return PosedCapsules(body, *capsule_ends(body, global_rotations, global_positions))
 
 
 def hand_depths(clip: Clip) -> FloatArray:
-    """How deep (T,) a hand lies in head, trunk, the other arm or its hand, in the clip's unit; not above 0 where none
-    does.
+    """Returns the depth (T,) of a hand in head, trunk, the other arm or its hand, clip units; not above 0 if no hand
+    lies in them.
     """
     return np.asarray(pose_capsules(clip.skeleton, *forward(clip)).penetration()[0].max(axis=1))
 
@@ -487,11 +490,10 @@ def hand_depths(clip: Clip) -> FloatArray:
 def overlap(
     starts: FloatArray, ends: FloatArray, radii: FloatArray, a: Sequence[int], b: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Depth (T, A, B) of capsules ``a`` in capsules ``b`` (negative: the distance), and the exit direction
+    """Returns the depth (T, A, B) of capsules ``a`` in capsules ``b`` (negative: the distance), and the exit direction
     (T, A, B, 3) of each of ``a``.
 
-    starts, ends: (T, C, 3) from ``capsules.capsule_ends``; radii (C, 2). The nearest points of the two axes (Ericson
-    2005, 5.1.9) with the radii there; exact for capsules of one thickness, within the taper's slope for others.
+    starts, ends: (T, C, 3) from ``capsules.capsule_ends``; radii (C, 2). Accuracy as in ``clearances``.
     """
     rows, columns = np.asarray(a, np.intp), np.asarray(b, np.intp)
     p, q = starts[:, rows, None], starts[:, None, columns]
@@ -500,10 +502,10 @@ def overlap(
 
 
 def _penetration(
-    r: FloatArray, u: FloatArray, v: FloatArray, one: FloatArray, two: FloatArray
+    r: FloatArray, u: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Depth (...) of capsules with axes u in those with axes v (..., 3), which start r (..., 3) from one another, and
-    the exit directions (..., 3); radii (..., 2).
+    """Returns the depth (...) of capsules with axes u in capsules with axes v (..., 3), and the exit directions
+    (..., 3); r (..., 3) separates their starts; radii (..., 2).
     """
-    found = clearances(r, u, v, one, two)
-    return -found.distance, found.normals
+    gaps = clearances(r, u, v, own_radii, other_radii)
+    return -gaps.distance, gaps.normals

@@ -1,4 +1,4 @@
-"""A body over time: where its capsules and arms are in every frame of a clip, and what its hands touch, and when."""
+"""A body over time: capsules and arms in every frame of a clip, and the contacts of its hands."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PosedBody:
     radii: (C, 2).
     shoulders, wrists: (T, 2, 3) left and right.
     arm_lengths: (2,) upper arm and forearm together.
-    relief_rotations: (T, K, 3, 3) rotations of the K capsules under the body's relief; None where it has none.
+    relief_rotations: (T, K, 3, 3) rotations of the K capsules under the body's relief; None without relief.
     """
 
     body: BodyCapsules
@@ -38,31 +38,31 @@ class PosedBody:
 
     @property
     def hand_length(self) -> float:
-        """Median length of the palms' capsules, m."""
+        """The median length of the palms' capsules, m."""
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
 
     def heights(self, pairs: SkinPairs, near: Near) -> FloatArray:
-        """How far (N,) the skin of head or trunk lies above the other capsule of near pairs, where they are nearest, m;
-        0 where the capsules are the skin.
+        """Returns the height (N,) of the skin of head or trunk above the other capsule of near pairs, at the nearest
+        points, m; 0 if the capsules are the skin.
         """
-        relief, body, out = self.body.relief, self.body, np.zeros(len(near.k))
+        relief, body, heights = self.body.relief, self.body, np.zeros(len(near.k))
         if relief is None or self.relief_rotations is None:
-            return out
-        own = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
-        frames, k = near.frames[own], near.k[own]
+            return heights
+        on_relief = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
+        frames, k = near.frames[on_relief], near.k[on_relief]
         rows, now = pairs.other[k], pair_clearances(self.starts, self.ends, self.radii, pairs, frames, k)
         outward = np.einsum(
             "nba,nb->na", self.relief_rotations[frames, np.searchsorted(relief.rows, rows)], now.normals
         )
         radius = body.radii[rows, 0] + now.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
-        along = now.other_at[:, None] * (body.ends - body.starts)[rows]
-        points = body.starts[rows] + along + radius[:, None] * outward
-        out[own] = relief.heights(rows, points, outward) * (self.radii[0, 0] / body.radii[0, 0])
-        return out
+        axis_offset = now.other_at[:, None] * (body.ends - body.starts)[rows]
+        points = body.starts[rows] + axis_offset + radius[:, None] * outward
+        heights[on_relief] = relief.heights(rows, points, outward) * (self.radii[0, 0] / body.radii[0, 0])
+        return heights
 
     def with_arms(self, elbows: FloatArray, wrists: FloatArray) -> PosedBody:
-        """The same body with elbows and wrists (T, 2, 3) elsewhere; hands keep their rotations."""
+        """Returns the body with these elbows and wrists (T, 2, 3); hands keep their rotations."""
         starts, ends, moves = self.starts.copy(), self.ends.copy(), wrists - self.wrists
         for n, (part, side) in enumerate(zip(self.body.parts, self.body.sides, strict=True)):
             if not side or part in _LEG:
@@ -79,7 +79,7 @@ class PosedBody:
 
 
 def pose_body(clip: Clip, body: BodyCapsules) -> PosedBody:
-    """A clip's body over time, in metres."""
+    """Returns a clip's body over time, in metres."""
     info = rig_info(clip.skeleton)
     metres = info.sizes.unit.metres
     rotations, positions = kinematics.forward(clip)
@@ -93,27 +93,31 @@ def pose_body(clip: Clip, body: BodyCapsules) -> PosedBody:
     )
 
 
-TOUCH_M, PART_M = 0.005, 0.012
-"""A contact begins where skins are nearer than the first and ends where they are farther apart than the second, m."""
+TOUCH_M = 0.005
+"""A contact begins when skins come nearer than this, m."""
+PART_M = 0.012
+"""A contact ends when skins are farther apart than this, m."""
 KEPT_M = 0.005
-"""A contact is kept where its distance changes by less than this, m."""
+"""A contact is kept if its distance changes by less than this, m."""
 PRESS_M = 0.002
-"""Pressing deeper than this, m, need not be kept: skin gives, capsules do not."""
+"""Contacts need not stay deeper than this, m: skin gives, capsules do not."""
 REGIONS = ("head", "neck", "trunk", "arm", "hand")
-"""What a hand touches; the last two are those of the other side."""
-_SHORTEST, _HOLE = 2, 3
-"""Frames that a contact lasts at least; and gaps between two contacts that count as none."""
+"""Regions that a hand touches; the last two are of the other side."""
+_SHORTEST = 2
+"""Least duration of a contact, frames."""
+_HOLE = 3
+"""Longest gap that does not separate two contacts, frames."""
 
 
 @dataclass(frozen=True)
 class Contact:
     """A contact of one hand.
 
-    hand: "left" or "right"; "right" where both hands meet.
+    hand: "left" or "right"; "right" if both hands meet.
     region: one of ``REGIONS``.
-    frames: first frame and end, half-open, of the clip before it was placed or resampled.
+    frames: first frame and end, half-open, in the clip before placement and resampling.
     before_mm, after_mm: median skin distance at the source and on the other body, mm; negative inside.
-    is_kept: whether that is the same within ``KEPT_M``; where it lies deep at the source, it may lie less deep.
+    is_kept: whether both distances agree within ``KEPT_M``; a contact deep at the source may become less deep.
     """
 
     hand: str
@@ -127,9 +131,9 @@ class Contact:
 def find_contacts(
     body: BodyCapsules, pairs: SkinPairs, near: Near, after: FloatArray, n_frames: int
 ) -> tuple[Contact, ...]:
-    """The contacts of a clip of ``n_frames``, in order.
+    """Returns the contacts of a clip of ``n_frames``, in order.
 
-    near: all pairs that are nearer than ``PART_M`` at the source; after: (N,) their distances on the other body, m.
+    near: all pairs nearer than ``PART_M`` at the source; after: (N,) their distances on the other body, m.
     """
     frames, k, before = near.frames, near.k, near.distance
     region = np.array([_region(body, row) for row in range(len(body.keys))], np.intp)[pairs.other[k]]
@@ -137,14 +141,14 @@ def find_contacts(
     tables = np.full((2, n_frames, 2, len(REGIONS)), np.inf)
     for table, distance in zip(tables, (before, after), strict=True):
         np.minimum.at(table, (frames, side, region), distance)
-    found = []
+    contacts = []
     for n_hand, hand in enumerate(SIDES):
         for n, name in enumerate(REGIONS):
             for start, stop in _events(tables[0, :, n_hand, n]):
-                then, now = (_median(table[start:stop, n_hand, n]) for table in tables)
-                is_kept = then - KEPT_M < now < max(then, -PRESS_M) + KEPT_M
-                found.append(Contact(hand, name, (start, stop), round(1e3 * then, 1), round(1e3 * now, 1), is_kept))
-    return tuple(sorted(found, key=lambda one: one.frames))
+                was, now = (_median(table[start:stop, n_hand, n]) for table in tables)
+                is_kept = was - KEPT_M < now < max(was, -PRESS_M) + KEPT_M
+                contacts.append(Contact(hand, name, (start, stop), round(1e3 * was, 1), round(1e3 * now, 1), is_kept))
+    return tuple(sorted(contacts, key=lambda contact: contact.frames))
 
 
 def _median(distance: FloatArray) -> float:
@@ -158,7 +162,7 @@ def _region(body: BodyCapsules, row: int) -> int:
 
 
 def _events(distance: FloatArray) -> list[tuple[int, int]]:
-    """Half-open ranges of frames in which a distance (T,) is that of a contact."""
+    """Returns half-open ranges of frames in which a distance (T,) is that of a contact."""
     touching = np.zeros(len(distance), bool)
     is_touching = False
     for frame, value in enumerate(distance.tolist()):

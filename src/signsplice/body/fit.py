@@ -1,18 +1,18 @@
-"""Where wrists go on another body, so that hands keep their place on it and touch what they touched.
+"""Moves of wrists on another body, so that hands keep their places on it and their contacts.
 
-The hands' rotations in the world stay as they are. What is sought are two moves a frame, m = (m_left, m_right), of the
-wrists from where copied rotations put them. First a linear least-squares problem, then a few Gauss-Newton steps on skin
-distances; both are banded, since frames are tied to their neighbours alone:
+The hands keep their rotations in the world. The unknowns are two moves per frame, m = (m_left, m_right), of the wrists
+from their places under copied rotations. A linear least-squares problem comes first, then a few Gauss-Newton steps on
+skin distances; both are banded, since frames depend on their neighbours only:
 
     E(m) = sum w |a + m - P|^2                  hand anchors a at their places P on the other body
          + sum w |(a_l + m_l) - (a_r + m_r) - D|^2   one hand's anchors at their places on the other hand
          + w_0 |wrist + m - N|^2                the wrist at its place in signing space
          + lambda sum_t |m_(t-1) - 2 m_t + m_(t+1)|^2
-         + sum w (c(m) - c*)^2                  skin distances: what touches, and what must not
+         + sum w (c(m) - c*)^2                  skin distances: contacts, and clearances to keep
          + sum w (reach(m))^2                   wrists within reach of their arms
 
 Places are relative to capsules: the share t along the axis, the direction from it, and the skin distance. Weights fall
-with that distance, w = 1 / (1 + c / rho)^4, so that what is near decides (Ho, Komura and Tai 2010; Molla, Debarba and
+with that distance, w = 1 / (1 + c / rho)^4, so that close capsules decide (Ho, Komura and Tai 2010; Molla, Debarba and
 Boulic 2018).
 """
 
@@ -33,8 +33,8 @@ from signsplice.rig.roles import SIDES
 
 
 def solve_blocks(block: FloatArray, rhs: FloatArray, smoothness: float) -> FloatArray:
-    """The moves (T, 2, 3) that solve a block (T, 6, 6) and right side (T, 6) for each frame, tied by the squares of
-    their second differences with weight ``smoothness``.
+    """Returns the moves (T, 2, 3) that solve a block (T, 6, 6) and right side (T, 6) for each frame; the squares of
+    their second differences, with weight ``smoothness``, couple the frames.
     """
     n = len(block)
     band = np.zeros((18, 6 * n))
@@ -49,7 +49,7 @@ def solve_blocks(block: FloatArray, rhs: FloatArray, smoothness: float) -> Float
 
 
 def second_differences(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The three diagonals of D'D, D the second differences of n values."""
+    """Returns the three diagonals of D'D, D the second differences of n values."""
     if n < 3:
         return np.zeros(n), np.zeros(max(n - 1, 0)), np.zeros(max(n - 2, 0))
     d0, d1, d2 = np.zeros(n), np.zeros(n - 1), np.ones(n - 2)
@@ -65,28 +65,42 @@ Index = NDArray[np.intp]
 
 NEAR_M = 0.04
 """rho: skin distance over which weights fall, m."""
-_FREE_M, _FAR_M = 0.06, 0.25
-"""Distances up to which a clearance keeps its length, and from which on it is scaled as signing space is, m."""
+_FREE_M = 0.06
+"""Largest clearance that keeps its length, m."""
+_FAR_M = 0.25
+"""Least clearance that scales as signing space does, m."""
 _SPACE_WEIGHT = 0.15
-_SMOOTHNESS, _FPS = 100.0, 30.0
-"""lambda at this frame rate."""
-CONTACT_WEIGHT, CONTACT_FADE_M, _LEAST_WEIGHT = 60.0, 0.006, 1e-3
-"""Weight of a contact; depth at the source over which it falls by a factor e, m; and the least that counts."""
+_SMOOTHNESS = 100.0
+"""lambda at the frame rate ``_FPS``."""
+_FPS = 30.0
+"""Frame rate to which ``_SMOOTHNESS`` refers, Hz."""
+CONTACT_WEIGHT = 60.0
+"""Weight of a contact."""
+CONTACT_FADE_M = 0.006
+"""Depth at the source over which the weight of a contact falls by a factor e, m."""
+_LEAST_WEIGHT = 1e-3
+"""Contacts of at most this weight do not count."""
 TOUCH_M = 0.012
-"""Skin distance at the source up to which a pair is held at its distance, m."""
+"""Largest skin distance at the source of a pair that keeps its distance, m."""
 CLEAR_M = 0.010
-"""Pairs that are farther apart than this at the source may come as near, not nearer, m."""
+"""Pairs that are farther apart than this at the source may come as close as this, m."""
 PRESS_M = 0.002
-"""Up to this depth at the source, m, a touch is one of skin on skin."""
+"""Largest depth at the source of a contact of skin on skin, m."""
 _MARGIN_M = 0.035
-_STEPS, _STEPS_AGAIN = 4, 2
+_STEPS = 4
+"""Gauss-Newton steps of the first solution, and of a refinement on a body with relief."""
+_STEPS_AGAIN = 2
+"""Gauss-Newton steps of a refinement on a body without relief."""
 _DAMPING = 10.0
-"""Weight that holds moves to those of the step before: contacts that come and go would make them swing."""
-_REACH, _REACH_WEIGHT = 0.985, 60.0
+"""Weight that ties moves to those of the step before: contacts that come and go would make them swing."""
+_REACH = 0.985
+"""Largest distance of a wrist from its shoulder, arm lengths."""
+_REACH_WEIGHT = 60.0
+"""Weight that pulls wrists back within reach."""
 SIGNS = 0.5
-"""An arm signs in the frames in which it is active by more than this."""
+"""An arm signs in frames in which its activity exceeds this."""
 _ARM_SHARES = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}
-"""How far both ends of an arm's parts move with its wrist."""
+"""Shares of a wrist's move that both ends of an arm's parts follow."""
 
 _ANCHORS = (
     ("ThumbDistal", 1.0),
@@ -100,15 +114,15 @@ _ANCHORS = (
     ("Mitten", 0.3),
     ("Mitten", 1.0),
 )
-"""Points of a hand: key of a capsule without the side, and where along its axis."""
+"""Points of a hand: key of a capsule without the side, and place along its axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Rows of the capsules that two bodies share, on either body.
+    """Rows of the capsules that two bodies share, on each body.
 
     source, target: (n,) rows.
-    at: (n,) where along the axes, for anchors.
+    at: (n,) places along the axes, for anchors.
     """
 
     source: Index
@@ -117,10 +131,10 @@ class _Rows:
 
 
 class Fit:
-    """The problem of one clip: ``source`` as it was signed, ``carried`` with the same rotations on the other body.
+    """The problem of one clip: ``source`` as signed, ``carried`` with the same rotations on the other body.
 
     fps: frame rate.
-    active: (T, 2) how much each arm signs in each frame: 0 where it hangs.
+    active: (T, 2) activity of each arm in each frame: 0 while it hangs.
     """
 
     def __init__(self, source: PosedBody, carried: PosedBody, fps: float, active: FloatArray) -> None:
@@ -130,32 +144,32 @@ class Fit:
         self._hand_scale = carried.hand_length / source.hand_length
         self.shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
         self.pairs = skin_pairs(source.body, self.shared), skin_pairs(carried.body, self.shared)
-        self._anchors = [self._rows([(side + key, at) for key, at in _ANCHORS]) for side in SIDES]
+        self._anchors = [self._rows([(side + key, share) for key, share in _ANCHORS]) for side in SIDES]
         solid = [source.body.keys[n] for n in (*source.body.groups.head, *source.body.groups.trunk)]
         self._solid = [
             self._rows([*((key, 0.0) for key in solid), (f"{o}UpperArm", 0.0), (f"{o}LowerArm", 0.0)])
             for o in ("right", "left")
         ]
 
-    def _rows(self, wanted: list[tuple[str, float]]) -> _Rows:
-        found = [(key, at) for key, at in wanted if key in self.shared]
-        source, target = ([body.keys.index(key) for key, _ in found] for body in (self.source.body, self.carried.body))
-        return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([at for _, at in found]))
+    def _rows(self, places: list[tuple[str, float]]) -> _Rows:
+        shared = [(key, share) for key, share in places if key in self.shared]
+        source, target = ([body.keys.index(key) for key, _ in shared] for body in (self.source.body, self.carried.body))
+        return _Rows(np.array(source, np.intp), np.array(target, np.intp), np.array([share for _, share in shared]))
 
     def moves(self) -> FloatArray:
-        """The moves (T, 2, 3) of the wrists, m, with arms that follow as ``_wrist_weights`` says."""
+        """Returns the moves (T, 2, 3) of the wrists, m; arms follow by ``_wrist_weights``."""
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
         self.near = _near_contacts(self, m)
         return self._solve_contacts(m, self.carried, np.zeros_like(m), _STEPS)
 
     def _out_of_reach(self, m: FloatArray) -> FloatArray:
-        """How far (2,) the places of each hand lie beyond its arm's reach where it signs, at most, m."""
-        away = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
-        return np.asarray((away * (self.active > SIGNS)).max(axis=0, initial=0.0))
+        """Returns the largest distance (2,) of each hand's places beyond its arm's reach while it signs, m."""
+        excess = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
+        return np.asarray((excess * (self.active > SIGNS)).max(axis=0, initial=0.0))
 
     def refine(self, moved: PosedBody) -> FloatArray:
-        """The moves once more, from ``moved``: the body with the arms as they lie after the moves so far."""
+        """Returns refined moves, from ``moved``: the body with the arms after the moves so far."""
         base = moved.wrists - self.carried.wrists
         heights = moved.heights(self.pairs[1], self.near)
         return self._solve_contacts(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
@@ -188,41 +202,41 @@ class Fit:
         return diagonal, -weight, right
 
     def _body_pull(self, side: int) -> tuple[FloatArray, FloatArray]:
-        """Sums over anchors and capsules of weights (T,), and of weighted displacements to the places (T, 3)."""
+        """Returns sums over anchors and capsules of weights (T,), and of weighted displacements (T, 3)."""
         anchors, solid = self._anchors[side], self._solid[side]
         s, c = self.source, self.carried
         a, ra = _points(s, anchors.source, anchors.at)
         start, axis = s.starts[:, None, solid.source], (s.ends - s.starts)[:, None, solid.source]
         since = a[:, :, None] - start
-        along = np.einsum("tasx,tasx->tas", since, np.broadcast_to(axis, since.shape))
-        t = np.clip(along / (np.einsum("tasx,tasx->tas", axis, axis) + 1e-12), 0.0, 1.0)
-        out = since - t[..., None] * axis
-        away = np.sqrt(np.einsum("tasx,tasx->tas", out, out)) + 1e-9
+        projection = np.einsum("tasx,tasx->tas", since, np.broadcast_to(axis, since.shape))
+        t = np.clip(projection / (np.einsum("tasx,tasx->tas", axis, axis) + 1e-12), 0.0, 1.0)
+        offset = since - t[..., None] * axis
+        distance = np.sqrt(np.einsum("tasx,tasx->tas", offset, offset)) + 1e-9
         radius = s.radii[solid.source]
-        clearance = away - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
+        clearance = distance - (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) - ra[:, None]
         weight = _weight(clearance) * self.active[:, side, None, None]
         b, rb = _points(c, anchors.target, anchors.at)
         start, axis = c.starts[:, None, solid.target], (c.ends - c.starts)[:, None, solid.target]
         radius = c.radii[solid.target]
-        wanted = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scale_clearance(clearance)
-        displacement = start + t[..., None] * axis + out * (wanted / away)[..., None] - b[:, :, None]
+        goal = (radius[:, 0] + t * (radius[:, 1] - radius[:, 0])) + rb[:, None] + self._scale_clearance(clearance)
+        displacement = start + t[..., None] * axis + offset * (goal / distance)[..., None] - b[:, :, None]
         return weight.sum(axis=(1, 2)), np.einsum("tas,tasx->tx", weight, displacement)
 
     def _hand_pull(self) -> tuple[FloatArray, FloatArray]:
-        """Sums over pairs of anchors of weights (T,), and of weighted displacements of the left to its place (T, 3)."""
-        left, right = self._anchors
-        (a, ra), (b, rb) = (_points(self.source, rows.source, rows.at) for rows in (left, right))
+        """Returns sums over pairs of anchors of weights (T,), and of weighted displacements (T, 3) of the left hand."""
+        left_rows, right_rows = self._anchors
+        (a, ra), (b, rb) = (_points(self.source, rows.source, rows.at) for rows in (left_rows, right_rows))
         d = a[:, :, None] - b[:, None]
-        away = np.sqrt(np.einsum("tabx,tabx->tab", d, d)) + 1e-9
-        clearance = away - ra[:, None] - rb
+        distance = np.sqrt(np.einsum("tabx,tabx->tab", d, d)) + 1e-9
+        clearance = distance - ra[:, None] - rb
         weight = _weight(clearance) * self.active.min(axis=1)[:, None, None]
-        (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left, right))
-        wanted = d * ((ra[:, None] + rb + self._scale_clearance(clearance)) / away)[..., None]
-        displacement = wanted - (a[:, :, None] - b[:, None])
+        (a, ra), (b, rb) = (_points(self.carried, rows.target, rows.at) for rows in (left_rows, right_rows))
+        goal = d * ((ra[:, None] + rb + self._scale_clearance(clearance)) / distance)[..., None]
+        displacement = goal - (a[:, :, None] - b[:, None])
         return weight.sum(axis=(1, 2)), np.einsum("tab,tabx->tx", weight, displacement)
 
     def _scale_clearance(self, clearance: FloatArray) -> FloatArray:
-        """A skin distance on the other body: as it is where it is small, scaled as signing space where it is large."""
+        """Returns a skin distance on the other body: hands scale a small one, signing space scales a large one."""
         share = np.clip((clearance - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)
         return clearance * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
@@ -257,41 +271,41 @@ class Fit:
         return solve_blocks(block, rhs, self.smoothness)
 
     def _add_reach(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:
-        """Keep wrists within reach: the plane at right angles to the arm, where they are beyond."""
+        """Keep wrists within reach: those beyond aim at the plane at right angles to the arm."""
         for side in (0, 1):
             arm = self.carried.wrists[:, side] + m[:, side] - self.carried.shoulders[:, side]
             length = np.linalg.norm(arm, axis=-1)
-            most = _REACH * self.carried.arm_lengths[side]
-            rows = np.flatnonzero(length > most)
+            limit = _REACH * self.carried.arm_lengths[side]
+            rows = np.flatnonzero(length > limit)
             if not len(rows):
                 continue
             n = arm[rows] / length[rows, None]
-            goal = most - length[rows] + np.einsum("nx,nx->n", n, m[rows, side])
-            own = slice(3 * side, 3 * side + 3)
-            block[rows, own, own] += _REACH_WEIGHT * n[:, :, None] * n[:, None]
-            rhs[rows, own] += _REACH_WEIGHT * goal[:, None] * n
+            goal = limit - length[rows] + np.einsum("nx,nx->n", n, m[rows, side])
+            columns = slice(3 * side, 3 * side + 3)
+            block[rows, columns, columns] += _REACH_WEIGHT * n[:, :, None] * n[:, None]
+            rhs[rows, columns] += _REACH_WEIGHT * goal[:, None] * n
 
 
 def _near_contacts(fit: Fit, m: FloatArray) -> Near:
-    """The pairs that are near at the source, or on the other body with its wrists moved by ``m``."""
+    """Returns the pairs that are close at the source, or on the other body with its wrists moved by ``m``."""
     source, posed, (source_pairs, target_pairs) = fit.source, fit.carried, fit.pairs
     first, last, sides = _wrist_weights(posed.body)
     shift = m[:, sides]  # (T, C, 3)
     starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
     touching = near_pairs(source.starts, source.ends, source.radii, source_pairs, TOUCH_M)
-    near = near_pairs(starts, ends, posed.radii, target_pairs, _MARGIN_M)
+    close = near_pairs(starts, ends, posed.radii, target_pairs, _MARGIN_M)
     n = len(target_pairs.own)
-    frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], near[0] * n + near[1]), n)
-    then = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
-    now = pair_clearances(starts, ends, posed.radii, target_pairs, frames, k).distance
-    kept = (then < TOUCH_M) | (now < _MARGIN_M)
-    return Near(frames[kept], k[kept], then[kept])
+    frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], close[0] * n + close[1]), n)
+    before = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
+    after = pair_clearances(starts, ends, posed.radii, target_pairs, frames, k).distance
+    is_close = (before < TOUCH_M) | (after < _MARGIN_M)
+    return Near(frames[is_close], k[is_close], before[is_close])
 
 
 class _Contacts:
-    """The near pairs on a body whose wrists are moved by ``base`` in ``posed``.
+    """The near pairs on a body whose wrists have moved by ``base`` in ``posed``.
 
-    heights: (N,) of its skin above the other capsule of each.
+    heights: (N,) of its skin above the other capsule of each pair.
     """
 
     def __init__(
@@ -299,17 +313,17 @@ class _Contacts:
     ) -> None:
         self.frames, k, self.then = near.frames, near.k, near.distance
         first, last, _ = _wrist_weights(posed.body)
-        own, other = target_pairs.own[k], target_pairs.other[k]
-        self._p, self._q = posed.starts[self.frames, own], posed.starts[self.frames, other]
-        self._u, self._v = posed.ends[self.frames, own] - self._p, posed.ends[self.frames, other] - self._q
-        self._radii = posed.radii[own], posed.radii[other]
+        own_rows, other_rows = target_pairs.own[k], target_pairs.other[k]
+        self._p, self._q = posed.starts[self.frames, own_rows], posed.starts[self.frames, other_rows]
+        self._u, self._v = posed.ends[self.frames, own_rows] - self._p, posed.ends[self.frames, other_rows] - self._q
+        self._radii = posed.radii[own_rows], posed.radii[other_rows]
         self._sides = target_pairs.own_side[k], np.maximum(target_pairs.other_side[k], 0)
         moves = target_pairs.other_side[k] >= 0
-        self._first = first[own], np.where(moves, first[other], 0.0)
-        self._more = (last - first)[own], np.where(moves, (last - first)[other], 0.0)
+        self._first = first[own_rows], np.where(moves, first[other_rows], 0.0)
+        self._more = (last - first)[own_rows], np.where(moves, (last - first)[other_rows], 0.0)
         self._base = base[self.frames]
         touching = self.then < TOUCH_M
-        # A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
+        # A pair that lies deep at the source has no skin to touch: it may stay as deep, with less weight.
         off = np.maximum(np.abs(self.then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0.0)
         self._wanted = self._allowed = np.minimum(self.then, CLEAR_M) + heights
         self._held = np.where(touching, CONTACT_WEIGHT * np.exp(-off / CONTACT_FADE_M), 0.0)
@@ -319,20 +333,20 @@ class _Contacts:
         if not len(self.frames):
             return
         rows, since = np.arange(len(self.frames)), m[self.frames] - self._base
-        own, other = since[rows, self._sides[0]], since[rows, self._sides[1]]
+        own_moves, other_moves = since[rows, self._sides[0]], since[rows, self._sides[1]]
         now = clearances(
-            (self._p + self._first[0][:, None] * own) - (self._q + self._first[1][:, None] * other),
-            self._u + self._more[0][:, None] * own,
-            self._v + self._more[1][:, None] * other,
+            (self._p + self._first[0][:, None] * own_moves) - (self._q + self._first[1][:, None] * other_moves),
+            self._u + self._more[0][:, None] * own_moves,
+            self._v + self._more[1][:, None] * other_moves,
             *self._radii,
         )
         weight = np.where(now.distance < self._allowed, CONTACT_WEIGHT, self._held)
         rows = np.flatnonzero(weight > _LEAST_WEIGHT)
         if not len(rows):
             return
-        share, at = np.zeros((len(rows), 2)), np.arange(len(rows))
-        share[at, self._sides[0][rows]] = (self._first[0] + now.own_at * self._more[0])[rows]
-        share[at, self._sides[1][rows]] -= (self._first[1] + now.other_at * self._more[1])[rows]
+        share, index = np.zeros((len(rows), 2)), np.arange(len(rows))
+        share[index, self._sides[0][rows]] = (self._first[0] + now.own_at * self._more[0])[rows]
+        share[index, self._sides[1][rows]] -= (self._first[1] + now.other_at * self._more[1])[rows]
         jacobian = (share[:, :, None] * now.normals[rows, None]).reshape(-1, 6)
         frames = self.frames[rows]
         goal = (self._wanted - now.distance)[rows] + np.einsum("ni,ni->n", jacobian, m[frames].reshape(-1, 6))
@@ -343,7 +357,7 @@ class _Contacts:
 
 
 def _wrist_weights(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
-    """How far both ends of each capsule (C,) move with a wrist, and whose (C,): hands wholly, an elbow half-way."""
+    """Returns the shares (C,) of a wrist's move that both ends of each capsule follow, and the wrist's side (C,)."""
     first, last = np.zeros(len(body.parts)), np.zeros(len(body.parts))
     for n, (part, side) in enumerate(zip(body.parts, body.sides, strict=True)):
         if side and part not in ("leg", "shoe"):
@@ -352,12 +366,12 @@ def _wrist_weights(body: BodyCapsules) -> tuple[FloatArray, FloatArray, Index]:
 
 
 def _points(body: PosedBody, rows: Index, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (T, n, 3) along capsules, and the radii (n,) there."""
+    """Returns points (T, n, 3) along capsules, and the radii (n,) there."""
     start = body.starts[:, rows]
     radius = body.radii[rows]
     return start + at[:, None] * (body.ends[:, rows] - start), radius[:, 0] + at * (radius[:, 1] - radius[:, 0])
 
 
 def _weight(clearance: FloatArray) -> FloatArray:
-    near = 1.0 + np.maximum(clearance, 0.0) / NEAR_M
-    return 1.0 / (near * near * near * near)
+    ratio = 1.0 + np.maximum(clearance, 0.0) / NEAR_M
+    return 1.0 / (ratio * ratio * ratio * ratio)

@@ -1,12 +1,12 @@
 """The mannequin: the body of a skeleton as a mesh that its joints carry.
 
-The capsules of ``body.capsules`` are blended into one another, part by part (a shirt with its sleeves, a hand, a face).
-The mesh is bound to the joints by linear blend skinning, in the T-pose with fingers spread. The last phalanx of each
-finger has a tint of its own, so that handshapes can be read.
+The capsules of ``body.capsules`` blend into one another, part by part (a shirt with its sleeves, a hand, a face).
+Linear blend skinning binds the mesh to the joints, in the T-pose with fingers spread. The last phalanx of each
+finger has its own tint, which keeps handshapes readable.
 
-Its head has eyes, lids, brows, lips, teeth and tongue, and ARKit's 52 coefficients as its morphs. ``figure.npz`` is
-made by ``workshop/runs/figure.py`` from MakeHuman's base mesh (CC0), in steps of ``_HEAD_STEP`` statures about the
-head's joint in the T-pose (left +X, up +Y, forward +Z). Its skin follows that of the capsules of head and neck, which
+Its head has eyes, lids, brows, lips, teeth and tongue, and ARKit's 52 coefficients as morphs.
+``workshop/runs/figure.py`` makes ``figure.npz`` from MakeHuman's base mesh (CC0), in steps of ``_HEAD_STEP`` statures
+about the head's joint in the T-pose (left +X, up +Y, forward +Z). Its skin follows the capsules of head and neck, which
 hands touch.
 """
 
@@ -29,7 +29,7 @@ from signsplice.rig.t_pose import positions_from_rotations
 
 _HEAD_STEP = 1e-5
 _CHIN_RADIUS = 0.024
-"""Radius of the usual head's chin (``capsules``), statures: what a larger head is measured by."""
+"""Radius of the usual head's chin (``capsules``), statures; it sets the scale of larger heads."""
 _COLOURS = {
     "face": (0.90, 0.69, 0.56),
     "lips": (0.76, 0.45, 0.41),
@@ -46,12 +46,12 @@ _COLOURS = {
 
 
 def has_head(skeleton: Skeleton, shape: BodyCapsules) -> bool:
-    """Whether a body has the head that the figure's stands for."""
+    """Tells whether a body has the head that the figure's replaces."""
     return "head1" in shape.keys and "head" in rig_info(skeleton).roles.joints
 
 
 def head_parts(skeleton: Skeleton, shape: BodyCapsules, positions: FloatArray) -> tuple[MeshPart, ...]:
-    """The figure's head on a body that has one, part by part; ``positions`` (J, 3): of the joints in the bind pose."""
+    """Returns the figure's head on a body with a head, by parts; ``positions``: (J, 3) joints in the bind pose."""
     info = rig_info(skeleton)
     head, size = info.roles.joints["head"], _size(shape)
     neck = info.roles.joints.get("neck", head)
@@ -67,36 +67,36 @@ def head_parts(skeleton: Skeleton, shape: BodyCapsules, positions: FloatArray) -
     }
     is_neck, is_one = weight < 0.5, (weight == 0.0) | (weight == 1.0)
     first, second = np.where(is_neck, neck, head), np.where(is_one, 0, np.where(is_neck, head, neck))
-    most = np.maximum(weight, 1.0 - weight)
-    weights = np.stack([most, 1.0 - most, 0.0 * most, 0.0 * most], axis=1)
+    larger = np.maximum(weight, 1.0 - weight)
+    weights = np.stack([larger, 1.0 - larger, 0.0 * larger, 0.0 * larger], axis=1)
     joints = np.stack([first, second, 0 * first, 0 * first], axis=1)
     triangles = stored["triangles"].astype(np.int64)
-    out = []
+    parts = []
     for number, (name, colour) in enumerate(_COLOURS.items()):
-        used, own = np.unique(triangles[stored["parts"] == number], return_inverse=True)
+        used, corners = np.unique(triangles[stored["parts"] == number], return_inverse=True)
         moved = {unit: _of_part(used, *rows) for unit, rows in units.items()}
         morphs = {unit: rows for unit, rows in moved.items() if len(rows[0])}
-        at, own = positions[head] + points[used], own.reshape(-1, 3)
-        out.append(MeshPart(name, colour, at, normals[used], own, joints[used], weights[used], morphs))
-    return tuple(out)
+        vertices, corners = positions[head] + points[used], corners.reshape(-1, 3)
+        parts.append(MeshPart(name, colour, vertices, normals[used], corners, joints[used], weights[used], morphs))
+    return tuple(parts)
 
 
 def _size(shape: BodyCapsules) -> float:
-    """Clip units of a step of the file: by the thickness of the chin."""
+    """Returns the clip units of a step of the file, from the thickness of the chin."""
     return _HEAD_STEP * float(shape.radii[shape.keys.index("head1"), 0]) / _CHIN_RADIUS
 
 
 def _of_part(
     used: NDArray[np.int64], rows: NDArray[np.int64], moves: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """The vertices of a part that a unit moves, by their numbers there, and their moves (N, 3)."""
-    at = np.minimum(np.searchsorted(used, rows), len(used) - 1)
-    own = used[at] == rows
-    return at[own], moves[own]
+    """Returns the vertices of a part that a unit moves, by their numbers in the part, and their moves (N, 3)."""
+    index = np.minimum(np.searchsorted(used, rows), len(used) - 1)
+    is_match = used[index] == rows
+    return index[is_match], moves[is_match]
 
 
 SKIN = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
-"""Colours of skin, sRGB 0 to 1; the left hand is darker, so that crossed hands can be distinguished."""
+"""Colours of skin, sRGB 0 to 1; the left hand is darker, to distinguish crossed hands."""
 TIPS = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
 CLOTHES = {
     "shirt": (0.26, 0.31, 0.40),
@@ -112,35 +112,41 @@ CLOTHES = {
 _STEP = {"face": 0.0036, "hair": 0.0060, "neck": 0.0100, "shirt": 0.0120, "leg": 0.0200, "shoe": 0.0140}
 """Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 4.8 mm by default."""
 _COARSEST = 0.06
-"""No part needs a smaller distance than this fraction of its thickest capsule."""
+"""Least distance of a part's vertices, as a fraction of its thickest capsule's radius."""
 _BLEND = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
 """Blend radius of the capsules of a part, as a fraction of stature; 1 mm by default."""
-_PALM_BLEND, _LIMB_BLEND = 0.0045, 0.0005
-"""Blend radius within a palm, and within a finger, an arm or a leg, before these are blended with each other."""
+_PALM_BLEND = 0.0045
+"""Blend radius within a palm, before palm and fingers are blended, as a fraction of stature."""
+_LIMB_BLEND = 0.0005
+"""Blend radius within a finger, an arm or a leg, before these are blended, as a fraction of stature."""
 _SOFT = {"shirt": 0.45}
 """Softness of the transition from one joint to the next, as a fraction of the capsule's thickness."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
-"""How far fingers are spread in the bind pose, so that their meshes do not merge."""
+"""Spread of the fingers in the bind pose, degrees, so that their meshes do not merge."""
 _BENT = 0.25
-"""Factor on that softness at elbows and knees: half-way between two bones that are folded onto one another, a vertex
-that both carry would be pinched.
+"""Factor on that softness at elbows and knees: half-way between two folded bones, a vertex that both carry would be
+pinched.
 """
 _BALL = 0.95
-"""Thickness of the ball in an elbow or a knee, as a fraction of the limb's."""
+"""Radius of the ball in an elbow or a knee, in radii of the limb."""
 _CUFF_END = 0.90
 """Fraction of the forearm that the sleeve covers; from there on a bare wrist leads into the palm."""
-_NECK_END, _NECK_WITHIN = 0.65, 0.97
-"""Fraction of the neck's capsule that is seen below the figure's head, and its thickness there."""
+_NECK_END = 0.65
+"""Fraction of the neck's capsule that is visible below the figure's head."""
+_NECK_WITHIN = 0.97
+"""Thickness of that part, in radii of the neck's capsule."""
 _WRIST = (0.0125, 0.0135)
-_CREASE, _CREASE_SHADE = 0.60, 0.84
-"""From which weight of the second of two phalanges, in that of the first, skin is their crease, and how dark it is."""
+_CREASE = 0.60
+"""Skin that two phalanges carry is their crease if the second weight exceeds this part of the first."""
+_CREASE_SHADE = 0.84
+"""Brightness of a crease relative to the skin around it."""
 _GROWN = {"mouth": 0.0020, "eye": 0.0010}
-"""Added to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
+"""Addition to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
 
 
 def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    """The mesh of a skeleton in usual proportions, part by part, kept as long as the skeleton lives; an avatar's own
-    where it has one.
+    """Returns the mesh of a skeleton in usual proportions, by parts, cached for its lifetime; an avatar's own mesh if
+    it has one.
     """
     if isinstance(skeleton, Avatar) and skeleton.mesh:
         return skeleton.mesh
@@ -152,15 +158,15 @@ def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
 
 
 def colour(part: str, side: str) -> tuple[float, float, float]:
-    """The colour of a capsule's part."""
+    """Returns the colour of a capsule's part."""
     if part in CLOTHES:
         return CLOTHES[part]
     return TIPS[side] if part.endswith("Tip") and side else SKIN[side]
 
 
 def bind_pose(skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
-    """The bind pose: global rotations (J, 4) and positions (J, 3), clip units, the root at the origin. It is the T-pose
-    with fingers spread; the rest pose of an avatar with a mesh of its own.
+    """Returns the bind pose: global rotations (J, 4), positions (J, 3), clip units, the root at the origin: the T-pose
+    with fingers spread, or the rest pose of an avatar with its own mesh.
     """
     if isinstance(skeleton, Avatar) and skeleton.mesh:
         return np.tile(rotation.IDENTITY, (len(skeleton), 1)), kinematics.rest_positions(skeleton)
@@ -183,7 +189,7 @@ class _MeshCapsules:
     starts, ends: (C, 3) of their axes.
     radii: (C, 2) at both ends.
     joints: (C,) that carry them.
-    bundles: (C,) number of the group in which each is blended first.
+    bundles: (C,) number of the group in which each blends first.
     """
 
     starts: FloatArray
@@ -194,7 +200,7 @@ class _MeshCapsules:
 
 
 def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]:
-    """The mesh of a skeleton whose body has the given capsules, part by part."""
+    """Returns the mesh of a skeleton whose body has the given capsules, by parts."""
     rotations, positions = bind_pose(skeleton)
     starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None]))
     height = rig_info(skeleton).sizes.stature or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
@@ -207,35 +213,37 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
             continue
         groups.setdefault(_part_of(part, side), []).append(n)
     pieces = []
-    for (kind, side), own in groups.items():
-        parts, sides = [shape.parts[n] for n in own], [shape.sides[n] for n in own]
-        made = _MeshCapsules(starts[own], ends[own].copy(), shape.radii[own], shape.joints[own], _bundles(parts, sides))
+    for (kind, side), rows in groups.items():
+        parts, sides = [shape.parts[n] for n in rows], [shape.sides[n] for n in rows]
+        capsules = _MeshCapsules(
+            starts[rows], ends[rows].copy(), shape.radii[rows], shape.joints[rows], _bundles(parts, sides)
+        )
         if kind == "shirt":
             cuffs = [k for k, part in enumerate(parts) if part == "cuff"]
-            made.ends[cuffs] = made.starts[cuffs] + _CUFF_END * (made.ends[cuffs] - made.starts[cuffs])
+            capsules.ends[cuffs] = capsules.starts[cuffs] + _CUFF_END * (capsules.ends[cuffs] - capsules.starts[cuffs])
         if kind == "face" and has_face:  # the neck below the figure's head, which goes into it
-            ends_in = made.starts + _NECK_END * (made.ends - made.starts)
-            kind, made = "neck", replace(made, ends=ends_in, radii=_NECK_WITHIN * made.radii)
+            ends_in = capsules.starts + _NECK_END * (capsules.ends - capsules.starts)
+            kind, capsules = "neck", replace(capsules, ends=ends_in, radii=_NECK_WITHIN * capsules.radii)
         if kind == "hand":
-            made = _with_wrist(made, starts, ends, shape, side, height)
-        made = replace(made, radii=made.radii + height * _GROWN.get(kind, 0.0))
+            capsules = _with_wrist(capsules, starts, ends, shape, side, height)
+        capsules = replace(capsules, radii=capsules.radii + height * _GROWN.get(kind, 0.0))
         tint = colour(kind if kind in CLOTHES else parts[0], side)
-        bends = _bends(made, [part in ("cuff", "leg") for part in parts])
-        piece = _skin(f"{side} {kind}".strip(), kind, tint, made, height, bends)
+        bends = _bends(capsules, [part in ("cuff", "leg") for part in parts])
+        piece = _skin(f"{side} {kind}".strip(), kind, tint, capsules, height, bends)
         if bends.any():
-            piece = _merge_parts([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(made, bends))])
+            piece = _merge_parts([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(capsules, bends))])
         pieces += _separate_creases(piece, phalanges) if kind == "hand" else [piece]
     return (*pieces, *(head_parts(skeleton, shape, positions) if has_face else ()))
 
 
 def _separate_creases(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshPart]:
-    """A hand, and the darker creases at the joints of its fingers: where two phalanges carry the skin alike."""
+    """Returns a hand and the darker creases at its finger joints: skin that two phalanges carry about equally."""
     bends = np.isin(hand.joints[:, :2], phalanges).all(axis=1) & (hand.weights[:, 1] > _CREASE * hand.weights[:, 0])
     is_crease = bends[hand.triangles].all(axis=1)
     side, parts = hand.name.partition(" ")[0], []
     shades = ((hand.name, 1.0, ~is_crease), (f"{side} creases", _CREASE_SHADE, is_crease))
-    for name, shade, own in shades:
-        used, triangles = np.unique(hand.triangles[own], return_inverse=True)
+    for name, shade, mask in shades:
+        used, triangles = np.unique(hand.triangles[mask], return_inverse=True)
         red, green, blue = (shade * value for value in hand.colour)
         parts.append(MeshPart(
             name, (red, green, blue), hand.vertices[used], hand.normals[used], triangles.reshape(-1, 3),
@@ -244,24 +252,29 @@ def _separate_creases(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshP
     return [part for part in parts if len(part.triangles)]
 
 
-def _bends(own: _MeshCapsules, may: Sequence[bool]) -> NDArray[np.bool_]:
-    """Which capsules (C,), among those that ``may``, begin where one of another joint ends: at elbows and knees."""
-    apart = np.linalg.norm(own.ends[None] - own.starts[:, None], axis=-1)
-    follows = (apart < 0.2 * own.radii[:, :1]) & (own.joints[:, None] != own.joints)
-    return np.asarray(follows.any(axis=1) & np.resize(np.array(may), len(own.starts)))
+def _bends(capsules: _MeshCapsules, may: Sequence[bool]) -> NDArray[np.bool_]:
+    """Tells which capsules (C,) that ``may`` bend begin at the end of another joint's: at elbows and knees."""
+    gaps = np.linalg.norm(capsules.ends[None] - capsules.starts[:, None], axis=-1)
+    follows = (gaps < 0.2 * capsules.radii[:, :1]) & (capsules.joints[:, None] != capsules.joints)
+    return np.asarray(follows.any(axis=1) & np.resize(np.array(may), len(capsules.starts)))
 
 
-def _balls(own: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
-    """A ball in every elbow and knee, in which the meshes on both sides end when the limb bends."""
+def _balls(capsules: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
+    """Returns a ball for every elbow and knee, in which the meshes on both sides end when the limb bends."""
     return [
-        _MeshCapsules(at := own.starts[n : n + 1], at.copy(), _BALL * own.radii[n : n + 1, :1].repeat(2, axis=1),
-                  own.joints[n : n + 1], np.zeros(1, np.intp))
+        _MeshCapsules(
+            start := capsules.starts[n : n + 1],
+            start.copy(),
+            _BALL * capsules.radii[n : n + 1, :1].repeat(2, axis=1),
+            capsules.joints[n : n + 1],
+            np.zeros(1, np.intp),
+        )
         for n in np.flatnonzero(bends)
-    ]  # fmt: skip
+    ]
 
 
 def _merge_parts(pieces: Sequence[MeshPart]) -> MeshPart:
-    """Pieces as one, named and coloured as the first."""
+    """Returns the pieces as one, with the name and colour of the first."""
     starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
     return replace(
         pieces[0],
@@ -282,7 +295,7 @@ def _part_of(part: str, side: str) -> tuple[str, str]:
 
 
 def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
-    """Groups (C,) of capsules that are blended first: a palm, each finger, an arm, a leg, else each capsule alone."""
+    """Returns groups (C,) of capsules that blend first: a palm, each finger, an arm, a leg, else each capsule alone."""
     limbs = {"sleeve": "arm", "cuff": "arm", "leg": "leg"} | {part: part for part in ("palm", *FINGERS)}
     names = [
         f"{limbs[part]} {side}" if part in limbs else str(n)
@@ -292,19 +305,19 @@ def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
 
 
 def _with_wrist(
-    own: _MeshCapsules, starts: FloatArray, ends: FloatArray, shape: BodyCapsules, side: str, height: float
+    capsules: _MeshCapsules, starts: FloatArray, ends: FloatArray, shape: BodyCapsules, side: str, height: float
 ) -> _MeshCapsules:
-    """A hand with the end of its forearm, which the sleeve leaves bare."""
+    """Returns a hand with the end of its forearm, which the sleeve leaves bare."""
     cuff = next((n for n, part in enumerate(shape.parts) if part == "cuff" and shape.sides[n] == side), None)
     if cuff is None:
-        return own
+        return capsules
     start = starts[cuff] + (_CUFF_END - 0.15) * (ends[cuff] - starts[cuff])
     return _MeshCapsules(
-        np.concatenate([own.starts, start[None]]),
-        np.concatenate([own.ends, ends[cuff][None]]),
-        np.concatenate([own.radii, height * np.array([_WRIST])]),
-        np.append(own.joints, shape.joints[cuff]),
-        np.append(own.bundles, own.bundles[0]),  # the palm comes first
+        np.concatenate([capsules.starts, start[None]]),
+        np.concatenate([capsules.ends, ends[cuff][None]]),
+        np.concatenate([capsules.radii, height * np.array([_WRIST])]),
+        np.append(capsules.joints, shape.joints[cuff]),
+        np.append(capsules.bundles, capsules.bundles[0]),  # the palm comes first
     )
 
 
@@ -312,76 +325,79 @@ def _skin(
     name: str,
     kind: str,
     tint: tuple[float, float, float],
-    own: _MeshCapsules,
+    capsules: _MeshCapsules,
     height: float,
     bends: NDArray[np.bool_] | None = None,
 ) -> MeshPart:
     blend = height * _BLEND.get(kind, 0.0006)
-    blends = {int(k): _LIMB_BLEND * height for k in own.bundles}
+    blends = {int(k): _LIMB_BLEND * height for k in capsules.bundles}
     if kind == "hand":
-        blends[int(own.bundles[0])] = _PALM_BLEND * height  # the palm comes first
-    bundles = [(np.flatnonzero(own.bundles == k), within) for k, within in blends.items()]
+        blends[int(capsules.bundles[0])] = _PALM_BLEND * height  # the palm comes first
+    bundles = [(np.flatnonzero(capsules.bundles == k), within) for k, within in blends.items()]
 
     def field(points: FloatArray) -> FloatArray:
-        each = _distances(points, own)
+        each = _distances(points, capsules)
         return _union(np.stack([_union(each[rows], within) for rows, within in bundles]), blend)
 
-    margin = own.radii.max() + 2.0 * blend
-    low, high = np.minimum(own.starts, own.ends).min(axis=0) - margin, np.maximum(own.starts, own.ends).max(axis=0)
-    step = max(height * _STEP.get(kind, 0.0028), _COARSEST * float(own.radii.max()))
+    margin = capsules.radii.max() + 2.0 * blend
+    low, high = (
+        np.minimum(capsules.starts, capsules.ends).min(axis=0) - margin,
+        np.maximum(capsules.starts, capsules.ends).max(axis=0),
+    )
+    step = max(height * _STEP.get(kind, 0.0028), _COARSEST * float(capsules.radii.max()))
     vertices, normals, triangles = surface(field, low, high + margin, step)
-    softness = _SOFT.get(kind, 0.28) * own.radii.mean(axis=1)
+    softness = _SOFT.get(kind, 0.28) * capsules.radii.mean(axis=1)
     if bends is not None:
         softness[bends] *= _BENT
-    joints, weights = _skin_weights(_distances(vertices, own).T, softness, own.joints)
+    joints, weights = _skin_weights(_distances(vertices, capsules).T, softness, capsules.joints)
     return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
 
 
 def _union(distances: FloatArray, blend: float) -> FloatArray:
-    """A smooth union (N,) of distances (C, N): a point near to several solids counts as a little deeper inside."""
+    """Returns a smooth union (N,) of distances (C, N): a point close to several solids counts as slightly deeper."""
     if len(distances) == 1:
         return np.asarray(distances[0])
     nearest = distances.min(axis=0)
-    near = np.exp((nearest - distances) / blend)
-    return np.asarray(nearest - blend * np.log(near.T.copy().sum(axis=1)))  # copied: sums are those of a row
+    closeness = np.exp((nearest - distances) / blend)
+    return np.asarray(nearest - blend * np.log(closeness.T.copy().sum(axis=1)))  # copied: sums equal those of a row
 
 
-def _distances(points: FloatArray, own: _MeshCapsules) -> FloatArray:
-    """Signed distances (C, N) of points (N, 3) from tapered capsules, negative inside.
+def _distances(points: FloatArray, capsules: _MeshCapsules) -> FloatArray:
+    """Returns signed distances (C, N) of points (N, 3) from tapered capsules, negative inside.
 
     A tapered capsule is the union of all balls between its two end balls.
     """
-    axes, (first, second) = own.ends - own.starts, own.radii.T[:, :, None]  # (C, 3), (C, 1)
+    axes, (first, second) = capsules.ends - capsules.starts, capsules.radii.T[:, :, None]  # (C, 3), (C, 1)
     squared, taper = np.einsum("cx,cx->c", axes, axes)[:, None], first - second
     slope = squared - taper**2
-    cone = slope > 1e-12 * squared  # else the one ball holds the other
-    whole = np.where(cone, squared, 1.0)
-    middle = own.starts.mean(axis=0)  # small numbers keep the matrix products exact
-    points, starts = points - middle, own.starts - middle
-    along = axes @ points.T
-    along -= np.einsum("cx,cx->c", starts, axes)[:, None]
+    cone = slope > 1e-12 * squared  # else one ball contains the other
+    divisor = np.where(cone, squared, 1.0)
+    middle = capsules.starts.mean(axis=0)  # small numbers keep the matrix products exact
+    points, starts = points - middle, capsules.starts - middle
+    dots = axes @ points.T
+    dots -= np.einsum("cx,cx->c", starts, axes)[:, None]
     far = np.einsum("nx,nx->n", points, points) + np.einsum("cx,cx->c", starts, starts)[:, None]
     far -= starts @ (2.0 * points).T
     np.maximum(far, 0.0, out=far)  # squared, from the start
-    across = np.maximum(far - along**2 / whole, 0.0)  # squared, from the axis
-    steep = np.sqrt(np.where(cone, slope, whole) / whole)
-    away = np.sqrt(across)
-    # The ball whose surface is nearest has its centre here, from 0 at the start to l^2 at the end.
-    centre = along - taper * away / steep
-    out: FloatArray = away * steep + along * taper / whole - first
+    offset_squared = np.maximum(far - dots**2 / divisor, 0.0)  # squared, from the axis
+    steep = np.sqrt(np.where(cone, slope, divisor) / divisor)
+    offset = np.sqrt(offset_squared)
+    # Centre of the ball with the nearest surface, from 0 at the start to l^2 at the end.
+    centre = dots - taper * offset / steep
+    distances: FloatArray = offset * steep + dots * taper / divisor - first
     start = np.sqrt(far) - first
-    np.copyto(out, np.sqrt(across + (along - squared) ** 2 / whole) - second, where=centre >= squared)
-    np.copyto(out, start, where=centre <= 0.0)
+    np.copyto(distances, np.sqrt(offset_squared + (dots - squared) ** 2 / divisor) - second, where=centre >= squared)
+    np.copyto(distances, start, where=centre <= 0.0)
     if not cone.all():
-        ball = np.where(first >= second, start, np.sqrt(np.maximum(far - 2.0 * along + squared, 0.0)) - second)
-        np.copyto(out, ball, where=~cone)
-    return out
+        ball = np.where(first >= second, start, np.sqrt(np.maximum(far - 2.0 * dots + squared, 0.0)) - second)
+        np.copyto(distances, ball, where=~cone)
+    return distances
 
 
 def _skin_weights(
     distances: FloatArray, softness: FloatArray, joints: NDArray[np.intp]
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Skinning joints and weights (V, 4) of vertices, by their distances (V, C) from the capsules of each joint.
+    """Returns skinning joints and weights (V, 4) of vertices, from distances (V, C) to the capsules of each joint.
 
     softness: (C,) distance over which a vertex passes from one capsule to the next; the smaller of two counts.
     """
@@ -389,11 +405,11 @@ def _skin_weights(
     soft = np.minimum(softness, softness[nearest, None])
     falloff = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / soft)
     names = np.unique(joints)
-    whole = np.stack([falloff[:, joints == joint].max(axis=1) for joint in names], axis=1)
-    whole = np.pad(whole, ((0, 0), (0, max(0, N_JOINTS - len(names)))))
+    joint_falloff = np.stack([falloff[:, joints == joint].max(axis=1) for joint in names], axis=1)
+    joint_falloff = np.pad(joint_falloff, ((0, 0), (0, max(0, N_JOINTS - len(names)))))
     names = np.pad(names, (0, max(0, N_JOINTS - len(names))))
-    order = np.argsort(-whole, axis=1, kind="stable")[:, :N_JOINTS]
-    weights = np.take_along_axis(whole, order, axis=1)
+    order = np.argsort(-joint_falloff, axis=1, kind="stable")[:, :N_JOINTS]
+    weights = np.take_along_axis(joint_falloff, order, axis=1)
     weights[weights < 0.02 * weights[:, :1]] = 0.0
     weights /= weights.sum(axis=1, keepdims=True)
     return np.where(weights > 0.0, names[order], 0).astype(np.int64), weights

@@ -1,7 +1,7 @@
-"""A clip on another body: rotations first, then wrists and elbows moved so that hands keep places and contacts.
+"""A clip on another body: rotations first, then moves of wrists and elbows, so that hands keep places and contacts.
 
-Rotations alone carry no places: on a body with shorter arms or wider shoulders, a hand that touched the temple lies at
-the mouth or in the head. ``fit`` says where the wrists go, ``swivel`` the elbows, ``arm_ik`` bends the arms. Hands
+Rotations alone do not keep places: on a body with shorter arms or wider shoulders, a hand that touched the temple lies
+at the mouth or in the head. ``fit`` moves the wrists, ``swivel`` turns the elbows, ``arm_ik`` bends the arms. Hands
 keep their rotations in the world, so that palms and fingers face as they did.
 """
 
@@ -26,30 +26,34 @@ from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.roles import SIDES
 
 ALIKE = 0.005
-"""Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this are one body:
+"""Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this count as one:
 rotations are enough.
 """
 _NAMED = 6
-"""Most names in a warning."""
+"""Largest number of names in a warning."""
 _SHORT = 0.1
-"""Lengths below this part of the longest are compared as if they were as long."""
+"""Lengths below this part of the longest count as that long in comparisons."""
 BEYOND_M = 0.02
-"""A hand whose place lies farther than this, m, beyond its arm's reach is named in a warning."""
+"""A hand gets a warning if its place lies farther than this beyond its arm's reach, m."""
 _FADE_S = 0.15
-_HANGING, _RAISED = 0.95, 0.85
-"""Height of a shoulder above its wrist, arm lengths, from which on an arm hangs, and up to which it does not."""
+_HANGING = 0.95
+"""Least height of a shoulder above its wrist while an arm hangs, arm lengths."""
+_RAISED = 0.85
+"""Largest height of a shoulder above its wrist while an arm is raised, arm lengths."""
 _FOREARM_MARGIN_M = 0.03
-_WINDOW, _OVERLAP = 1500, 90
-"""Frames that are fitted at a time, and how many of them twice, to keep memory small for long takes."""
+_WINDOW = 1500
+"""Frames that are fitted at a time, to keep memory small for long takes."""
+_OVERLAP = 90
+"""Frames that two successive windows share."""
 
 
 @dataclass(frozen=True, eq=False)
 class Retargeted:
-    """A clip brought to another body.
+    """A clip on another body.
 
     clip: the clip on the other skeleton.
-    warnings: what a user should know about it, one line each.
-    contacts: what the hands touch at the source, and what became of it; empty where nothing was moved.
+    warnings: facts that a user should know about it, one line each.
+    contacts: contacts of the hands at the source, and their distances after; empty if nothing moved.
     """
 
     clip: Clip
@@ -58,36 +62,36 @@ class Retargeted:
 
 
 def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
-    """``clip`` on the body of another clip, skeleton or avatar (``ss.read_avatar``), where it stands and at its own
-    rate: hands keep their places on the body and touch what they touched.
+    """Returns ``clip`` on the body of another clip, skeleton or avatar (``ss.read_avatar``), at its own place and
+    rate: hands keep their places on the body and their contacts.
 
-    Raises ``RigMismatchError`` where the two rigs have nothing in common.
+    Raises ``RigMismatchError`` if the two rigs have nothing in common.
     """
     if not isinstance(onto, Clip | Skeleton):
         what = f"{onto!r:.60}" if isinstance(onto, str) else f"a {type(onto).__name__}"
         raise TypeError(f"onto is {what}, expected a clip or an avatar; a file's is load(path) or read_avatar(path)")
     clip = with_rest_pose(clip)
     skeleton = onto if isinstance(onto, Skeleton) else with_rest_pose(onto).skeleton
-    held = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
+    pose = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
     name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
-    done = _fit_clip(clip, Reference(skeleton, clip.fps, placement(clip), held, name))
+    fitted = _fit_clip(clip, Reference(skeleton, clip.fps, placement(clip), pose, name))
     lines = [f"{clip.name}: {line}" for line in clip_warnings(clip)]
     if isinstance(onto, Avatar):
         lines = [*onto.warnings, *_face_warnings(clip, onto), *lines]
-    return replace(done, warnings=(*lines, *done.warnings))
+    return replace(fitted, warnings=(*lines, *fitted.warnings))
 
 
 def align(clip: Clip, to: Reference) -> Retargeted:
-    """``clip`` on the skeleton, frame rate, position and facing of a reference, with places and contacts kept where the
-    bodies differ. Raises as ``rig.align.copy_rotations`` does.
+    """Returns ``clip`` on the skeleton, frame rate, position and facing of a reference; keeps places and contacts if
+    the bodies differ. Raises as ``rig.align.copy_rotations`` does.
     """
     fitted = _fit_clip(clip, to)
     return Retargeted(settle(fitted.clip, to), fitted.warnings, fitted.contacts)
 
 
 def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyCapsules) -> Retargeted:
-    """``carried``, the rotations of ``source`` on another skeleton, with arms moved to keep places and contacts, and
-    thumbs turned where hands have other proportions.
+    """Returns ``carried``, the rotations of ``source`` on another skeleton, with arms moved to keep places and
+    contacts, and thumbs turned if hands have other proportions.
     """
     carried = keep_thumb_contacts(source, source_body, carried, body)
     metres, active = rig_info(carried.skeleton).sizes.unit.metres, signing(source)
@@ -104,12 +108,12 @@ def fit_body(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyC
         weight = _fade_in(len(moved), start > 0)
         moves[part] += weight[:, None, None] * (moved - moves[part])
         swivels[part] += weight[:, None] * (turned - swivels[part])
-    out = arm_ik.move_wrists(carried, moves / metres, swivels)
-    return Retargeted(out, _reach_warnings(beyond, source.name), tuple(contacts))
+    moved_clip = arm_ik.move_wrists(carried, moves / metres, swivels)
+    return Retargeted(moved_clip, _reach_warnings(beyond, source.name), tuple(contacts))
 
 
 def _solve_arms(fit: Fit, carried: Clip, metres: float) -> tuple[FloatArray, FloatArray, PosedBody]:
-    """Moves (T, 2, 3) of the wrists, m, turns (T, 2) of the elbows, and the body as it lies then."""
+    """Returns moves (T, 2, 3) of the wrists, m, turns (T, 2) of the elbows, and the body after both."""
     moves = fit.moves()
     shoulders, elbows, wrists = _solve_arm_positions(carried, moves, metres)
     swivels = _swivels(fit, shoulders, elbows, wrists)
@@ -124,7 +128,7 @@ def _solve_arm_positions(carried: Clip, moves: FloatArray, metres: float) -> tup
 
 
 def _fade_in(n_frames: int, is_later: bool) -> FloatArray:
-    """The weight (T,) of a window in what it gives together with the one before."""
+    """Returns the weight (T,) of a window in the blend with the one before."""
     weight = np.ones(n_frames)
     if is_later:
         weight[:_OVERLAP] = np.linspace(0.0, 1.0, _OVERLAP + 2)[1 : 1 + min(_OVERLAP, n_frames)]
@@ -143,29 +147,29 @@ def _fit_clip(clip: Clip, to: Reference) -> Retargeted:
 
 
 def _is_alike(a: Skeleton, b: Skeleton) -> bool:
-    """Whether two bodies have the same proportions where it counts for hands, in whatever unit and size; an avatar has
-    the same size too.
+    """Tells whether two bodies have the same proportions as far as hands depend on them, in any unit and size; with an
+    avatar, the same size too.
     """
     sizes = []
     for skeleton in (a, b):
-        own, body = rig_info(skeleton).sizes, body_capsules(skeleton)
-        has_skin = isinstance(a, Avatar) or isinstance(b, Avatar)  # its own; that of others follows from bones
-        scale = own.unit.metres if has_skin else 1.0 / own.stature
+        rig_sizes, body = rig_info(skeleton).sizes, body_capsules(skeleton)
+        has_skin = isinstance(a, Avatar) or isinstance(b, Avatar)  # its own; other skin follows from bones
+        scale = rig_sizes.unit.metres if has_skin else 1.0 / rig_sizes.stature
         lengths = dict(zip(body.keys, np.linalg.norm(body.ends - body.starts, axis=-1), strict=True))
-        kept = {key: scale * float(length) for key, length in lengths.items()}
+        measures = {key: scale * float(length) for key, length in lengths.items()}
         if has_skin:
-            kept |= {f"{key} {k}": 2.0 * scale * float(body.radii[n, k])
+            measures |= {f"{key} {k}": 2.0 * scale * float(body.radii[n, k])
                      for n, key in enumerate(body.keys) for k in (0, 1)}  # fmt: skip
-        sizes.append({**kept, "shoulders": scale * own.shoulder_width})
-    one, two = sizes
-    longest = max(one.values())
-    return one.keys() == two.keys() and all(
-        abs(one[key] - two[key]) <= ALIKE * max(one[key], _SHORT * longest) for key in one
+        sizes.append({**measures, "shoulders": scale * rig_sizes.shoulder_width})
+    first, second = sizes
+    longest = max(first.values())
+    return first.keys() == second.keys() and all(
+        abs(first[key] - second[key]) <= ALIKE * max(first[key], _SHORT * longest) for key in first
     )
 
 
 def signing(clip: Clip) -> FloatArray:
-    """How much each arm signs in each frame (T, 2): 1 while it is raised and the arms are away from rest, else 0."""
+    """Returns the activity of each arm (T, 2): 1 while it is raised and the arms are away from rest, else 0."""
     seen = arms(clip)
     start, stop = active_span(seen)
     frames = np.arange(len(clip))
@@ -176,12 +180,12 @@ def signing(clip: Clip) -> FloatArray:
 
 
 def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatArray) -> FloatArray:
-    """Turns (T, 2) of both elbows, from where they are, that keep forearms as clear of head, trunk and the other arm as
-    at the source; shoulders, elbows, wrists: (T, 2, 3) m.
+    """Returns turns (T, 2) of both elbows that keep forearms as clear of head, trunk and other arm as at the source;
+    shoulders, elbows, wrists: (T, 2, 3) m.
     """
     source, target = fit.source, fit.carried
     source_pairs, target_pairs = (forearm_pairs(body, fit.shared) for body in (source.body, target.body))
-    n, out = len(wrists), np.zeros((len(wrists), 2))
+    n, swivels = len(wrists), np.zeros((len(wrists), 2))
     starts, ends = target.starts.copy(), target.ends.copy()
     for side, name in enumerate(SIDES):
         lower, upper = (target.body.keys.index(f"{name}{bone}Arm") for bone in ("Lower", "Upper"))
@@ -190,22 +194,22 @@ def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatA
         (columns,) = np.nonzero(target_pairs.own_side == side)
         if not len(columns):
             continue
-        own = target_pairs.own[columns[0]]
+        forearm = target_pairs.own[columns[0]]
         _, k = near_pairs(starts, ends, target.radii, target_pairs, _FOREARM_MARGIN_M)
         solids = np.intersect1d(k, columns)
         if not len(solids):
             continue
         frames, k = np.repeat(np.arange(n), len(solids)), np.tile(solids, n)
-        then = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
+        source_distance = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
         rows = target_pairs.other[solids]
         solid = swivel.Solid(starts[:, rows], ends[:, rows], target.radii[rows])
-        arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[own])
-        out[:, side] = swivel.choose(arm, solid, np.maximum(-then.reshape(n, -1), 0.0), fit.fps)
-    return out
+        arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[forearm])
+        swivels[:, side] = swivel.choose(arm, solid, np.maximum(-source_distance.reshape(n, -1), 0.0), fit.fps)
+    return swivels
 
 
 def _face_warnings(clip: Clip, avatar: Avatar) -> tuple[str, ...]:
-    """A line about coefficients of a clip's face that an avatar read from a file cannot show."""
+    """Returns a line about coefficients of a clip's face that an avatar from a file cannot show."""
     if clip.face is None or avatar.file is None:
         return ()
     from signsplice.motion.face import target_weights  # loads scipy, which few clips need
@@ -216,24 +220,26 @@ def _face_warnings(clip: Clip, avatar: Avatar) -> tuple[str, ...]:
 
 
 def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:
-    """A line for each hand whose places lie beyond its arm's reach."""
+    """Returns a line for each hand whose places lie beyond its arm's reach."""
     return tuple(
-        f"{name}: places of the {hand} hand lie up to {100.0 * most:.0f} cm beyond the reach of this body's arm"
-        for hand, most in zip(SIDES, beyond.tolist(), strict=True)
-        if most > BEYOND_M
+        f"{name}: places of the {hand} hand lie up to {100.0 * excess:.0f} cm beyond the reach of this body's arm"
+        for hand, excess in zip(SIDES, beyond.tolist(), strict=True)
+        if excess > BEYOND_M
     )
 
 
 def _contacts(fit: Fit, posed: PosedBody, start: int, on_skin: SkinFit | None) -> list[Contact]:
-    """The contacts of a window of the source while it signs, from frame ``start`` on, and what became of them."""
-    (source_pairs, target_pairs), near = fit.pairs, fit.near
-    shown = (near.distance < PART_M) & (fit.active[near.frames, source_pairs.own_side[near.k]] > SIGNS)
-    near = Near(near.frames[shown], near.k[shown], near.distance[shown])
-    after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, near.frames, near.k).distance
-    after -= posed.heights(target_pairs, near)
-    after = after if on_skin is None else on_skin.distances(source_pairs, near, after)
-    found = find_contacts(fit.source.body, source_pairs, near, after, fit.n_frames)
-    first = _OVERLAP if start else 0  # those before were found in the window before
+    """Returns the contacts of a window of the source while it signs, from frame ``start`` on, before and after."""
+    (source_pairs, target_pairs), pairs = fit.pairs, fit.near
+    shown = (pairs.distance < PART_M) & (fit.active[pairs.frames, source_pairs.own_side[pairs.k]] > SIGNS)
+    pairs = Near(pairs.frames[shown], pairs.k[shown], pairs.distance[shown])
+    after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, pairs.frames, pairs.k).distance
+    after -= posed.heights(target_pairs, pairs)
+    after = after if on_skin is None else on_skin.distances(source_pairs, pairs, after)
+    contacts = find_contacts(fit.source.body, source_pairs, pairs, after, fit.n_frames)
+    first = _OVERLAP if start else 0  # the window before holds earlier ones
     return [
-        replace(one, frames=(one.frames[0] + start, one.frames[1] + start)) for one in found if one.frames[0] >= first
+        replace(contact, frames=(contact.frames[0] + start, contact.frames[1] + start))
+        for contact in contacts
+        if contact.frames[0] >= first
     ]

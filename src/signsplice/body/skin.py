@@ -1,14 +1,14 @@
 """The body of an avatar: the capsules of the usual proportions, moved and resized to fit its mesh.
 
-Every capsule keeps its key, its joint and its place along the bone, so that what touches on one body has its
-counterpart on the other. What is measured, all in the rest pose with left +X, up +Y, forward +Z:
+Every capsule keeps its key, its joint and its place along the bone, so that a contact on one body has its counterpart
+on the other. The fit measures, in the rest pose with left +X, up +Y, forward +Z:
 
 - limbs, neck and fingers: the middle and the radius of the vertices around the bone, in both halves of it;
 - palms: the surfaces on the back and on the palm's side along each line from wrist to knuckle;
 - trunk: front and back surface and width at several heights, with a line through each;
 - head: chin, top, width, nose, and balls that touch the face in front and the skull behind.
 
-A capsule with too few vertices keeps its usual proportions, scaled as its neighbours are.
+A capsule with too few vertices keeps its usual proportions, scaled as its neighbours.
 """
 
 from __future__ import annotations
@@ -25,24 +25,26 @@ from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 
-_LEVEL, _NEAR = 0.015, 0.010
-"""Distances within which vertices are at a height, and at a place seen from in front, as fractions of stature."""
+_LEVEL = 0.015
+"""Largest vertical distance of vertices at a height, as a fraction of stature."""
+_NEAR = 0.010
+"""Half width of the window around a place seen from in front, as a fraction of stature."""
 _HEIGHTS = 7
-"""Heights at which a column of the trunk is measured."""
+"""Number of heights at which a column of the trunk is measured."""
 _ACROSS = 0.55
-"""Where the depth of an outer column is measured, as a fraction of the trunk's half width."""
-_WIDEST, _OUT = 0.98, (0.3, 0.75)
-"""Share of vertices that lie within the width of trunk or face; how far out the middle of the trunk's outer columns
-lies, in that.
-"""
+"""Distance from the middle at which an outer column's depth is measured, in half widths of the trunk."""
+_WIDEST = 0.98
+"""Share of vertices that lie within the width of trunk or face."""
+_OUT = (0.3, 0.75)
+"""Least and largest distance of an outer column from the middle of the trunk, as fractions of its half width."""
 _LEAST_HEIGHTS = 3
 _LOWER_CHEST = (0.55, 0.25)
-"""Heights of the chest from which on, downward, they count less, and how much."""
+"""Part of the way down the chest from which on heights count less, and their weight there."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrunkSkin:
-    """The skin of a trunk and the capsules that are fitted to it, in place. World: left +X, up +Y, forward +Z.
+    """The skin of a trunk and the capsules, which the methods fit in place. World: left +X, up +Y, forward +Z.
 
     points: (N, 3) on the surface.
     height: stature.
@@ -56,13 +58,13 @@ class TrunkSkin:
     radii: FloatArray
 
     def depth(self, x: float, y: float) -> tuple[float, float] | None:
-        """Back and front (z) of the skin at a place seen from in front; None where there is none."""
-        near = window(self.points, (x, y), _NEAR * self.height)
-        return None if near is None else (float(near[:, 2].min()), float(near[:, 2].max()))
+        """Returns back and front (z) of the skin at a place seen from in front; None if there is none."""
+        close = window(self.points, (x, y), _NEAR * self.height)
+        return None if close is None else (float(close[:, 2].min()), float(close[:, 2].max()))
 
     def column(self, name: str, row: int, n: int, middle: float) -> bool:
         """Fit one of three columns (0 on the left, 1 in the middle) with lines through front, back and side of the
-        trunk, whose middle is at x = ``middle``; False where too little of it is seen.
+        trunk, whose middle is at x = ``middle``; returns False if too few heights have skin.
         """
         start, end, seen = self.starts[row], self.ends[row], []
         side = (1.0, 0.0, -1.0)[n]
@@ -76,8 +78,8 @@ class TrunkSkin:
             if depth is None:
                 continue
             back, front = depth
-            out = float(np.clip(wide - 0.5 * (front - back), _OUT[0] * wide, _OUT[1] * wide))
-            seen.append((t, middle + side * out, back, front))
+            offset = float(np.clip(wide - 0.5 * (front - back), _OUT[0] * wide, _OUT[1] * wide))
+            seen.append((t, middle + side * offset, back, front))
         if len(seen) < _LEAST_HEIGHTS:
             return False
         table = np.array(seen)
@@ -89,7 +91,7 @@ class TrunkSkin:
         return True
 
     def behind(self, row: int, factor: float) -> None:
-        """A capsule under the skin of the back: as thick as the chest is, relative to the usual, and as far back."""
+        """Fit a capsule under the skin of the back, as thick as the chest relative to the usual."""
         self.radii[row] *= factor
         for ends, k in ((self.starts, 0), (self.ends, 1)):
             depth = self.depth(ends[row][0], ends[row][1])
@@ -97,7 +99,7 @@ class TrunkSkin:
                 ends[row][2] = max(depth[0] + self.radii[row, k], min(ends[row][2], depth[1] - self.radii[row, k]))
 
     def between(self, row: int) -> None:
-        """A capsule from the back to the front, at both of its ends."""
+        """Fit both ends of a capsule between back and front."""
         for ends, k in ((self.starts, 0), (self.ends, 1)):
             depth = self.depth(ends[row][0], ends[row][1])
             if depth is not None:
@@ -105,7 +107,7 @@ class TrunkSkin:
 
 
 def line(t: FloatArray, values: FloatArray, at: float, weight: FloatArray | None = None) -> float:
-    """The least-squares line through ``values`` (N,) at ``t`` (N,), with a weight for each, at one place."""
+    """Returns the least-squares line through ``values`` (N,) at ``t`` (N,), with weights (N,), at one place."""
     w = np.full(len(t), 1.0 / len(t)) if weight is None else weight / weight.sum()
     middle, mean = float(w @ t), float(w @ values)
     spread = float(w @ (t - middle) ** 2)
@@ -113,38 +115,45 @@ def line(t: FloatArray, values: FloatArray, at: float, weight: FloatArray | None
     return mean + slope * (at - middle)
 
 
-_CHIN, _TOP, _WIDTH = -0.0092, 0.134, 0.045
-"""Of the usual head about its joint, measured as here: heights of chin and top, half width of the face; fractions of
-stature.
-"""
+_CHIN = -0.0092
+"""Height of the usual head's chin above its joint, measured as here, as a fraction of stature."""
+_TOP = 0.134
+"""Height of the usual head's top above its joint, as a fraction of stature."""
+_WIDTH = 0.045
+"""Half width of the usual face, as a fraction of stature."""
 _BALLS = {"face": 0, "chin": 1, "nose": 2, "skull": 3}
-"""Rows of the capsules that are placed by rules of their own."""
+"""Rows of the capsules with their own rules of placement."""
 _CELL = 0.006
-"""Cell of the maps of front and back, as a fraction of stature."""
+"""Cell size of the maps of front and back, as a fraction of stature."""
 _LEAST = 10
-"""How many times the fewest vertices a head needs."""
-_FRONT, _JAW = 0.4, (0.6, 0.4)
-"""How far in front the face begins, in depths of the nose; the jaw, likewise, and how wide it is, in those of the face.
-"""
+"""Vertices that a head needs, in multiples of ``MIN_POINTS``."""
+_FRONT = 0.4
+"""Depth from which on vertices belong to the face, in depths of the nose."""
+_JAW = (0.6, 0.4)
+"""Depth from which on vertices belong to the jaw, in depths of the nose, and its half width, in that of the face."""
 _TALL = (0.8, 1.3)
-"""Least and largest height of a head in its width, both in those of the usual one."""
+"""Least and largest ratio of a head's height to its width, relative to the usual head."""
 _PROFILE = (("chin", 0, 0.012), ("chin", 1, 0.012), ("face", 0, 0.012), ("face", 1, 0.02))
-"""Balls that touch the face: capsule, which end, and how far above vertices count, as a fraction of stature."""
-_BELOW, _BESIDE, _OPEN = 0.25, 0.6, 0.25
-"""Vertices below a ball count as far as this part of those above; beside it, in half widths of the face; and how far
-the back of a skull may lie in front of its usual place, in its radii.
-"""
+"""Balls that touch the face: capsule, end, and distance above up to which vertices count, statures."""
+_BELOW = 0.25
+"""Distance below a ball up to which vertices count, as a part of that above."""
+_BESIDE = 0.6
+"""Distance beside a ball up to which vertices count, in half widths of the face."""
+_OPEN = 0.25
+"""Largest distance of the back of a skull in front of its usual place, in its radii."""
 _NOSE = (0.15, 0.2, 0.6, 0.5)
-"""Where the nose is: half width, in those of the face; from and to which height between chin and top; and how near
-vertices are to its bridge, in its length.
+"""The nose: half width, in half widths of the face; least and largest height between chin and top; and distance of
+vertices from its bridge, in its length.
 """
-_N_BALLS, _GRAZING = 5, 0.3
-"""Balls along a capsule, and the share of their squared radius that a vertex must see in front of it."""
+_N_BALLS = 5
+"""Balls along a capsule."""
+_GRAZING = 0.3
+"""Share of a ball's squared radius that a vertex must see in front of it."""
 
 
 def fit_head(starts: FloatArray, ends: FloatArray, radii: FloatArray, points: FloatArray, height: float) -> bool:
     """Fit the head's capsules in place: ``starts`` and ``ends`` (8, 3) and ``radii`` (8, 2) of the usual proportions,
-    to vertices (N, 3) of the head, all about its joint. False where there are too few vertices.
+    to vertices (N, 3) of the head, all about its joint. Returns False if there are too few vertices.
     """
     if len(points) < _LEAST * MIN_POINTS:
         return False
@@ -171,19 +180,19 @@ def fit_head(starts: FloatArray, ends: FloatArray, radii: FloatArray, points: Fl
     template = _between(balls[:2]) + _between(balls[2:])
     for name, end, half in _PROFILE:
         part, row = (starts, ends)[end], _BALLS[name]
-        above = front[:, 1] - part[row, 1]  # less is wanted from below, where the surface of a chin recedes
-        near = (above > -_BELOW * half * y_scale * height) & (above < half * y_scale * height)
-        near &= np.abs(front[:, 0]) < _BESIDE * wide
-        part[row, 2] += _offset(front[near], template, 1.0) or 0.0
+        above = front[:, 1] - part[row, 1]  # less from below, where a chin recedes
+        counts = (above > -_BELOW * half * y_scale * height) & (above < half * y_scale * height)
+        counts &= np.abs(front[:, 0]) < _BESIDE * wide
+        part[row, 2] += _offset(front[counts], template, 1.0) or 0.0
     usual_middle, middle = (
         0.5 * (a + b) for a, b in ((balls[0][0][2], balls[1][0][2]), (starts[upper, 2], ends[upper, 2]))
     )
     balls = [(part[skull].copy(), float(radii[skull, k])) for k, part in enumerate((starts, ends))]
-    found = _offset(back[np.abs(back[:, 0]) < _BESIDE * wide], _between(balls), -1.0)
-    # A head that is open behind, under hair that does not count, has only the inside of its face there.
-    is_open = found is None or found > middle - usual_middle + _OPEN * radii[skull, 0]
+    skull_offset = _offset(back[np.abs(back[:, 0]) < _BESIDE * wide], _between(balls), -1.0)
+    # A head that is open behind, under hair that does not count, shows only the inside of its face there.
+    is_open = skull_offset is None or skull_offset > middle - usual_middle + _OPEN * radii[skull, 0]
     for part in (starts, ends):
-        part[skull, 2] += middle - usual_middle if is_open or found is None else found
+        part[skull, 2] += middle - usual_middle if is_open or skull_offset is None else skull_offset
     _place_nose(starts, ends, radii, front, (chin, top, wide))
     for row in range(_BALLS["skull"] + 1, len(starts)):  # eyes and mouth, drawn on the face
         for k, part in enumerate((starts, ends)):
@@ -197,21 +206,21 @@ def _place_nose(
     """Put the nose's capsule below the foremost point of the middle of the face."""
     chin, top, wide = sizes
     height_fraction = (front[:, 1] - chin) / (top - chin)
-    beside, low, high, near = _NOSE
-    middle = front[(np.abs(front[:, 0]) < beside * wide) & (height_fraction > low) & (height_fraction < high)]
+    half_width, low, high, reach = _NOSE
+    middle = front[(np.abs(front[:, 0]) < half_width * wide) & (height_fraction > low) & (height_fraction < high)]
     row = _BALLS["nose"]
     if not len(middle):
         return
     tip = middle[int(np.argmax(middle[:, 2]))]
     rise = starts[row, 1] - ends[row, 1]
     ends[row] = 0.0, tip[1], tip[2] - radii[row, 1]
-    bridge = middle[np.abs(middle[:, 1] - tip[1] - rise) < near * rise]
+    bridge = middle[np.abs(middle[:, 1] - tip[1] - rise) < reach * rise]
     starts[row] = 0.0, tip[1] + rise, (float(bridge[:, 2].max()) if len(bridge) else tip[2]) - radii[row, 0]
 
 
 def _map(points: FloatArray, sign: float, cell: float) -> FloatArray:
-    """Of the points (N, 3) in each square cell of the plane of x and y, the one that lies farthest in front, or behind
-    with ``sign`` -1.
+    """Returns the point (of N, 3) farthest in front, or behind with ``sign`` -1, in each square cell of the plane of x
+    and y.
     """
     order = np.argsort(-sign * points[:, 2], kind="stable")
     _, first = np.unique(np.floor(points[order, :2] / cell).astype(np.int64), axis=0, return_index=True)
@@ -219,20 +228,20 @@ def _map(points: FloatArray, sign: float, cell: float) -> FloatArray:
 
 
 def _between(balls: list[tuple[FloatArray, float]]) -> list[tuple[FloatArray, float]]:
-    """Middles and radii of balls from the first to the last of two."""
+    """Returns middles and radii of balls from the first to the last of two."""
     (a, r), (b, q) = balls
     return [(a + t * (b - a), r + t * (q - r)) for t in np.linspace(0.0, 1.0, _N_BALLS)]
 
 
 def _offset(surface: FloatArray, balls: list[tuple[FloatArray, float]], sign: float) -> float | None:
-    """The median distance in z by which a surface (N, 3) lies beyond the outermost of some balls, seen from in front,
-    or from behind with ``sign`` -1; None where they do not overlap.
+    """Returns the median distance in z of a surface (N, 3) beyond the outermost of some balls, seen from in front, or
+    from behind with ``sign`` -1; None if they do not overlap.
     """
     outer = np.full(len(surface), -np.inf)
     for middle, radius in balls:
         squared = radius**2 - ((surface[:, :2] - middle[:2]) ** 2).sum(axis=1)
-        near = squared > _GRAZING * radius**2
-        outer[near] = np.maximum(outer[near], sign * middle[2] + np.sqrt(squared[near]))
+        hit = squared > _GRAZING * radius**2
+        outer[hit] = np.maximum(outer[hit], sign * middle[2] + np.sqrt(squared[hit]))
     met = np.isfinite(outer)
     if met.sum() < MIN_POINTS:
         return None
@@ -240,43 +249,45 @@ def _offset(surface: FloatArray, balls: list[tuple[FloatArray, float]], sign: fl
 
 
 def _surface(front: FloatArray, at: FloatArray, cell: float, otherwise: float) -> float:
-    """The z of the front at a place; ``otherwise`` where no vertex is near."""
-    near = front[np.abs(front[:, :2] - at[:2]).max(axis=1) < 1.5 * cell]
-    return float(near[:, 2].max()) if len(near) else otherwise
+    """Returns the z of the front at a place; ``otherwise`` if no vertex is close."""
+    close = front[np.abs(front[:, :2] - at[:2]).max(axis=1) < 1.5 * cell]
+    return float(close[:, 2].max()) if len(close) else otherwise
 
 
 _TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
 _HEAD = ("head", "jaw", "leftEye", "rightEye")
 BODY = (*_TRUNK, *_HEAD, "neck")
-"""Roles of the joints whose skin hands are put on."""
+"""Roles of the joints whose skin hands touch."""
 _LIMBS = {"arms": ARM, "legs": ("leg",), "neck": ("neck",)}
 _BINS = 6
-"""Slices of a bone in which limbs are measured."""
+"""Number of slices along a bone in which a limb is measured."""
 _STEP = 0.004
-"""Distance of the points of the surface, as a fraction of stature."""
+"""Distance between points of the surface, as a fraction of stature."""
 _BELOW_HEM = 0.01
-"""How far below the hem skin of the legs counts as the trunk's, as a fraction of stature."""
+"""Distance below the hem up to which skin of the legs counts as the trunk's, as a fraction of stature."""
 _SPAN = 0.4
-"""Part of a limb that has to be measured for its taper."""
+"""Least part of a limb with measurements that determines its taper."""
 _TAPERS = (0.7, 1.2)
-"""A limb's radii at its ends lie between the least and the largest that were measured, times these."""
-_ALONG, _SHORTEST = (-0.1, 1.1), 0.3
-"""Where along a phalanx vertices count, and how long the last is at least, both in its usual length."""
+"""Factors on the least and largest measured radius that limit a limb's radii at its ends."""
+_ALONG = (-0.1, 1.1)
+"""Range along a phalanx in which vertices count, in its usual length."""
+_SHORTEST = 0.3
+"""Least length of a last phalanx, in its usual length."""
 _SLICES = ((0.2, 0.6), 0.45, 0.6)
-"""Of a palm's capsule: where on the way to the knuckle its two slices begin, how long they are, and how wide on either
-side, in distances of neighbouring knuckles.
+"""Slices of a palm's capsule: parts of the way to the knuckle at which both begin; their length, as such a part; and
+their half width, in distances of neighbouring knuckles.
 """
-_WIDE, _THICK = 1.7, 3.0
-"""A limb that is thicker than this many times the usual is a sleeve or a skirt, and so is what is farther than that
-many radii of a palm from its middle.
-"""
+_WIDE = 1.7
+"""A limb thicker than this is a sleeve or a skirt, in usual radii."""
+_THICK = 3.0
+"""Vertices farther than this from the middle of a palm are cloth, in usual radii."""
 _BETWEEN = (0.05, 0.95)
-"""Shares of vertices that lie below the one and the other surface of a palm or finger."""
+"""Shares of vertices below the lower and the upper surface of a palm or finger."""
 
 
 def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tuple[str, ...]]:
-    """The capsules of a skeleton whose arms are known, fitted to the vertices of its skin, and the parts that had too
-    few vertices and keep the usual proportions.
+    """Returns the capsules of a skeleton with known arms, fitted to the vertices of its skin, and the parts with too
+    few vertices, which keep the usual proportions.
     """
     fitting = _Fitting(skeleton, points)
     fitting.hands()
@@ -289,7 +300,7 @@ def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tupl
 
 
 def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
-    """The skin of hands, head, neck and trunk; None where one of these has none."""
+    """Returns the skin of hands, head, neck and trunk; None if a part has none."""
     info, rest = rig_info(skeleton), rest_positions(skeleton)
     roles, spacing = info.roles.joints, _STEP * info.sizes.stature
     body = surface(points, [roles[role] for role in BODY if role in roles], rest, spacing)
@@ -303,7 +314,7 @@ def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
 
 
 class _Fitting:
-    """The capsules while they are fitted. World: the rest pose, root at the origin, left +X, up +Y, forward +Z."""
+    """The capsules during the fit. World: the rest pose, root at the origin, left +X, up +Y, forward +Z."""
 
     def __init__(self, skeleton: Skeleton, points: SkinPoints) -> None:
         info = rig_info(skeleton)
@@ -319,16 +330,16 @@ class _Fitting:
             for up in [np.array([0.0, 1.0, 0.0])]
             if f"{side}Hand" in self.roles
         }
-        at = self.rest[self.usual.joints]
-        self.starts, self.ends = at + self.usual.starts @ self._turn.T, at + self.usual.ends @ self._turn.T
+        rest = self.rest[self.usual.joints]
+        self.starts, self.ends = rest + self.usual.starts @ self._turn.T, rest + self.usual.ends @ self._turn.T
         self.radii = self.usual.radii.copy()
         self.row = {key: n for n, key in enumerate(self.usual.keys)}
         self.missed: list[str] = []
 
     def body(self) -> BodyCapsules:
-        """The capsules as they are now."""
-        at = self.rest[self.usual.joints]
-        starts, ends, origins = (self.starts - at) @ self._turn, (self.ends - at) @ self._turn, at @ self._turn
+        """Returns the current capsules."""
+        rest = self.rest[self.usual.joints]
+        starts, ends, origins = (self.starts - rest) @ self._turn, (self.ends - rest) @ self._turn, rest @ self._turn
         body = replace(self.usual, starts=starts, ends=ends, radii=self.radii)
         joints = [self.roles[role] for role in BODY if role in self.roles]
         points, normals = self.points.surface(joints, _STEP * self.height)
@@ -338,16 +349,16 @@ class _Fitting:
         if not len(points):
             return body
         rows = np.sort(np.array([*body.groups.head, *body.groups.trunk], np.intp))
-        at, turn = origins[rows], self._turn
+        base, turn = origins[rows], self._turn
         relief = Relief(
-            points @ turn, normals @ turn, rows, at + starts[rows], at + ends[rows], self.radii[rows], origins
+            points @ turn, normals @ turn, rows, base + starts[rows], base + ends[rows], self.radii[rows], origins
         )
         return replace(body, relief=relief)
 
     # --- limbs, neck, fingers ---
 
     def limbs(self) -> None:
-        """Arms, legs and neck; those with too few vertices get the median factor of the others."""
+        """Fit arms, legs and neck; those with too few vertices get the median factor of the others."""
         for what, parts in _LIMBS.items():
             rows = [n for n, part in enumerate(self.usual.parts) if part in parts]
             self._scale_others(what, rows, [n for n in rows if self._sleeve(n, halves=True)])
@@ -357,7 +368,7 @@ class _Fitting:
                 self.radii[shoulder] *= self.radii[arm, 0] / self.usual.radii[arm, 0]
 
     def hands(self) -> None:
-        """Palms and phalanges; those with too few vertices get the median factor of the others."""
+        """Fit palms and phalanges; those with too few vertices get the median factor of the others."""
         for side in SIDES:
             rows = [n for n, s in enumerate(self.usual.sides) if s == side]
             palms = [n for n in rows if self.usual.parts[n] == "palm"]
@@ -372,26 +383,26 @@ class _Fitting:
         return part if part in FINGERS else "-"
 
     def _sleeve(self, row: int, halves: bool) -> bool:
-        """Fit one capsule to the vertices around its bone; False where there are too few."""
+        """Fit one capsule to the vertices around its bone; returns False if there are too few."""
         start, end = self.starts[row].copy(), self.ends[row].copy()
-        near = self.points.of(int(self.usual.joints[row]))
+        vertices = self.points.of(int(self.usual.joints[row]))
         axis = end - start
         length = float(np.linalg.norm(axis))
-        if len(near) < MIN_POINTS or not length > 0.0:
+        if len(vertices) < MIN_POINTS or not length > 0.0:
             return False
         axis /= length
         side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
         side /= np.linalg.norm(side)
         frame = np.stack([side, np.cross(axis, side)])  # (2, 3) at right angles to the bone
-        along, across = (near - start) @ axis / length, (near - start) @ frame.T
+        shares, offsets = (vertices - start) @ axis / length, (vertices - start) @ frame.T
         if not halves:
-            return self._finger_sleeve(row, start, axis, along, across, frame)
-        seen, away = [], np.linalg.norm(across, axis=1)
+            return self._finger_sleeve(row, start, axis, shares, offsets, frame)
+        seen, distances = [], np.linalg.norm(offsets, axis=1)
         for t in (np.arange(_BINS) + 0.5) / _BINS:
-            inside, widest = np.abs(along - t) < 0.5 / _BINS, self._widest(row, t)
-            ring = _ring(across[inside], is_centred=self.usual.parts[row] in ARM)
-            if ring is not None and ring[1] > widest:  # a wide sleeve, or a skirt: what is within may be skin
-                ring = _ring(across[inside & (away < widest)], is_centred=self.usual.parts[row] in ARM)
+            inside, widest = np.abs(shares - t) < 0.5 / _BINS, self._widest(row, t)
+            ring = _ring(offsets[inside], is_centred=self.usual.parts[row] in ARM)
+            if ring is not None and ring[1] > widest:  # a wide sleeve, or a skirt: skin may lie within
+                ring = _ring(offsets[inside & (distances < widest)], is_centred=self.usual.parts[row] in ARM)
             if ring is not None:
                 seen.append((t, *ring[0], ring[1]))
         if not seen:
@@ -408,33 +419,33 @@ class _Fitting:
         return True
 
     def _widest(self, row: int, t: float) -> float:
-        """The radius at part t of a limb, from which on its vertices are cloth; stout bodies have stout palms."""
+        """Returns the radius at part t of a limb beyond which its vertices are cloth; stout bodies have stout palms."""
         palms = [n for n, part in enumerate(self.usual.parts) if part == "palm"]
         stout = quantile(self.radii[palms].mean(axis=1) / self.usual.radii[palms].mean(axis=1), 0.5) if palms else 1.0
         start, end = self.usual.radii[row].tolist()
         return float(_WIDE * max(1.0, stout) * (start + t * (end - start)))
 
     def _finger_sleeve(
-        self, row: int, start: FloatArray, axis: FloatArray, along: FloatArray, across: FloatArray, frame: FloatArray
+        self, row: int, start: FloatArray, axis: FloatArray, shares: FloatArray, offsets: FloatArray, frame: FloatArray
     ) -> bool:
-        """One middle and one radius for a phalanx; the last one ends where its vertices do."""
+        """Fit one middle and one radius to a phalanx; the last one ends at its outermost vertex."""
         is_last = self.usual.parts[row].endswith("Tip")
-        inside = (along > _ALONG[0]) & ((along < _ALONG[1]) | is_last)
-        found = _ring(across[inside])
-        if found is None:
+        inside = (shares > _ALONG[0]) & ((shares < _ALONG[1]) | is_last)
+        ring = _ring(offsets[inside])
+        if ring is None:
             return False
-        middle, radius = found
+        middle, radius = ring
         usual = self.usual.radii[row]
         self.radii[row] = radius * usual / usual.mean()
         length = float(np.linalg.norm(self.ends[row] - start))
         if is_last:
-            length = max(float(along.max()) * length - self.radii[row, 1], _SHORTEST * length)
+            length = max(float(shares.max()) * length - self.radii[row, 1], _SHORTEST * length)
         self.starts[row] = start + middle @ frame
         self.ends[row] = start + length * axis + middle @ frame
         return True
 
     def _palm(self, row: int, side: str) -> bool:
-        """Fit one capsule from wrist to knuckle between the surfaces of the palm; False with too few vertices."""
+        """Fit one capsule from wrist to knuckle between the palm's surfaces; returns False with too few vertices."""
         knuckles = [self.roles.get(f"{side}{finger}Proximal") for finger in ("Index", "Little")]
         if None in knuckles:
             return False
@@ -448,34 +459,34 @@ class _Fitting:
         up = up - (up @ axis) * axis
         up /= np.linalg.norm(up)
         since = self.points.of(self.roles[f"{side}Hand"]) - start
-        along, height, beside = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
-        (lows, long, wide), found, thick = _SLICES, [], _THICK * self.usual.radii[row].max()
+        shares, height, sideways = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
+        (lows, long, wide), surfaces, thick = _SLICES, [], _THICK * self.usual.radii[row].max()
         for low in lows:
             inside = height[
-                (beside < wide * spacing) & (along >= low) & (along < low + long) & (np.abs(height) < thick)
+                (sideways < wide * spacing) & (shares >= low) & (shares < low + long) & (np.abs(height) < thick)
             ]
             if len(inside) < MIN_POINTS:
                 return False
-            found.append((quantile(inside, _BETWEEN[0]), quantile(inside, _BETWEEN[1])))
-        (b0, t0), (b1, t1) = found
+            surfaces.append((quantile(inside, _BETWEEN[0]), quantile(inside, _BETWEEN[1])))
+        (b0, t0), (b1, t1) = surfaces
         self.radii[row] = 0.5 * (t0 - b0), 0.5 * (t1 - b1)
         self.starts[row] = start + 0.5 * (t0 + b0) * up
         self.ends[row] = end + 0.5 * (t1 + b1) * up
         return True
 
     def _scale_others(self, what: str, rows: Sequence[int], fitted: Sequence[int]) -> None:
-        """Give the rows that were not fitted the median factor of those that were."""
-        others = [n for n in rows if n not in fitted]
+        """Give unfitted rows the median factor of the fitted ones."""
+        unfitted = [n for n in rows if n not in fitted]
         if rows and not fitted:
             self.missed.append(what)
-        elif others:
+        elif unfitted:
             factors = self.radii[list(fitted)].mean(axis=1) / self.usual.radii[list(fitted)].mean(axis=1)
-            self.radii[others] *= quantile(factors, 0.5)
+            self.radii[unfitted] *= quantile(factors, 0.5)
 
     # --- trunk ---
 
     def trunk(self) -> None:
-        """Chest and belly as three columns each, hips, back and collar."""
+        """Fit chest and belly as three columns each, hips, back and collar."""
         low = self.rest[self.roles.get("hips", 0)][1] - (HEM + _BELOW_HEM) * self.height
         legs = [self.roles[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in self.roles]
         trunk = [self.roles[role] for role in _TRUNK if role in self.roles]
@@ -500,11 +511,11 @@ class _Fitting:
             skin.between(self.row["hips"])
 
     def _surface(self, joints: Sequence[int]) -> FloatArray:
-        """Points (N, 3) on the surface that these joints carry."""
+        """Returns points (N, 3) on the surface that these joints carry."""
         return self.points.surface(joints, _STEP * self.height)[0]
 
     def head(self) -> None:
-        """The head's capsules, about its joint."""
+        """Fit the head's capsules, about its joint."""
         rows = [n for n, key in enumerate(self.usual.keys) if key.startswith("head")]
         if not rows:
             return
@@ -517,13 +528,13 @@ class _Fitting:
             self.missed.append("head")
 
 
-def _ring(across: FloatArray, is_centred: bool = False) -> tuple[FloatArray, float] | None:
-    """Middle (2,) and radius of the vertices (N, 2) around a bone; None where they are too few, or not all around. The
-    middle is the bone itself where that is wanted (``is_centred``).
+def _ring(offsets: FloatArray, is_centred: bool = False) -> tuple[FloatArray, float] | None:
+    """Returns middle (2,) and radius of the vertices (N, 2) around a bone; None if they are too few, or not all around.
+    With ``is_centred`` the middle is the bone itself.
     """
-    if len(across) < MIN_POINTS or len({(x > 0.0, y > 0.0) for x, y in across.tolist()}) < 4:
+    if len(offsets) < MIN_POINTS or len({(x > 0.0, y > 0.0) for x, y in offsets.tolist()}) < 4:
         return None
     if is_centred:
-        return np.zeros(2), quantile(np.linalg.norm(across, axis=1), 0.5)
-    middle = np.array([0.5 * sum(quantile(across[:, k], share) for share in _BETWEEN) for k in (0, 1)])
-    return middle, quantile(np.linalg.norm(across - middle, axis=1), 0.5)
+        return np.zeros(2), quantile(np.linalg.norm(offsets, axis=1), 0.5)
+    middle = np.array([0.5 * sum(quantile(offsets[:, k], share) for share in _BETWEEN) for k in (0, 1)])
+    return middle, quantile(np.linalg.norm(offsets - middle, axis=1), 0.5)

@@ -1,7 +1,7 @@
-"""Where elbows go: turned about the line from shoulder to wrist, so that forearms keep out of the trunk.
+"""Turns of elbows about the line from shoulder to wrist, so that forearms keep out of the trunk.
 
-For each arm the swivels of all frames are chosen together (Viterbi 1967): as little depth beyond the source's as
-possible, as little turning, and smoothly.
+A Viterbi search (1967) chooses the swivels of all frames of an arm together: little depth beyond the source's, little
+turning, and smooth changes.
 """
 
 from __future__ import annotations
@@ -16,14 +16,20 @@ from signsplice.body.collision import clearances
 from signsplice.motion import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
-_TURN, _TURN_WEIGHT = float(np.deg2rad(30.0)), 0.15
-"""A turn, and its cost in squared centimetres of depth."""
+_TURN = float(np.deg2rad(30.0))
+"""The turn that costs ``_TURN_WEIGHT``, radians."""
+_TURN_WEIGHT = 0.15
+"""Cost of a turn, in squared centimetres of depth."""
 _CHANGE_WEIGHT = 0.5
 """Cost of a change by one step of the grid from frame to frame, likewise."""
-_WIDTH_S, _LEAST_WIDTH = 0.06, 0.5
-"""Width of the bell that smooths the chosen swivels, and how many frames it is at least."""
-_DEEP, _AROUND_S = 1e-4, 0.3
-"""Squared depth from which on an elbow turns, cm^2, and the time before and after in which it may."""
+_WIDTH_S = 0.06
+"""Width of the bell that smooths the chosen swivels, s."""
+_LEAST_WIDTH = 0.5
+"""Least width of that bell, frames."""
+_DEEP = 1e-4
+"""Squared depth from which on an elbow turns, cm^2."""
+_AROUND_S = 0.3
+"""Time before and after such a depth in which the elbow may turn, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +56,8 @@ class Solid:
 
 
 def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, grid: FloatArray = _GRID) -> FloatArray:
-    """Turns (T,) of the elbow, radians, of those of a ``grid``, that keep the forearm from lying deeper in a solid than
-    ``allowed`` (T, S).
+    """Returns turns (T,) of the elbow, radians, from a ``grid``, that keep the forearm from lying deeper in a solid
+    than ``allowed`` (T, S).
     """
     cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > _DEEP)
@@ -62,10 +68,10 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, grid: Fl
     span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
     s, e, w = arm.shoulder[span], arm.elbow[span], arm.wrist[span]
     axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
-    along = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
-    out = e - s - along
+    on_axis = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
+    off_axis = e - s - on_axis
     cos, sin = np.cos(grid)[:, None, None], np.sin(grid)[:, None, None]
-    turned = s + along + cos * out + sin * np.cross(axis, out)  # (K, T, 3)
+    turned = s + on_axis + cos * off_axis + sin * np.cross(axis, off_axis)  # (K, T, 3)
     costs = _depth_cost(turned, arm, solid, allowed, span).T
     costs += _TURN_WEIGHT * (grid / _TURN) ** 2
     change: FloatArray = _CHANGE_WEIGHT * np.square((grid[:, None] - grid) / (0.5 * _TURN))
@@ -79,22 +85,20 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, grid: Fl
 
 
 def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArray, span: slice) -> FloatArray:
-    """Squared depth (K, T) of the forearm beyond what is allowed, summed over the solids, cm^2, for elbows (K, T, 3)
-    in a span of frames.
+    """Returns the squared depth (K, T) of the forearm beyond the allowed one, summed over the solids, cm^2, for elbows
+    (K, T, 3) in a span of frames.
     """
     starts, ends, allowed = solid.starts[span], solid.ends[span], allowed[span]
     shape = (*elbow.shape[:2], allowed.shape[1])
     p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, arm.wrist[span] - elbow))
     q, v = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (starts, ends - starts))
-    own, other = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, solid.radii))
-    depth = np.maximum(-clearances(p - q, u, v, own, other).distance.reshape(shape) - allowed, 0.0)
+    own_radii, other_radii = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, solid.radii))
+    depth = np.maximum(-clearances(p - q, u, v, own_radii, other_radii).distance.reshape(shape) - allowed, 0.0)
     return np.asarray((1e4 * depth * depth).sum(axis=-1))
 
 
 def smoothest(costs: FloatArray, changes: Sequence[FloatArray] | FloatArray) -> NDArray[np.intp]:
-    """The row of choices (T,) with the least cost (T, K), that of each change (T - 1, K, K) from the choice before
-    included.
-    """
+    """Returns the choices (T,) with the least sum of costs (T, K) and costs of change (T - 1, K, K)."""
     best, back = costs[0], []
     for row, change in zip(costs[1:], changes, strict=True):
         total = best[:, None] + change

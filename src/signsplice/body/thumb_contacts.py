@@ -1,13 +1,13 @@
-"""Thumbs that keep what they touch within their hand, on a hand of other proportions.
+"""Contacts of thumbs within their hand, kept on a hand of other proportions.
 
-A handshape lives from where the thumb touches (F, O and S are told apart by it). With copied rotations it misses
+The contact of the thumb defines a handshape (it distinguishes F, O and S). With copied rotations the thumb misses
 fingers that are longer or shorter than the source's. So thumb and finger turn a little at their first joints: a damped
 least-squares problem (Gauss-Newton, Wampler 1986) of a few unknowns, for each hand and frame,
 
     E(x) = sum w |(p - q)(x) - n (r + d)|^2 + mu |x|^2 + sum c (x_f - x_g)^2
 
 over pairs of a thumb's and a finger's or the palm's capsules, with nearest points p, q, direction n and clearance d as
-at the source, and w that falls with d. The last sum holds neighbouring fingers f, g together that lie together.
+at the source, and w that falls with d. The last sum keeps neighbouring fingers f, g together.
 """
 
 from __future__ import annotations
@@ -28,18 +28,22 @@ from signsplice.rig.roles import FINGERS, SIDES
 Index = NDArray[np.intp]
 
 ALIKE = 0.03
-"""Hands whose bones have the same proportions up to this fraction keep their contacts unhelped."""
+"""Hands whose bones have the same proportions up to this fraction keep their contacts by rotations alone."""
 MOST_RADIANS = float(np.deg2rad(15.0))
-"""The most that a first joint is turned."""
-_NEAR_M, _FADE_M = 0.012, 0.004
-"""Clearance at the source up to which a pair counts, and the one over which its weight falls, m."""
+"""Largest turn of a first joint, radians."""
+_NEAR_M = 0.012
+"""Largest clearance of a pair that counts, at the source, m."""
+_FADE_M = 0.004
+"""Clearance over which the weight of a pair falls by a factor e, m."""
 _DAMPING = 2e-4
 """mu, m^2: a fingertip is 6 to 8 cm from its first joint, so that a touch outweighs it twenty times."""
-_TOGETHER, _APART_RADIANS = 2e-3, float(np.deg2rad(15.0))
-"""c of neighbouring fingers that point the same way, m^2, and the angle between them over which it falls."""
+_TOGETHER = 2e-3
+"""c of neighbouring fingers that point the same way, m^2."""
+_APART_RADIANS = float(np.deg2rad(15.0))
+"""Angle between neighbouring fingers over which c falls, radians."""
 _STEPS = 3
 _WIDTH_S = 0.05
-"""Time over which a turn comes and goes."""
+"""Time over which a turn comes and goes, s."""
 _THUMB = ("ThumbMetacarpal", "ThumbProximal", "ThumbDistal")
 _SEGMENTS = ("Palm", "Proximal", "Intermediate", "Distal")
 _FLEXION = np.array([0.0, 0.0, 1.0])
@@ -47,17 +51,17 @@ _FLEXION = np.array([0.0, 0.0, 1.0])
 
 
 def keep_thumb_contacts(source: Clip, source_body: BodyCapsules, carried: Clip, body: BodyCapsules) -> Clip:
-    """``carried``, the rotations of ``source`` on another skeleton, with thumbs and fingers turned at their first
-    joints so that thumbs touch what they touched; the same clip where hands have the same proportions.
+    """Returns ``carried``, the rotations of ``source`` on another skeleton, with thumbs and fingers turned at their
+    first joints so that thumbs keep their contacts; unchanged if hands have the same proportions.
     """
     hands = [hand for side in SIDES if (hand := _hand(side, source_body, body, carried))]
     if not hands:
         return carried
-    then, now = pose_body(source, source_body), pose_body(carried, body)
+    posed_source, posed = pose_body(source, source_body), pose_body(carried, body)
     local = np.array(carried.local_rotations)
     global_rotations, _ = kinematics.forward(carried)
     for hand in hands:
-        _turn(hand, then, now, global_rotations, carried, local)
+        _turn(hand, posed_source, posed, global_rotations, carried, local)
     return replace(carried, local_rotations=local)
 
 
@@ -65,7 +69,7 @@ def keep_thumb_contacts(source: Clip, source_body: BodyCapsules, carried: Clip, 
 class _Hand:
     """A hand of two bodies, with K pairs of a thumb's capsule and a finger's or the palm's.
 
-    source, target: rows (K,) of the thumb's and of the other capsule on either body.
+    source, target: rows (K,) of the thumb's and of the other capsule on each body.
     fingers: (K,) 1 to 4 for a finger's capsule, 0 for the palm's, which no finger moves.
     firsts: first joints of the thumb and of the four fingers.
     pivots: (5,) rows of the target's capsules that begin at these joints.
@@ -81,18 +85,18 @@ class _Hand:
 
 
 def _hand(side: str, a: BodyCapsules, b: BodyCapsules, clip: Clip) -> _Hand | None:
-    """The pairs of a hand; None where both bodies have the same hand, or one has no thumb or not all fingers."""
+    """Returns the pairs of a hand; None if both bodies have the same hand, or one lacks the thumb or a finger."""
     shared = frozenset(a.keys) & frozenset(b.keys)
     first_keys = [side + next((key for key in _THUMB if side + key in shared), "")]
     first_keys += [f"{side}{finger}Proximal" for finger in FINGERS[1:]]
     if not shared.issuperset(first_keys) or _are_alike(a, b, [key for key in shared if key.startswith(side)]):
         return None
     joints = rig_info(clip.skeleton).roles.joints
-    own = [side + key for key in _THUMB[1:] if side + key in shared]
-    other = [(n, key) for n, f in enumerate(FINGERS[1:], 1) for s in _SEGMENTS if (key := side + f + s) in shared]
-    pairs = [(one, key, 0 if key.endswith("Palm") else n) for one in own for n, key in other]
-    first, second = ([of.keys.index(pair[k]) for pair in pairs] for of, k in ((a, 0), (a, 1)))
-    third, fourth = ([of.keys.index(pair[k]) for pair in pairs] for of, k in ((b, 0), (b, 1)))
+    thumb_keys = [side + key for key in _THUMB[1:] if side + key in shared]
+    other_keys = [(n, key) for n, f in enumerate(FINGERS[1:], 1) for s in _SEGMENTS if (key := side + f + s) in shared]
+    pairs = [(thumb_key, key, 0 if key.endswith("Palm") else n) for thumb_key in thumb_keys for n, key in other_keys]
+    first, second = ([body.keys.index(pair[k]) for pair in pairs] for body, k in ((a, 0), (a, 1)))
+    third, fourth = ([body.keys.index(pair[k]) for pair in pairs] for body, k in ((b, 0), (b, 1)))
     return _Hand(
         source=(np.array(first, np.intp), np.array(second, np.intp)),
         target=(np.array(third, np.intp), np.array(fourth, np.intp)),
@@ -104,9 +108,11 @@ def _hand(side: str, a: BodyCapsules, b: BodyCapsules, clip: Clip) -> _Hand | No
 
 
 def _are_alike(a: BodyCapsules, b: BodyCapsules, keys: list[str]) -> bool:
-    """Whether the bones of two hands have the same proportions."""
-    one, two = (dict(zip(of.keys, np.linalg.norm(of.ends - of.starts, axis=-1), strict=True)) for of in (a, b))
-    ratios = np.array([two[key] / one[key] for key in keys if any(f in key for f in FINGERS) and one[key] > 0.0])
+    """Tells whether the bones of two hands have the same proportions."""
+    first, second = (
+        dict(zip(body.keys, np.linalg.norm(body.ends - body.starts, axis=-1), strict=True)) for body in (a, b)
+    )
+    ratios = np.array([second[key] / first[key] for key in keys if any(f in key for f in FINGERS) and first[key] > 0.0])
     return bool(np.abs(ratios / np.median(ratios) - 1.0).max() < ALIKE)
 
 
@@ -115,18 +121,18 @@ def _turn(
 ) -> None:
     """Turn the first joints of a hand in the local rotations (T, J, 4) of a clip."""
     n_frames, n_pairs = len(local), len(hand.fingers)
-    then = _clearances(source, hand.source)
-    fade = np.exp(-np.maximum(then.distance, 0.0) / _FADE_M) - np.exp(-_NEAR_M / _FADE_M)
+    gaps = _clearances(source, hand.source)
+    fade = np.exp(-np.maximum(gaps.distance, 0.0) / _FADE_M) - np.exp(-_NEAR_M / _FADE_M)
     weight = np.maximum(fade, 0.0).reshape(n_frames, n_pairs)
     frames, pairs = np.flatnonzero(weight.any(axis=1)), np.flatnonzero(weight.any(axis=0))
     if not len(frames):
         return
-    of = np.ix_(frames, pairs)
-    parts = zip(hand.target, (then.own_at, then.other_at), strict=True)
-    points = [_points(carried, frames, rows[pairs], at.reshape(weight.shape)[of]) for rows, at in parts]
+    chosen = np.ix_(frames, pairs)
+    parts = zip(hand.target, (gaps.own_at, gaps.other_at), strict=True)
+    points = [_points(carried, frames, rows[pairs], shares.reshape(weight.shape)[chosen]) for rows, shares in parts]
     (p, thick), (q, other_thick) = points
-    clearance, normals = then.distance.reshape(weight.shape)[of], then.normals.reshape(*weight.shape, 3)[of]
-    wanted = normals * (clearance + thick + other_thick)[..., None]
+    clearance, normals = gaps.distance.reshape(weight.shape)[chosen], gaps.normals.reshape(*weight.shape, 3)[chosen]
+    goal = normals * (clearance + thick + other_thick)[..., None]
     info = rig_info(clip.skeleton)
     axes = np.stack([
         rotations[frames, joint] @ rotation.rotate(rotation.inverse(info.t_pose.rotations[joint]), _FLEXION)
@@ -135,60 +141,60 @@ def _turn(
     pivots = carried.starts[frames][:, hand.pivots]
     rotvecs = np.zeros((n_frames, len(hand.firsts), 3))
     coupled = _coupling(source.ends[frames][:, hand.neighbours] - source.starts[frames][:, hand.neighbours])
-    rotvecs[frames] = _solve(p, q, wanted, weight[of], hand.fingers[pairs], pivots, axes, coupled)
+    rotvecs[frames] = _solve(p, q, goal, weight[chosen], hand.fingers[pairs], pivots, axes, coupled)
     width = _WIDTH_S * clip.fps
     side = int(np.ceil(3.0 * width))
     rotvecs = smooth_over_time(rotvecs, np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2))
     for n, joint in enumerate(hand.firsts):
         above = rotation.from_matrix(rotations[:, clip.skeleton.parents[joint]])
-        own = rotation.multiply(rotation.multiply(rotation.inverse(above), rotation.exp(rotvecs[:, n])), above)
-        local[:, joint] = rotation.multiply(own, local[:, joint])
+        local_turn = rotation.multiply(rotation.multiply(rotation.inverse(above), rotation.exp(rotvecs[:, n])), above)
+        local[:, joint] = rotation.multiply(local_turn, local[:, joint])
 
 
 def _coupling(bones: FloatArray) -> FloatArray:
-    """The damping (F, 7, 7) of the unknowns, from the fingers' first bones (F, 4, 3) at the source."""
-    along = bones / np.linalg.norm(bones, axis=-1, keepdims=True)
-    angle = np.arccos(np.clip(np.einsum("fix,fix->fi", along[:, :-1], along[:, 1:]), -1.0, 1.0))
+    """Returns the damping (F, 7, 7) of the unknowns, from the fingers' first bones (F, 4, 3) at the source."""
+    axes = bones / np.linalg.norm(bones, axis=-1, keepdims=True)
+    angle = np.arccos(np.clip(np.einsum("fix,fix->fi", axes[:, :-1], axes[:, 1:]), -1.0, 1.0))
     together = _TOGETHER * np.exp(-((angle / _APART_RADIANS) ** 2))
-    out = np.tile(_DAMPING * np.eye(7), (len(bones), 1, 1))
+    damping = np.tile(_DAMPING * np.eye(7), (len(bones), 1, 1))
     for n in range(3):
         for i, j, sign in ((3 + n, 3 + n, 1.0), (4 + n, 4 + n, 1.0), (3 + n, 4 + n, -1.0), (4 + n, 3 + n, -1.0)):
-            out[:, i, j] += sign * together[:, n]
-    return out
+            damping[:, i, j] += sign * together[:, n]
+    return damping
 
 
 def _solve(
     p: FloatArray,
     q: FloatArray,
-    wanted: FloatArray,
+    goal: FloatArray,
     weight: FloatArray,
     fingers: Index,
     pivots: FloatArray,
     axes: FloatArray,
     damping: FloatArray,
 ) -> FloatArray:
-    """Rotation vectors (F, 5, 3), in the world, of the first joints of the thumb and four fingers.
+    """Returns rotation vectors (F, 5, 3), in the world, of the first joints of the thumb and four fingers.
 
-    p, q: (F, K, 3) points of the thumb and of what it touches. wanted: (F, K, 3) p - q. weight: (F, K).
+    p, q: (F, K, 3) points of the thumb and of its counterpart. goal: (F, K, 3) target of p - q. weight: (F, K).
     pivots: (F, 5, 3) the first joints. axes: (F, 4, 3) unit vectors about which the fingers bend.
-    damping: (F, 7, 7) what holds the unknowns.
+    damping: (F, 7, 7) of the unknowns.
     """
     n = len(p)
     x = np.zeros((n, 7))  # the thumb's rotation vector, and an angle for each finger
     moves = fingers > 0
-    at = np.maximum(fingers - 1, 0)
+    column = np.maximum(fingers - 1, 0)
     for _ in range(_STEPS):
         vectors = np.concatenate([x[:, None, :3], x[:, 3:, None] * axes], axis=1)
         quaternions = rotation.exp(vectors)
         thumb = rotation.rotate(quaternions[:, None, 0], p - pivots[:, :1])
-        arm = q - pivots[:, 1 + at]
-        finger = np.where(moves[:, None], rotation.rotate(quaternions[:, 1 + at], arm), arm)
-        error = (pivots[:, :1] + thumb) - (pivots[:, 1 + at] + finger) - wanted
+        arm = q - pivots[:, 1 + column]
+        finger = np.where(moves[:, None], rotation.rotate(quaternions[:, 1 + column], arm), arm)
+        error = (pivots[:, :1] + thumb) - (pivots[:, 1 + column] + finger) - goal
         jacobian = np.zeros((*error.shape, 7))  # (F, K, 3, 7)
         for axis in range(3):
             jacobian[..., axis] = rotation.cross(np.eye(3)[axis], thumb)
-        swing = np.where(moves[:, None], rotation.cross(axes[:, at], finger), 0.0)
-        jacobian[:, range(len(at)), :, 3 + at] -= swing.swapaxes(0, 1)
+        swing = np.where(moves[:, None], rotation.cross(axes[:, column], finger), 0.0)
+        jacobian[:, range(len(column)), :, 3 + column] -= swing.swapaxes(0, 1)
         weighted = weight[..., None, None] * jacobian
         normal = np.einsum("fkci,fkcj->fij", weighted, jacobian) + damping
         slope = np.einsum("fkci,fkc->fi", weighted, error) + np.einsum("fij,fj->fi", damping, x)
@@ -199,17 +205,17 @@ def _solve(
 
 
 def _clearances(posed: PosedBody, rows: tuple[Index, Index]) -> Clearances:
-    """Skin distances of all pairs at all frames, frame by frame (T K)."""
+    """Returns skin distances of all pairs in all frames, frame by frame (T K)."""
     p, u, q, v = (
         part.reshape(-1, 3)
         for row in rows
         for part in (posed.starts[:, row], posed.ends[:, row] - posed.starts[:, row])
     )
-    own, other = (np.tile(posed.radii[row], (len(posed.starts), 1)) for row in rows)
-    return clearances(p - q, u, v, own, other)
+    own_radii, other_radii = (np.tile(posed.radii[row], (len(posed.starts), 1)) for row in rows)
+    return clearances(p - q, u, v, own_radii, other_radii)
 
 
 def _points(posed: PosedBody, frames: Index, rows: Index, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (F, K, 3) along capsules at shares ``at`` (F, K) of their axes, and the radii (F, K) there."""
+    """Returns points (F, K, 3) along capsules at shares ``at`` (F, K) of their axes, and the radii (F, K) there."""
     start, end, radii = posed.starts[np.ix_(frames, rows)], posed.ends[np.ix_(frames, rows)], posed.radii[rows]
     return start + at[..., None] * (end - start), radii[:, 0] + at * (radii[:, 1] - radii[:, 0])

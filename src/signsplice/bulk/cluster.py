@@ -1,4 +1,4 @@
-"""Shards made by actors of a Ray cluster, by Ray Data."""
+"""Makes shards in actors of a Ray cluster, with Ray Data."""
 
 from __future__ import annotations
 
@@ -17,27 +17,26 @@ from signsplice.children import ONE_THREAD
 from signsplice.errors import InputError, MissingExtraError, SignspliceError
 
 LOCAL = "local"
-"""The address of a cluster that is started here, of this machine alone, and ends with the call."""
+"""Address of a temporary cluster of this machine alone, which ends with the call."""
 
 LOOPBACK = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
-"""Set to 0, nodes of Ray are at 127.0.0.1, on every system. Else they are at the machine's own address, and open."""
-
+"""If set to 0, Ray's nodes use 127.0.0.1 on every system. Otherwise they use the machine's public address, openly."""
 
 _UNREACHABLE = "http://127.0.0.1:9"
-"""A proxy that does not exist. Ray asks the metadata hosts of three clouds by HTTP which of them it runs in, also where
-its usage reports are off; its own processes speak gRPC, which heeds no proxy here.
+"""Proxy that does not exist. Ray queries the metadata hosts of three clouds by HTTP to find out where it runs, even if
+usage reports are off; its own processes use gRPC, which ignores this proxy.
 """
 
 
 class ShardActor:
-    """A worker of the cluster: it keeps words and networks between shards."""
+    """A worker of the cluster, which keeps words and networks between shards."""
 
     def __init__(self, out: str, n_kept: int) -> None:
         self._out, self._n_kept = out, n_kept
 
     def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
-        """The results of the shards whose numbers are in ``batch``. What is wrong with an input is a result too: Ray
-        would make a page of its traceback.
+        """Make the shards whose numbers are in ``batch`` and return their results. An input error is a result too: Ray
+        would print a page of traceback.
         """
         rows = []
         for shard in batch["shard"].tolist():
@@ -51,12 +50,12 @@ class ShardActor:
 def make_all(
     out: str, shards: Sequence[int], address: str, n_kept: int, workers: int | None = None
 ) -> Iterator[ShardResult]:
-    """Make these shards on the Ray cluster at ``address``, each as soon as it is whole, by an actor for every
-    processor, or by ``workers`` of them.
+    """Make these shards on the Ray cluster at ``address``, by one actor per processor or by ``workers`` actors; yields
+    each shard when it is complete.
 
-    The cluster's machines see the folder, the lexicon and the networks under the same paths. Ray starts actors and
-    shards again that ended with a process or a machine. Raises ``InputError`` where there is no cluster, and where a
-    worker finds another folder, lexicon, bundle or version; ``MissingExtraError`` without Ray.
+    The cluster's machines must see the folder, the lexicon and the networks under the same paths. Ray restarts actors
+    and shards that ended with a process or a machine. Raises ``InputError`` if there is no cluster, or if a worker
+    finds another folder, lexicon, bundle or version; ``MissingExtraError`` without Ray.
     """
     with _cluster_of_its_own() if address == LOCAL else nullcontext("") as folder:
         yield from _make_all(connect(address, folder), out, shards, n_kept, workers)
@@ -86,18 +85,18 @@ def _make_all(ray: Any, out: str, shards: Sequence[int], n_kept: int, workers: i
 
 @contextmanager
 def _cluster_of_its_own() -> Iterator[str]:
-    """A temporary folder for a cluster that is started here, and an environment in which it writes nothing elsewhere
-    and calls no other host.
+    """Yield a temporary folder for a local cluster, in an environment in which it writes nothing elsewhere and contacts
+    no other host.
     """
     values = {
-        "RAY_AUTH_TOKEN": secrets.token_hex(32),  # else Ray writes one to the user's home
+        "RAY_AUTH_TOKEN": secrets.token_hex(32),  # otherwise Ray writes one to the user's home
         "http_proxy": _UNREACHABLE,
         "HTTP_PROXY": _UNREACHABLE,
         "no_proxy": "localhost,127.0.0.1",
         "NO_PROXY": "localhost,127.0.0.1",
     }
     before = {name: os.environ.get(name) for name in values}
-    # macOS has a folder of temporary files whose name is too long for Ray's sockets.
+    # The name of macOS' temporary folder is too long for Ray's sockets.
     with TemporaryDirectory(
         prefix="ray-", dir="/tmp" if sys.platform == "darwin" else None, ignore_cleanup_errors=True
     ) as folder:
@@ -113,8 +112,8 @@ def _cluster_of_its_own() -> Iterator[str]:
 
 
 def connect(address: str, folder: str = "") -> Any:
-    """Ray, connected to the cluster at ``address``; one that is started here keeps its files in ``folder``. It sends
-    nothing about its use anywhere. Raises as ``make_all``.
+    """Return Ray, connected to the cluster at ``address``; a local cluster keeps its files in ``folder``. Disables
+    usage reports. Raises as ``make_all``.
     """
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")

@@ -1,4 +1,4 @@
-"""Recipes drawn from a lexicon by seed, read from lines of glosses, or of all ordered pairs of its signs."""
+"""Makes recipes: drawn from a lexicon by seed, read from lines of glosses, or of all ordered pairs of its signs."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from signsplice.lexicon.lexicon import Lexicon
 from signsplice.lexicon.sentence import SentenceToken, line_glosses, parse
 
 _TILE = 100
-"""Pairs come in squares of so many words by as many, so that pairs near one another are of few words."""
+"""Side of the square tiles of word pairs, words; tiles keep the number of words in successive pairs small."""
 _LONGEST = 500
-"""Characters of a warning: it quotes the line that it is about."""
+"""Maximum length of a warning, which quotes its line, characters."""
 Range = tuple[float, float]
 
 
 def signs(lexicon: Lexicon) -> list[str]:
-    """The glosses of a lexicon's signs, without letters. Raises ``InputError`` where there are not two."""
-    found = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]
-    if len(found) < 2:
-        raise InputError(f"{lexicon.where}: {len(found)} signs, expected two or more to draw from")
-    return found
+    """Return the glosses of a lexicon's signs, without letters. Raises ``InputError`` if there are fewer than two."""
+    glosses = [entry.gloss for entry in lexicon.entries() if entry.kind == "sign"]
+    if len(glosses) < 2:
+        raise InputError(f"{lexicon.where}: {len(glosses)} signs, expected two or more to draw from")
+    return glosses
 
 
 def random_recipes(
@@ -41,16 +41,16 @@ def random_recipes(
     ranges: Mapping[str, Range] | None = None,
     dials: Mapping[str, Any] | None = None,
 ) -> Iterator[pa.RecordBatch]:
-    """``count`` recipes of ``n_words`` (least, most) glosses each, no word twice in a row, all by ``seed``.
+    """Draw ``count`` recipes of ``n_words`` (minimum, maximum) glosses by ``seed``, without immediate word repeats.
 
-    signers: of which each recipe draws one. ranges: dials that are drawn uniformly, to three decimals, with least and
-    most. dials: those that are the same in all. Row k is the same whatever ``count`` is.
+    signers: each recipe draws one. ranges: dials drawn uniformly, to three decimals, with minimum and maximum. dials:
+    dials that are the same in all recipes. Row k does not depend on ``count``.
     """
     for start in range(0, count, ROWS):
         rng = np.random.default_rng([seed, start])
         lengths = rng.integers(n_words[0], n_words[1] + 1, ROWS)
         words = rng.integers(0, len(glosses), (ROWS, n_words[1]))
-        for column in range(1, n_words[1]):  # a word that repeats the one before gives way to another
+        for column in range(1, n_words[1]):  # replace a word that repeats the previous one
             same = words[:, column] == words[:, column - 1]
             words[same, column] = (words[same, column] + rng.integers(1, len(glosses), same.sum())) % len(glosses)
         who = rng.integers(0, len(signers), ROWS)
@@ -68,16 +68,16 @@ def random_recipes(
 
 
 def dial(name: str, value: float) -> Any:
-    """A number as a recipe has it: those that may be words too are text."""
+    """Return a number as a recipe stores it: as text for dials that may also be words."""
     return f"{value:g}" if name in ("transition_time", "tempo") else float(value)
 
 
 def lines(
     path: str | Path, lexicon: Lexicon, dials: Mapping[str, Any] | None = None, drop_function_words: bool = False
 ) -> tuple[list[pa.RecordBatch], list[str]]:
-    """A recipe for each line of glosses of a text file that is not blank, read as ``sentence`` reads them; and a
-    warning for each line with words that the lexicon lacks and that are not spelled, which become rows that fail, and
-    for each word that may be a typing error.
+    """Read a recipe from each line of glosses of a text file that is not blank, as ``sentence`` does. Returns warnings
+    for lines with unknown words that are not spelled, which become failing rows, and for words that may be typing
+    errors.
 
     Raises ``InputError`` for a line without glosses, and for a file that is not UTF-8 or has no line.
     """
@@ -85,7 +85,7 @@ def lines(
         text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8, expected lines of glosses in UTF-8") from error
-    found, warnings = [], []
+    recipes, warnings = [], []
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip():
             continue
@@ -99,16 +99,16 @@ def lines(
             warnings.append(f"{path}:{number}: {str(error)[:_LONGEST]}")
         except InputError as error:
             raise InputError(f"{path}:{number}: {str(error)[:_LONGEST]}") from error
-        found.append(SentenceRecipe(tokens, **dict(dials or {})))
-    if not found:
+        recipes.append(SentenceRecipe(tokens, **dict(dials or {})))
+    if not recipes:
         raise InputError(f"{path}: no line of glosses, expected one sentence a line")
-    return [batch_of(found[start : start + ROWS]) for start in range(0, len(found), ROWS)], warnings
+    return [batch_of(recipes[start : start + ROWS]) for start in range(0, len(recipes), ROWS)], warnings
 
 
 def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
-    """The tokens of a line as ``SentenceRecipe.glosses`` has them, each with the mark at which it is held."""
+    """Yield the tokens of a line as in ``SentenceRecipe.glosses``, each with its pause mark."""
     glosses = iter(line_glosses(units))
-    for unit in filter(lambda one: one.glosses, units):
+    for unit in filter(lambda unit: unit.glosses, units):
         *_, last = islice(glosses, len(unit.glosses))
         letters = "".join(gloss.removeprefix(LETTER_MARK) for gloss in unit.glosses)
         yield (LETTER_MARK + letters if unit.spelled else unit.glosses[0]) + (last.pause or "")
@@ -117,23 +117,23 @@ def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
 def pairs(
     glosses: Sequence[str], count: int | None = None, seed: int = 0, dials: Mapping[str, Any] | None = None
 ) -> Iterator[pa.RecordBatch]:
-    """All ordered pairs of different glosses, or ``count`` of them drawn by ``seed``, without repeats.
+    """Yield all ordered pairs of different glosses, or ``count`` of them drawn by ``seed``, without repeats.
 
-    All pairs come tile by tile, so that any thousand of them in a row are of few words. Raises ``InputError`` where
-    there are fewer than ``count``.
+    All pairs come tile by tile, so that any thousand successive pairs have few words. Raises ``InputError`` if there
+    are fewer than ``count``.
     """
-    n, most = len(glosses), len(glosses) * (len(glosses) - 1)
-    if count is None or count == most:
+    n, n_pairs = len(glosses), len(glosses) * (len(glosses) - 1)
+    if count is None or count == n_pairs:
         ranks: Iterator[np.ndarray[Any, Any]] = _tiles(n)
         seed = 0
-    elif 1 <= count <= most:
-        draw = np.random.default_rng(seed).choice(most, count, replace=False, shuffle=False)
+    elif 1 <= count <= n_pairs:
+        draw = np.random.default_rng(seed).choice(n_pairs, count, replace=False, shuffle=False)
         ranks = iter([np.sort(draw)])
     else:
-        raise InputError(f"count {count}, expected 1 to {most:,}, the ordered pairs of {n:,} signs")
+        raise InputError(f"count {count}, expected 1 to {n_pairs:,}, the ordered pairs of {n:,} signs")
     waiting = np.zeros(0, np.int64)
-    for more in ranks:
-        waiting = np.concatenate([waiting, more])
+    for new_ranks in ranks:
+        waiting = np.concatenate([waiting, new_ranks])
         while len(waiting) >= ROWS:
             yield _pair_batch(glosses, waiting[:ROWS], seed, dials)
             waiting = waiting[ROWS:]
@@ -142,13 +142,13 @@ def pairs(
 
 
 def _tiles(n: int) -> Iterator[np.ndarray[Any, Any]]:
-    """The ranks of all pairs, a band of tiles at a time. Rank r: word r // (n-1), then the (r % (n-1))-th other one."""
+    """Yield the ranks of all pairs by bands of tiles. Rank r: word r // (n-1), then the (r % (n-1))-th other word."""
     for top in range(0, n, _TILE):
         before = np.arange(top, min(top + _TILE, n))
         yield np.concatenate(
             [
-                (before[:, None] * (n - 1) + np.arange(left, min(left + _TILE, n - 1))).ravel()
-                for left in range(0, n - 1, _TILE)
+                (before[:, None] * (n - 1) + np.arange(column, min(column + _TILE, n - 1))).ravel()
+                for column in range(0, n - 1, _TILE)
             ]
         )
 

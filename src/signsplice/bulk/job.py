@@ -1,4 +1,4 @@
-"""What a folder of shards is made from: its job, kept in the folder, so that a run is resumed by the same job alone."""
+"""The job of a folder of shards, stored in the folder, so that only the same job can resume a run."""
 
 from __future__ import annotations
 
@@ -22,38 +22,46 @@ from signsplice.formats.json_files import check_type, read_json
 from signsplice.lexicon.lexicon import Lexicon, lexicon_folder, open_lexicon
 from signsplice.splicing.options import open_learned
 
-JOB, RECIPES, SUMMARY, INDEX, UNFINISHED = "job.json", "recipes.parquet", "summary.json", "index", "unfinished"
-"""Names in a folder of shards; ``UNFINISHED`` is there while a run is, or was when it was ended."""
+JOB = "job.json"
+"""File of the job in a folder of shards."""
+RECIPES = "recipes.parquet"
+"""File of the recipes in a folder of shards."""
+SUMMARY = "summary.json"
+"""File of the summary in a folder of shards."""
+INDEX = "index"
+"""Folder of the index in a folder of shards."""
+UNFINISHED = "unfinished"
+"""Empty folder that exists during a run, and after one that was interrupted."""
 _NEW_RECIPES = ".new-recipes.parquet"
-"""The recipes until the job is written: a file of that name is nobody else's."""
+"""File of the recipes until the job is written; no other program uses this name."""
 FRAMES = "frames"
 STORES = (FRAMES, "recipes")
 NPZ32 = "npz32"
 FORMATS = ("npz", NPZ32, "bvh", "glb")
-"""Of clips; ``NPZ32``: npz with frames rounded to 32 bits."""
+"""Formats of clips; ``NPZ32``: npz with frames rounded to 32 bits."""
 VERSION = 1
 _LIBRARIES = ("numpy", "scipy", "onnxruntime")
 _LONGEST = 1000
-"""Characters of the longest name or path of a job."""
+"""Limit on the length of a name or path of a job, characters."""
 _FREE = ("lexicon", "bundle", "processor")
-"""What may differ when a run is resumed: where the words and networks lie, not what they are."""
+"""Fields that may differ when a run resumes: locations of words and networks, not their content."""
 
 
 @dataclass(frozen=True)
 class BulkJob:
-    """What decides every byte of a folder of shards.
+    """Determines every byte of a folder of shards.
 
     version: of this description.
     signsplice: version of the package.
-    n_recipes, recipes_sha256: the recipes, and the hash of the file that holds them.
-    lexicon, lexicon_sha256: where the words were read, a list for several, and the hash of all that decides them.
-    bundle, bundle_sha256: where the networks were read, None for those that ship; and their hash, None without any.
+    n_recipes, recipes_sha256: number of recipes, and hash of their file.
+    lexicon, lexicon_sha256: path of the words, a list for several lexicons, and hash of their content.
+    bundle, bundle_sha256: path of the networks, None for the shipped ones; and their hash, None without networks.
     store: one of ``STORES``.
     format: of clips, one of ``FORMATS``.
-    poses: whether each sample has positions of joints and annotations beside its clip.
-    shard_size: recipes of a shard.
-    made_with: versions of the libraries that compute.
-    processor: of the machine where the job began.
+    poses: whether each sample has joint positions and annotations beside its clip.
+    shard_size: recipes per shard.
+    made_with: versions of the numerical libraries.
+    processor: of the machine that began the job.
     """
 
     version: int
@@ -73,23 +81,23 @@ class BulkJob:
 
     @property
     def n_shards(self) -> int:
-        """How many shards there will be."""
+        """Number of shards of the complete folder."""
         return -(-self.n_recipes // self.shard_size)
 
     def rows(self, shard: int) -> range:
-        """The rows of a shard."""
+        """Return the rows of a shard."""
         return range(shard * self.shard_size, min((shard + 1) * self.shard_size, self.n_recipes))
 
     @property
     def sha256(self) -> str:
-        """Hash of what may not differ when a run is resumed."""
+        """Hash of the fields that must not differ when a run resumes."""
         decided = {name: value for name, value in asdict(self).items() if name not in _FREE}
         return hashlib.sha256(json.dumps(decided, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
 class BulkOptions:
-    """What a call wants; fields as in ``BulkJob``. Raises ``InputError`` for what is out of range."""
+    """Options of a call; fields as in ``BulkJob``. Raises ``InputError`` for values out of range."""
 
     lexicon: str | Sequence[str]
     bundle: str | None = None
@@ -107,10 +115,10 @@ class BulkOptions:
 
 
 def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> BulkJob:
-    """The job of a folder: the one that is there if it is the same, a new one in a new or empty folder.
+    """Return the job of a folder: the existing one if it is the same, a new one in a new or empty folder.
 
-    batches: makes the recipes, anew at each call. Raises ``InputError`` where the folder was begun with other recipes,
-    words, networks or options, which it names, where its recipes were changed since, and as ``check_out`` does.
+    batches: makes the recipes, anew at each call. Raises ``InputError``, which names the difference, if the folder was
+    begun with other recipes, words, networks or options; if its recipes have changed; and as ``check_out`` does.
     """
     check_out(out)
     with open_lexicon(*paths(options.lexicon)) as words:
@@ -131,7 +139,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
     written = out / _NEW_RECIPES
     if (out / JOB).exists():
         job = read_job(out)
-        if written.exists():  # ended before it was put in place
+        if written.exists():  # the call ended before the file was renamed
             written.replace(out / RECIPES)
         for name, value in decided.items():
             if getattr(job, name) != value:
@@ -159,7 +167,7 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
 
 
 def paths(lexicon: str | Sequence[str]) -> Sequence[str]:
-    """The folders of one lexicon, or of several."""
+    """Return the folders of one lexicon, or of several."""
     return [lexicon] if isinstance(lexicon, str) else lexicon
 
 
@@ -174,8 +182,8 @@ def _hash_of(file: Path) -> str:
 
 
 def check_out(out: Path) -> None:
-    """Raise ``InputError`` where a folder cannot be put, or holds what no run has put there: without a job, more than
-    what a call that was ended at once leaves; and anything in, or in place of, the empty folder ``UNFINISHED``.
+    """Raise ``InputError`` if a folder cannot be made or holds files that no run has written: without a job, more than
+    an early interruption leaves; and anything in, or in place of, the empty folder ``UNFINISHED``.
     """
     atomic.check_place(out)
     mark = out / UNFINISHED
@@ -185,9 +193,9 @@ def check_out(out: Path) -> None:
         return
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder or a new name")
-    others = sorted(path.name for path in out.glob("*") if not path.name.startswith(".") and path.name != UNFINISHED)
-    if others:
-        raise InputError(f"{out}: holds {others[0]} and no {JOB}; name a new folder, or an empty one")
+    names = sorted(path.name for path in out.glob("*") if not path.name.startswith(".") and path.name != UNFINISHED)
+    if names:
+        raise InputError(f"{out}: holds {names[0]} and no {JOB}; name a new folder, or an empty one")
 
 
 def _short(value: object) -> str:
@@ -195,7 +203,7 @@ def _short(value: object) -> str:
 
 
 def read_job(out: Path) -> BulkJob:
-    """The job of a folder of shards. Raises ``InputError`` where there is none."""
+    """Read the job of a folder of shards. Raises ``InputError`` if there is none."""
     if not (out / JOB).is_file():
         raise InputError(
             f"{out}: holds no {JOB}, expected a folder that `signsplice bulk sentences` or `bulk pairs` made"
@@ -209,14 +217,14 @@ def read_job(out: Path) -> BulkJob:
         texts = [str(value) for row in (stored, stored["made_with"]) for value in (*row, *row.values())]
         if not all(text.isprintable() and len(text) < _LONGEST for text in texts):
             raise ValueError("a name or path is no line of text")
-        BulkOptions(**{row.name: stored[row.name] for row in fields(BulkOptions)})  # raises for what is out of range
+        BulkOptions(**{row.name: stored[row.name] for row in fields(BulkOptions)})  # raises for values out of range
         return BulkJob(**{row.name: stored[row.name] for row in fields(BulkJob)})
     except (KeyError, TypeError, ValueError, InputError) as error:
         raise FormatError(f"is no job of a folder of shards ({str(error)[:200]})", file=str(out / JOB)) from error
 
 
 def hash_of_words(words: Lexicon) -> str:
-    """Hash of all that a splice reads of a lexicon: glosses, synonyms, signers, rates and motions."""
+    """Return the hash of everything that a splice reads of a lexicon: glosses, synonyms, signers, rates and motions."""
     digest = hashlib.sha256()
     for entry in (entry for source in words.sources for entry in source.entries()):
         digest.update(json.dumps([entry.gloss, entry.kind, entry.synonyms, entry.signer, entry.sha256]).encode())
@@ -224,12 +232,12 @@ def hash_of_words(words: Lexicon) -> str:
 
 
 def libraries() -> dict[str, str]:
-    """Versions of the libraries that compute."""
+    """Return the versions of the numerical libraries."""
     return {name: version(name) for name in _LIBRARIES}
 
 
 def processor() -> str:
-    """The name of the processor, or its architecture where the system does not say."""
+    """Return the name of the processor, or its architecture if the name is unknown."""
     try:
         names = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
     except OSError:
@@ -238,33 +246,33 @@ def processor() -> str:
 
 
 def tar_of(out: Path, shard: int) -> Path:
-    """Where a shard's samples lie."""
+    """Return the file of a shard's samples."""
     return out / f"shard-{shard:06d}.tar"
 
 
 def progress_of(out: Path, shard: int) -> Path:
-    """Where the number of rows of a shard that is being made lies, of which the index knows nothing yet. It is swept as
-    what is unfinished.
+    """Return the file with the number of finished rows of a shard that is not in the index yet. It is swept as an
+    unfinished file.
     """
     return out / INDEX / f".signsplice-{shard:016x}.rows"
 
 
 def rows_in_progress(out: Path, shards: Iterable[int]) -> int:
-    """How many rows are made of shards that are not whole."""
+    """Return the number of finished rows of incomplete shards."""
     n_rows = 0
     for shard in shards:
-        with suppress(OSError, ValueError):  # none yet, removed since, or being written
+        with suppress(OSError, ValueError):  # not there yet, already removed, or being written
             n_rows += int(progress_of(out, shard).read_text())
     return n_rows
 
 
 def index_of(out: Path, shard: int) -> Path:
-    """Where a shard's rows of the index lie. It is written last: a shard that has it is whole."""
+    """Return the file of a shard's rows of the index. It is written last: a shard that has it is complete."""
     return out / INDEX / f"{shard:06d}.parquet"
 
 
 def is_whole(out: Path, job: BulkJob, shard: int) -> bool:
-    """Whether a shard is there, of this job, and its samples have as many bytes as when they were written."""
+    """Return whether a shard of this job exists, and its samples have their original size."""
     try:
         metadata = pq.read_metadata(index_of(out, shard)).metadata or {}
         size = tar_of(out, shard).stat().st_size if job.store == FRAMES else 0

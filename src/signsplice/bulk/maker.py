@@ -1,4 +1,4 @@
-"""Recipes -> sentences, in one process that reads every word once."""
+"""Makes sentences from recipes, in one process that reads every word once."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from signsplice.splicing.result import SpliceResult
 from signsplice.splicing.word import Word, words_of
 
 WORDS_KEPT = 2048
-"""Words that a process keeps, with what the networks read of them; the one used longest ago gives way."""
+"""Maximum number of words that a process keeps, with their network features; drops the least recently used."""
 
 
 @dataclass(frozen=True, eq=False)
 class MadeSentence:
     """A sentence made from a recipe.
 
-    recipe: what it was made from.
-    result: what the engine gives.
+    recipe: its recipe.
+    result: the engine's result.
     tokens: how each gloss of the recipe was signed.
     signer: who signs: the recipe's, or the first word's.
     """
@@ -43,12 +43,12 @@ class MadeSentence:
 
     @property
     def motion_sha256(self) -> str:
-        """Hash of the clip's numbers, bit for bit, whatever file they are written to."""
+        """Hash of the clip's numbers, bit for bit, independent of the file format."""
         return motion_sha256(self.result.clip)
 
     def report(self) -> dict[str, Any]:
-        """The report of the splice with keys ``units``, as ``sentence`` writes them, and ``recipe``. Times are left out
-        of it: they would differ each time that the same sentence is made.
+        """Return the report of the splice with the keys ``units``, as ``sentence`` writes them, and ``recipe``. Omits
+        times, which differ each time that the same sentence is made.
         """
         described = reports.describe(self.result) | {"timing_ms": {}}
         units = [reports.plain(asdict(token)) for token in self.tokens]
@@ -57,10 +57,10 @@ class MadeSentence:
 
 @dataclass(frozen=True, eq=False)
 class FailedSentence:
-    """A recipe of which no sentence could be made.
+    """A recipe from which no sentence could be made.
 
-    recipe: what it was.
-    reason: why not, one line.
+    recipe: the recipe.
+    reason: the reason, one line.
     """
 
     recipe: SentenceRecipe
@@ -77,7 +77,7 @@ class _SentenceCall:
 
 
 def motion_sha256(clip: Clip) -> str:
-    """Hash of a clip's rate, rotations, root positions, translations and face, bit for bit."""
+    """Return the hash of a clip's rate, rotations, root positions, translations and face, bit for bit."""
     digest = hashlib.sha256(f"{clip.fps!r} {clip.local_rotations.shape}".encode())
     for array in (clip.local_rotations, clip.root_positions, clip.translations):
         if array is not None:
@@ -88,10 +88,10 @@ def motion_sha256(clip: Clip) -> str:
 
 
 class SentenceMaker:
-    """Makes sentences of recipes with one lexicon and one bundle of networks.
+    """Makes sentences from recipes with one lexicon and one bundle of networks.
 
     words: the lexicon.
-    bundle: folder of the networks; None: those that ship.
+    bundle: folder of the networks; None for the shipped ones.
     """
 
     def __init__(self, words: Lexicon, bundle: str | None = None, n_kept: int = WORDS_KEPT) -> None:
@@ -100,11 +100,11 @@ class SentenceMaker:
         self._bodies: dict[str, Clip] = {}
 
     def make(self, recipes: Sequence[SentenceRecipe]) -> list[MadeSentence | FailedSentence]:
-        """What becomes of each recipe, in order; the result does not depend on those beside it.
+        """Make the sentence of each recipe, in order; a sentence does not depend on the other recipes.
 
-        Errors of the machine (no memory, no disk) are raised, since they say nothing about a recipe.
+        Raises errors of the machine (no memory, no disk), since they say nothing about a recipe.
         """
-        made: list[MadeSentence | FailedSentence | None] = [None] * len(recipes)
+        sentences: list[MadeSentence | FailedSentence | None] = [None] * len(recipes)
         calls: dict[int, _SentenceCall] = {}
         for row, recipe in enumerate(recipes):
             try:
@@ -112,18 +112,18 @@ class SentenceMaker:
             except (MemoryError, OSError):
                 raise
             except Exception as error:
-                made[row] = FailedSentence(recipe, self._reason(error))
+                sentences[row] = FailedSentence(recipe, self._reason(error))
         for row, result in zip(calls, _results(list(calls.values())), strict=True):
             if isinstance(result, Exception):
-                made[row] = FailedSentence(recipes[row], self._reason(result))
+                sentences[row] = FailedSentence(recipes[row], self._reason(result))
             else:
                 recipe, tokens = recipes[row], calls[row].tokens
                 signer = recipe.signer or self.words.entry(tokens[0].glosses[0]).signer
-                made[row] = MadeSentence(recipe, result, tokens, signer)
-        return [one for one in made if one is not None]
+                sentences[row] = MadeSentence(recipe, result, tokens, signer)
+        return [sentence for sentence in sentences if sentence is not None]
 
     def _reason(self, error: Exception) -> str:
-        """Why there is no sentence, in one line that does not hang on where the lexicon lies."""
+        """Return the reason of a failure in one line that does not depend on the lexicon's path."""
         text = " ".join(str(error).splitlines())
         for where in (self.words.where, *(source.path for source in self.words.sources)):
             text = text.replace(f"{where}: ", "")
@@ -132,28 +132,28 @@ class SentenceMaker:
     def _call(self, recipe: SentenceRecipe) -> _SentenceCall:
         tokens = tuple(self._tokens(recipe))
         options = recipe.options(self.bundle)
-        options.choose_methods()  # raises for a method that there is not
+        options.choose_methods()  # raises for unknown methods
         words = words_of(tokens, lambda gloss: self._clip(gloss, recipe.signer), recipe.pauses)
         return _SentenceCall(words, options, tokens)
 
     def clips(self, recipe: SentenceRecipe) -> list[Clip]:
-        """The clips of a recipe's words, in order."""
+        """Return the clips of a recipe's words, in order."""
         return [self._clip(gloss, recipe.signer) for token in self._tokens(recipe) for gloss in token.glosses]
 
     def _tokens(self, recipe: SentenceRecipe) -> list[SentenceToken]:
-        """How each gloss of a recipe is signed: as one that the lexicon has, or spelled."""
+        """Return how each gloss of a recipe is signed: as a word of the lexicon, or spelled."""
         if not recipe.glosses:
             raise InputError("no glosses, expected at least one")
-        found: list[SentenceToken] = []
+        tokens: list[SentenceToken] = []
         for gloss in recipe.glosses:
             if gloss in self.words:
-                found.append(SentenceToken(gloss, (self.words.entry(gloss).gloss,)))
+                tokens.append(SentenceToken(gloss, (self.words.entry(gloss).gloss,)))
             else:
-                found += parse(gloss, self.words, spell=recipe.spell, compounds=False)
-        return found
+                tokens += parse(gloss, self.words, spell=recipe.spell, compounds=False)
+        return tokens
 
     def _clip(self, gloss: str, signer: str) -> Clip:
-        """The clip of a gloss on the body of a signer, the same object as long as it is kept."""
+        """Return the clip of a gloss on the body of a signer, the same object as long as it is cached."""
         key = (gloss, signer)
         if key not in self._clips:
             clip = self.words.clip(gloss)
@@ -166,7 +166,7 @@ class SentenceMaker:
         return self._clips[key]
 
     def _body(self, signer: str) -> Clip:
-        """A clip on the body of a signer: that of the first of the signer's glosses."""
+        """Return a clip with the body of a signer: the first of the signer's words."""
         if signer not in self._bodies:
             first: Entry | None = next((entry for entry in self.words.entries() if entry.signer == signer), None)
             if first is None:
@@ -177,12 +177,12 @@ class SentenceMaker:
 
 
 def _results(calls: Sequence[_SentenceCall]) -> Sequence[SpliceResult | Exception]:
-    """What the engine gives of each call, or why it gives nothing."""
+    """Return the engine's result of each call, or its error."""
     try:
         return splice_many([call.words for call in calls], [call.options for call in calls])
     except (MemoryError, OSError):
         raise
-    except Exception:  # a bug that one sentence brings out; the others are made without it
+    except Exception:  # one sentence triggers a bug; make the others without it
         return [_alone(call) for call in calls]
 
 

@@ -1,4 +1,4 @@
-"""Recipes: rows that say all that decides a sentence, in Parquet or CSV."""
+"""Recipes: rows in Parquet or CSV, each of which fully determines a sentence."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from signsplice.splicing.options import SpliceOptions
 
 SUFFIXES = (".parquet", ".csv")
 ROWS = 65_536
-"""Recipes of a batch, and of a row group of a file."""
+"""Number of recipes of a batch, and of a row group of a file."""
 
 
 @dataclass(frozen=True)
 class SentenceRecipe:
-    """What decides a sentence, beside the lexicon and the networks. What is not given has the default of ``sentence``.
+    """Determines a sentence, together with the lexicon and the networks. Defaults are those of ``sentence``.
 
-    glosses: words of the lexicon in order; others are spelled, see ``spell``. Compounds are not looked for.
-    signer: who of the lexicon's signers signs: clips of others are brought to that one's body. Empty: every clip as it
-        is, on the body of the first.
-    seed: of the draw that the recipe comes from. Splicing draws nothing.
+    glosses: words of the lexicon in order; others are spelled, see ``spell``. Compounds are not recognised.
+    signer: one of the lexicon's signers, to whose body clips of other signers are retargeted. Empty: clips stay as
+        they are, on the body of the first.
+    seed: of the draw of the recipe. Splicing itself is not random.
     transition_time: seconds, or the name of a rule.
     sign_speed, tempo, fps, cutter, transition, free_hand, avoid_collisions: as in ``SpliceOptions``.
-    system: name of a system that joins whole words, in place of cutter, transition and what goes with them.
-    spell: whether words that the lexicon lacks are spelled; else the row fails.
-    pauses: whether signs are held at the punctuation after their gloss: "HELLO,".
-    face_rules: whether words without a face of their own get one by rule: blinks, and brows up to a gloss with a ``?``.
+    system: name of a system that joins whole words, in place of cutter, transition and their options.
+    spell: whether to spell words that the lexicon lacks; otherwise the row fails.
+    pauses: whether to hold signs at the punctuation after their gloss: "HELLO,".
+    face_rules: whether words without a face get one by rule: blinks, and brows up to a gloss with a ``?``.
     """
 
     glosses: tuple[str, ...]
@@ -62,12 +62,12 @@ class SentenceRecipe:
 
     @property
     def sha256(self) -> str:
-        """Hash of all fields; of ``face_rules`` and ``system``, which came later, where they are set."""
-        given = {name: value for name, value in asdict(self).items() if value or name not in ("face_rules", "system")}
-        return hashlib.sha256(json.dumps(given, sort_keys=True, ensure_ascii=False).encode()).hexdigest()
+        """Hash of all fields; includes ``face_rules`` and ``system``, which were added later, only if they are set."""
+        values = {name: value for name, value in asdict(self).items() if value or name not in ("face_rules", "system")}
+        return hashlib.sha256(json.dumps(values, sort_keys=True, ensure_ascii=False).encode()).hexdigest()
 
     def options(self, bundle: str | None) -> SpliceOptions:
-        """The call of the engine, with the networks of ``bundle``. Raises ``InputError`` for a number out of range."""
+        """Return the engine's options with the networks of ``bundle``. Raises ``InputError`` for invalid numbers."""
         try:
             seconds, rule = float(self.transition_time), "auto"
         except ValueError:
@@ -86,11 +86,11 @@ SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in _DEFAULTS]
 
 
 def read(path: str | Path) -> Iterator[pa.RecordBatch]:
-    """The recipes of a file by its suffix, ``.parquet`` or ``.csv``, as batches of ``ROWS`` rows of ``SCHEMA``.
+    """Read the recipes of a file by its suffix, ``.parquet`` or ``.csv``, as batches of ``ROWS`` rows of ``SCHEMA``.
 
-    Only the column ``glosses`` must be there: a list of texts, or a text with white space between glosses. What is
-    left out, empty or NaN has its default. Raises ``InputError``, which names the file and the column, for anything
-    else. Arrow unpacks a table, however little of a file it takes: no limit of ours bounds that memory.
+    Only the column ``glosses`` is required: a list of texts, or a text with white space between glosses. Missing,
+    empty and NaN values get the default. Raises ``InputError``, which names the file and the column, for anything
+    else. Arrow decompresses a table, however small its file: no limit of this package bounds that memory.
     """
     path = Path(path)
     check_suffix(path)
@@ -107,13 +107,13 @@ def read(path: str | Path) -> Iterator[pa.RecordBatch]:
 
 
 def check_suffix(path: str | Path) -> None:
-    """Raise ``InputError`` for a name that is none of a file of recipes."""
+    """Raise ``InputError`` if a file's name is not that of a file of recipes."""
     if Path(path).suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: expected recipes in a file whose name ends in {' or '.join(SUFFIXES)}")
 
 
 def _batches(path: Path, stored: Iterable[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
-    """Batches as they are in a file -> batches of ``SCHEMA``, each of ``ROWS`` rows but the last."""
+    """Convert a file's batches to batches of ``SCHEMA``, each of ``ROWS`` rows except the last."""
     waiting: list[pa.RecordBatch] = []
     for batch in stored:
         waiting.append(_cast_to_schema(batch, path))
@@ -138,7 +138,7 @@ def _cast_to_schema(batch: pa.RecordBatch, path: Path) -> pa.RecordBatch:
     for name, kind in zip(SCHEMA.names, SCHEMA.types, strict=True):
         try:
             columns.append(_column(batch, name, kind))
-        except Exception as error:  # of Arrow, or of a value that Python cannot hold
+        except Exception as error:  # from Arrow, or for a value that Python cannot represent
             raise FormatError(f"column {name}: {str(error)[:200]}, expected {kind}", file=str(path)) from error
     return pa.RecordBatch.from_arrays(columns, schema=SCHEMA)
 
@@ -147,7 +147,7 @@ def _column(batch: pa.RecordBatch, name: str, kind: pa.DataType) -> pa.Array:
     if name not in batch.schema.names:
         return pa.array([_DEFAULTS[name]] * len(batch), kind)
     column = batch.column(name)
-    column.validate(full=True)  # text that is no UTF-8 is found when it is used, else
+    column.validate(full=True)  # otherwise text that is not UTF-8 fails only on use
     if isinstance(column, pa.DictionaryArray):
         column = column.dictionary_decode()
     if pa.types.is_large_string(column.type) or pa.types.is_string_view(column.type):
@@ -159,39 +159,39 @@ def _column(batch: pa.RecordBatch, name: str, kind: pa.DataType) -> pa.Array:
             raise ValueError("a row has no glosses, or null among them")
     elif pa.types.is_string(kind) and not pa.types.is_string(column.type):
         if pa.types.is_float32(column.type):
-            column = column.cast(pa.string()).cast(pa.float64())  # 0.3 stays 0.3, as it would not as a number
+            column = column.cast(pa.string()).cast(pa.float64())  # 0.3 stays 0.3, unlike in a direct cast
         column = pa.array([None if value is None else _text(value) for value in _no_nan(column).to_pylist()], kind)
     column = _no_nan(_no_nan(column).cast(kind))  # before, since NaN is no integer; after, for the text "nan"
     return column if _DEFAULTS[name] is None else column.fill_null(pa.scalar(_DEFAULTS[name], kind))
 
 
 def _no_nan(column: pa.Array) -> pa.Array:
-    """A column whose NaN, if it has floating numbers, are null: NaN is not equal to itself."""
+    """Replace NaN by null in a column of floating-point numbers: NaN is not equal to itself."""
     if not pa.types.is_floating(column.type):
         return column
     return pc.if_else(pc.is_nan(column), pa.scalar(None, column.type), column)
 
 
 def _text(value: object) -> str:
-    """A number in a column of texts, with all its digits: 2.0 is "2"."""
+    """Return a number in a column of texts with all its digits: "2" for 2.0."""
     if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
         raise ValueError(f"{str(value)[:40]!r} is no text and no number")
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
 def batch_of(rows: Iterable[SentenceRecipe]) -> pa.RecordBatch:
-    """Recipes as one batch of ``SCHEMA``."""
+    """Return recipes as one batch of ``SCHEMA``."""
     return pa.RecordBatch.from_pylist([asdict(row) for row in rows], schema=SCHEMA)
 
 
 def recipes_of(batch: pa.RecordBatch) -> list[SentenceRecipe]:
-    """The rows of a batch of ``SCHEMA``."""
+    """Return the rows of a batch of ``SCHEMA`` as recipes."""
     return [SentenceRecipe(**row | {"glosses": tuple(row["glosses"])}) for row in batch.to_pylist()]
 
 
 def write(path: str | Path, batches: Iterable[pa.RecordBatch]) -> int:
-    """Write batches of ``SCHEMA`` by suffix, whole or not at all: how many rows. In CSV glosses are one text, with
-    blanks between them.
+    """Write batches of ``SCHEMA`` by suffix, atomically; returns the number of rows. In CSV, glosses are one text,
+    separated by blanks.
     """
     n_rows = 0
     with replacing(path) as temporary:
@@ -211,14 +211,14 @@ def write(path: str | Path, batches: Iterable[pa.RecordBatch]) -> int:
 
 
 def rows(path: str | Path, start: int, stop: int) -> list[SentenceRecipe]:
-    """Recipes start .. stop-1 of a file that ``write`` wrote as Parquet, of which only their row groups are read.
+    """Read recipes start .. stop-1 of a Parquet file that ``write`` wrote; reads only their row groups.
 
-    Raises ``FormatError`` where it cannot be read or lacks some of them.
+    Raises ``FormatError`` if the file cannot be read or lacks some of them.
     """
     with _own(path) as file:
         groups = range(start // ROWS, min(file.num_row_groups, (stop - 1) // ROWS + 1))
-        found = chain.from_iterable(file.iter_batches(ROWS, row_groups=[group]) for group in groups)
-        table = pa.Table.from_batches([_cast_to_schema(batch, Path(path)) for batch in found], SCHEMA).slice(
+        batches = chain.from_iterable(file.iter_batches(ROWS, row_groups=[group]) for group in groups)
+        table = pa.Table.from_batches([_cast_to_schema(batch, Path(path)) for batch in batches], SCHEMA).slice(
             start - start // ROWS * ROWS, stop - start
         )
         if len(table) != stop - start:
@@ -227,9 +227,7 @@ def rows(path: str | Path, start: int, stop: int) -> list[SentenceRecipe]:
 
 
 def is_same(path: str | Path, batches: Iterable[pa.RecordBatch]) -> bool:
-    """Whether a file that ``write`` wrote holds these rows and no others. Raises ``FormatError`` where it cannot be
-    read.
-    """
+    """Return whether a file that ``write`` wrote holds exactly these rows. Raises ``FormatError`` if unreadable."""
     stored = _iter_stored_batches(path)
     return all(batch.equals(next(stored, None)) for batch in batches) and next(stored, None) is None
 
@@ -242,7 +240,7 @@ def _iter_stored_batches(path: str | Path) -> Iterator[pa.RecordBatch]:
 
 @contextmanager
 def _own(path: str | Path) -> Iterator[pq.ParquetFile]:
-    """A file that ``write`` wrote. Raises ``FormatError`` where it, or the block, cannot read it."""
+    """Open a file that ``write`` wrote. Raises ``FormatError`` if it cannot be read, on opening or in the block."""
     try:
         with open_file(path) as (file, _), format_errors(str(path), "table of recipes"), pq.ParquetFile(file) as table:
             yield table

@@ -1,4 +1,4 @@
-"""A run: the shards that are not there yet, made here or on a cluster; what the folder holds at the end."""
+"""A run: makes the missing shards of a folder, here or on a cluster, and summarises the folder."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from signsplice.formats import atomic
 Result = TypeVar("Result")
 
 _MOST_DEATHS = 8
-"""A shard that was being made each time when so many processes ended one after another is to blame for it."""
+"""A shard in progress at this number of successive process deaths is to blame for them."""
 
 
 def make_here(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iterator[ShardResult | None]:
-    """Make these shards by ``workers`` processes, each as soon as it is whole; None once a second in between.
+    """Make these shards in ``workers`` processes; yields each when it is complete, and None every second in between.
 
-    Processes that end are replaced, and their shards made again. Raises what ``make_shard`` raises, and
-    ``SignspliceError`` for a shard that ends every process.
+    Replaces processes that end, and repeats their shards. Raises what ``make_shard`` raises, and ``SignspliceError``
+    for a shard that ends every process.
     """
     waiting = list(shards)[::-1]
     deaths: Counter[int] = Counter()
@@ -67,23 +67,24 @@ def make_here(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Ite
 
 
 def alone(function: Callable[..., Result], *arguments: object) -> Result:
-    """What a function gives in a process like those that make shards."""
+    """Call a function in a process like those that make shards, and return its result."""
     with processes(1) as pool:
         return pool.submit(function, *arguments).result()
 
 
 MOST_REASONS = 20
-"""Reasons for failed rows that a summary lists, the most frequent first."""
+"""Maximum number of reasons for failed rows in a summary, the most frequent first."""
 
 
 @dataclass(frozen=True)
 class BulkSummary:
-    """What a finished folder holds; the same whoever made it, and in how many goes.
+    """Content of a finished folder; independent of workers and interruptions.
 
-    n_recipes, n_shards, n_failed: rows, shards, and rows of which no sentence could be made.
-    n_seams, n_frames, n_bytes: of all sentences, and of the files of their shards.
+    n_recipes, n_shards, n_failed: numbers of rows, of shards, and of rows without a sentence.
+    n_seams, n_frames: of all sentences.
+    n_bytes: size of the files of all shards.
     seconds: of motion.
-    reasons: why rows failed -> how many, the most frequent ``MOST_REASONS``.
+    reasons: reason of failure -> number of rows, the most frequent ``MOST_REASONS``.
     """
 
     n_recipes: int
@@ -98,12 +99,12 @@ class BulkSummary:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is.
+    """Progress of a run.
 
-    n_before: rows of shards that were there before.
-    n_done, n_failed: rows so far, those of before and of unfinished shards among them; those that failed, of shards
-        that this run has made.
-    n_rows: all.
+    n_before: rows of shards that existed before the run.
+    n_done: rows so far, including earlier ones and those of unfinished shards.
+    n_failed: failed rows of shards that this run has made.
+    n_rows: total number of rows.
     """
 
     n_before: int
@@ -121,14 +122,14 @@ def run(
     n_kept: int = WORDS_KEPT,
     advance: Callable[[Progress], None] | None = None,
 ) -> BulkSummary:
-    """Make what is missing of a folder of shards, by processes of this machine, or on the Ray cluster at the address
-    ``ray``. The folder is begun where there is none.
+    """Make the missing shards of a folder, in processes of this machine, or on the Ray cluster at the address ``ray``.
+    Creates the folder if necessary.
 
     batches: makes the recipes, anew at each call.
-    workers: how many; by default one for each core of the machine, or of the cluster.
-    advance: is told how far it is.
+    workers: number of workers; by default one per core of the machine, or of the cluster.
+    advance: called with the progress.
 
-    Raises ``InputError`` where another call is writing there, and what ``prepare``, ``make_here`` and
+    Raises ``InputError`` if another call is writing there, and what ``prepare``, ``make_here`` and
     ``cluster.make_all`` raise.
     """
     if workers is not None and workers < 1:
@@ -153,8 +154,8 @@ def run(
                 shown = max(shown, done + jobs.rows_in_progress(out, unfinished))
                 note(Progress(before, shown, failed, job.n_recipes))
         except KeyboardInterrupt:
-            kept = f"{done} of {job.n_recipes} rows are kept in {out}"
-            raise KeyboardInterrupt(f"{kept}; the same command continues from there") from None
+            message = f"{done} of {job.n_recipes} rows are kept in {out}"
+            raise KeyboardInterrupt(f"{message}; the same command continues from there") from None
         summary = summarize(out, job)
         atomic.write(out / jobs.SUMMARY, json.dumps(asdict(summary), indent=2, ensure_ascii=False) + "\n")
     return summary
@@ -162,7 +163,7 @@ def run(
 
 @contextmanager
 def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
-    """The job of a folder that no other call can write to. A call that is refused leaves no trace."""
+    """Yield the job of a folder and lock it against other calls. A refused call leaves no trace."""
     was_there = out.exists()
     with atomic.resumable_folder(out / jobs.UNFINISHED) as was_ended:
         try:
@@ -178,7 +179,7 @@ def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.Re
             yield job
         finally:
             for folder in (out, out / jobs.INDEX):
-                atomic.sweep(folder)  # what workers that were killed have left
+                atomic.sweep(folder)  # files that killed workers left
 
 
 def _make_shards(
@@ -199,7 +200,7 @@ def _index(out: Path, shard: int) -> pa.Table:
 
 
 def summarize(out: Path, job: BulkJob) -> BulkSummary:
-    """What the shards of a folder hold, from their index. Raises ``InputError`` where a shard is missing."""
+    """Summarise the shards of a folder from their index. Raises ``InputError`` if a shard is missing."""
     reasons: Counter[str] = Counter()
     n_failed = n_seams = n_frames = n_bytes = 0
     seconds = 0.0
@@ -216,5 +217,7 @@ def summarize(out: Path, job: BulkJob) -> BulkSummary:
         seconds += float((frames / rates).sum())
         files = jobs.tar_of(out, shard), jobs.index_of(out, shard)
         n_bytes += sum(path.stat().st_size for path in files if path.exists())
-    most = dict(sorted(reasons.most_common(MOST_REASONS), key=lambda row: (-row[1], row[0])))
-    return BulkSummary(job.n_recipes, job.n_shards, n_failed, n_seams, n_frames, n_bytes, round(seconds, 3), most)
+    top_reasons = dict(sorted(reasons.most_common(MOST_REASONS), key=lambda row: (-row[1], row[0])))
+    return BulkSummary(
+        job.n_recipes, job.n_shards, n_failed, n_seams, n_frames, n_bytes, round(seconds, 3), top_reasons
+    )

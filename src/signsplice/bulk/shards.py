@@ -1,4 +1,4 @@
-"""One shard: recipes k*n .. (k+1)*n-1 made in order, their samples in a tar file, their rows of the index beside it."""
+"""Makes one shard: recipes k*n .. (k+1)*n-1 in order, with their samples in a tar file and their rows of the index."""
 
 from __future__ import annotations
 
@@ -38,15 +38,16 @@ from signsplice.splicing.result import Span
 Float32 = NDArray[np.float32]
 
 UPPER_POSE = ("head", "neck", *(side + part for side in SIDES for part in ("UpperArm", "LowerArm", "Hand")))
-"""Joints of ``upper_pose``, in order: the arms' are shoulder, elbow and wrist."""
+"""Joints of ``upper_pose``, in order: in each arm shoulder, elbow and wrist."""
 
 
 def poses(clip: Clip) -> dict[str, Float32]:
-    """Positions of joints in metres, ``upper_pose`` (T, 8, 3), ``left_hand`` and ``right_hand`` (T, 21, 3): the wrist,
-    and of thumb to little finger three joints and the tip, which is the order of MediaPipe. Axes are those of the clip.
+    """Return joint positions in metres, ``upper_pose`` (T, 8, 3), ``left_hand`` and ``right_hand`` (T, 21, 3): the
+    wrist, then three joints and the tip of each finger from thumb to little finger, in MediaPipe's order. Axes are
+    those of the clip.
 
-    A joint that the rig lacks lies where the one lies from which it would hang. Empty where the rig's arms are not
-    known by name.
+    A joint that the rig lacks has the position of its nearest existing parent. Empty if the rig's arms are not known by
+    name.
     """
     info = rig_info(clip.skeleton)
     if not info.has_arms:
@@ -59,7 +60,7 @@ def poses(clip: Clip) -> dict[str, Float32]:
     def place(*roles: str) -> NDArray[np.float64]:
         return positions[:, next((joints[role] for role in roles if role in joints), 0)]
 
-    found = {"upper_pose": [place(role, "head", "neck") for role in UPPER_POSE]}
+    pose_points = {"upper_pose": [place(role, "head", "neck") for role in UPPER_POSE]}
     for side in SIDES:
         points = [place(f"{side}Hand")]
         for finger in FINGERS:
@@ -69,13 +70,13 @@ def poses(clip: Clip) -> dict[str, Float32]:
                 points.append(place(*line))
             last = next(joints[role] for role in line if role in joints)
             points.append(tip_of.get(last, points[-1]))
-        found[f"{side}_hand"] = points
-    return {name: (metres * np.stack(points, 1)).astype(np.float32) for name, points in found.items()}
+        pose_points[f"{side}_hand"] = points
+    return {name: (metres * np.stack(points, 1)).astype(np.float32) for name, points in pose_points.items()}
 
 
 def signs(spans: Sequence[Span], fps: float) -> list[dict[str, Any]]:
-    """The signs of a sentence: first and last frame, both included, their times in ms, and ``lemma``, the gloss."""
-    found = [(span.name, span.output) for span in spans if span.kind == "sign" and span.output[1] > span.output[0]]
+    """Return the signs of a sentence: first and last frame, inclusive, their times in ms, and ``lemma``, the gloss."""
+    sign_spans = [(span.name, span.output) for span in spans if span.kind == "sign" and span.output[1] > span.output[0]]
     return [
         {
             "start_frame": start,
@@ -84,12 +85,12 @@ def signs(spans: Sequence[Span], fps: float) -> list[dict[str, Any]]:
             "end_ms": round(1e3 * (stop - 1) / fps),
             "lemma": name,
         }
-        for name, (start, stop) in found
+        for name, (start, stop) in sign_spans
     ]
 
 
 TOGETHER = 64
-"""Sentences that are given to the engine at a time: as many as are in memory."""
+"""Number of sentences that the engine makes at a time, i.e. that are in memory."""
 INDEX_SCHEMA = pa.schema(
     [
         ("row", pa.int64()),
@@ -108,8 +109,8 @@ INDEX_SCHEMA = pa.schema(
         ("error", pa.string()),
     ]
 )
-"""A row of the index. offset, n_bytes: where the clip's bytes lie in the tar file. error: why there is no sentence,
-null where there is one; all that is not known then is null.
+"""A row of the index. offset, n_bytes: location of the clip's bytes in the tar file. error: reason of a failure, null
+for a sentence; unknown values of a failed row are null.
 """
 
 _MOTIONS = pa.schema([INDEX_SCHEMA.field(name) for name in ("row", "motion_sha256")])
@@ -117,13 +118,13 @@ _MOTIONS = pa.schema([INDEX_SCHEMA.field(name) for name in ("row", "motion_sha25
 
 @dataclass(frozen=True)
 class ShardResult:
-    """What became of a shard.
+    """The result of making a shard.
 
     shard: its number.
-    n_rows, n_failed: recipes, and those of which nothing could be made.
+    n_rows, n_failed: numbers of recipes, and of failed ones.
     n_seams, n_frames: of all its sentences.
     n_bytes: of its files.
-    cpu_s: processor time that it took.
+    cpu_s: processor time used, seconds.
     """
 
     shard: int
@@ -136,10 +137,10 @@ class ShardResult:
 
 
 def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
-    """Make a shard of the folder ``out``, whole. The process keeps words and networks for the next one.
+    """Make a complete shard of the folder ``out``. The process keeps words and networks for the next one.
 
-    n_kept: words to keep. Raises ``InputError`` where this process finds another lexicon, bundle or version than the
-    job's.
+    n_kept: number of words to keep. Raises ``InputError`` if this process finds another lexicon, bundle or version than
+    the job's.
     """
     began = time.process_time()
     folder = Path(out)
@@ -150,8 +151,8 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
     with _samples(folder, job, shard) as samples:
         todo = recipes.rows(folder / jobs.RECIPES, job.rows(shard).start, job.rows(shard).stop)
         for start in range(0, len(todo), TOGETHER):
-            for n, made in enumerate(maker.make(todo[start : start + TOGETHER]), job.rows(shard).start + start):
-                rows.append({"row": n, "key": f"{n:09d}", "shard": shard, **_row(made, samples, f"{n:09d}")})
+            for n, sentence in enumerate(maker.make(todo[start : start + TOGETHER]), job.rows(shard).start + start):
+                rows.append({"row": n, "key": f"{n:09d}", "shard": shard, **_row(sentence, samples, f"{n:09d}")})
             progress.write_text(str(len(rows)))
     tar_bytes = jobs.tar_of(folder, shard).stat().st_size if samples is not None else 0
     metadata = {"job": job.sha256, "tar_bytes": str(tar_bytes)}
@@ -170,19 +171,19 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
 
 
 def open_maker(out: Path, n_kept: int, _: str = "") -> SentenceMaker:
-    """What makes the sentences of a folder of shards; of another job, by its hash, it is another. Raises ``InputError``
-    as ``make_shard`` does.
+    """Return the maker of the sentences of a folder of shards; the unused job hash distinguishes cached makers. Raises
+    ``InputError`` as ``make_shard`` does.
     """
     job = jobs.read_job(out)
     words = open_lexicon(*jobs.paths(job.lexicon))
-    found: dict[str, tuple[object, object, object]] = {
+    checks: dict[str, tuple[object, object, object]] = {
         "package": (version("signsplice"), job.signsplice, "signsplice"),
         "libraries": (jobs.libraries(), job.made_with, ", ".join(map(" ".join, job.made_with.items()))),
         "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, " and ".join(jobs.paths(job.lexicon))),
         "bundle": (open_learned(job.bundle).sha256, job.bundle_sha256, job.bundle or "the one that ships"),
     }
-    for what, (here, wanted, where) in found.items():
-        if here != wanted:
+    for what, (actual, expected, where) in checks.items():
+        if actual != expected:
             raise InputError(
                 f"{out}: its {what}, {where}, is another in this process than when it was begun; "
                 "put that one back there"
@@ -191,38 +192,38 @@ def open_maker(out: Path, n_kept: int, _: str = "") -> SentenceMaker:
 
 
 def remake(out: str, row: int, output: str, report: str | None) -> str:
-    """Make one row of a folder of shards anew and write its clip, and its report: the line to print.
+    """Make one row of a folder of shards again and write its clip and its report. Returns the line to print.
 
-    Raises ``InputError`` for a row that there is not, that fails as it did or whose index is broken, and
-    ``SignspliceError`` where its motion is not the one that the index has.
+    Raises ``InputError`` if the row does not exist, fails again or has a broken index, and ``SignspliceError`` if its
+    motion differs from that in the index.
     """
     folder = Path(out)
     job = jobs.read_job(folder)
     if not 0 <= row < job.n_recipes:
         raise InputError(f"{out}: row {row}, expected 0 to {job.n_recipes - 1}")
-    (made,) = open_maker(folder, WORDS_KEPT).make(recipes.rows(folder / jobs.RECIPES, row, row + 1))
-    if isinstance(made, FailedSentence):
-        raise InputError(f"{out}: row {row}: {made.reason}")
+    (sentence,) = open_maker(folder, WORDS_KEPT).make(recipes.rows(folder / jobs.RECIPES, row, row + 1))
+    if isinstance(sentence, FailedSentence):
+        raise InputError(f"{out}: row {row}: {sentence.reason}")
     index = jobs.index_of(folder, row // job.shard_size)
-    wanted = _motion_of(index, row, row % job.shard_size) if index.exists() else None
-    if wanted not in (None, made.motion_sha256):
+    stored_sha256 = _motion_of(index, row, row % job.shard_size) if index.exists() else None
+    if stored_sha256 not in (None, sentence.motion_sha256):
         where = f"this machine has {jobs.processor()}" if jobs.processor() != job.processor else "the same processor"
         raise SignspliceError(
             f"{out}: row {row}: the motion is not that of the index, bit for bit; it was made on {job.processor} with "
             f"{', '.join(' '.join(library) for library in job.made_with.items())}; {where}"
         )
-    save(made.result.clip, output)
+    save(sentence.result.clip, output)
     if report is not None:
-        reports.write(made.report(), report)
-    clip = made.result.clip
-    told = "bit for bit that of the index" if wanted else "not in the index yet"
-    return f"{output}: {len(clip)} frames, {clip.seconds:.2f} s, {told}"
+        reports.write(sentence.report(), report)
+    clip = sentence.result.clip
+    comparison = "bit for bit that of the index" if stored_sha256 else "not in the index yet"
+    return f"{output}: {len(clip)} frames, {clip.seconds:.2f} s, {comparison}"
 
 
 def _motion_of(index: Path, row: int, place: int) -> str | None:
-    """The hash of the motion of a row, which is the one at ``place`` of a shard's file of the index.
+    """Return the motion hash of a row, at position ``place`` in a shard's file of the index.
 
-    Raises ``FormatError`` where the file is broken, or is that of another shard.
+    Raises ``FormatError`` if the file is broken or belongs to another shard.
     """
     try:
         with pq.ParquetFile(index) as file:
@@ -239,26 +240,26 @@ def _motion_of(index: Path, row: int, place: int) -> str | None:
 
 
 def _row(made: MadeSentence | FailedSentence, samples: _Samples | None, key: str) -> dict[str, Any]:
-    """The row of a sentence in the index, whose sample is added to the shard."""
+    """Add the sample of a sentence to the shard, and return its row of the index."""
     recipe = made.recipe
     row: dict[str, Any] = dict.fromkeys(INDEX_SCHEMA.names[3:])
     row |= {"glosses": list(recipe.glosses), "signer": recipe.signer, "recipe_sha256": recipe.sha256}
     if isinstance(made, FailedSentence):
         return row | {"error": made.reason}
     try:
-        at = {} if samples is None else samples.add(key, made)
-    except InputError as error:  # a clip that the format cannot hold
+        place = {} if samples is None else samples.add(key, made)
+    except InputError as error:  # the format cannot hold the clip
         return row | {"error": str(error)}
     clip, seams = made.result.clip, made.result.seams
     n_warnings = len(made.result.warnings) + sum(len(seam.warnings) for seam in seams)
     n_warnings += sum(bool(token.warning) for token in made.tokens)
     row |= {"signer": made.signer, "frames": len(clip), "fps": clip.fps, "seams": len(seams), "warnings": n_warnings}
-    return row | at | {"motion_sha256": made.motion_sha256}
+    return row | place | {"motion_sha256": made.motion_sha256}
 
 
 @contextmanager
 def _samples(out: Path, job: BulkJob, shard: int) -> Iterator[_Samples | None]:
-    """Where the samples of a shard go; its file is put in place when the block succeeds. None where none are kept."""
+    """Yield the writer of a shard's samples, whose file is put in place if the block succeeds; None without samples."""
     if job.store != jobs.FRAMES:
         yield None
         return
@@ -273,7 +274,7 @@ class _Samples:
         self._tar, self._job = tar, job
 
     def add(self, key: str, made: MadeSentence) -> dict[str, int]:
-        """Add a sentence: where its clip's bytes begin, and how many there are."""
+        """Add a sentence; return the offset and the number of its clip's bytes."""
         clip = made.result.clip
         form = self._job.format
         content = npz.encode(clip, rounded=True) if form == jobs.NPZ32 else encode(clip, f"{key}.{form}")

@@ -1,6 +1,6 @@
-"""The command line. Each command imports the package that it needs when it is called, so that ``--help`` is quick.
+"""The command line. Each command imports its packages when it is called, so that ``--help`` is fast.
 
-Exit status: 0 success; 1 failure; 2 a wrong call or input; 130 interrupted. Errors are one line on standard error,
+Exit status: 0 success; 1 failure; 2 invalid call or input; 130 interrupted. Errors are one line on standard error,
 without a traceback.
 """
 
@@ -17,8 +17,8 @@ def main() -> None:
 
 
 def exit_after(run: Callable[[], tuple[str, int]]) -> None:
-    """Exit with the status that a command line returns, after printing its error message if there is one."""
-    interrupts: list[int] = []  # libraries written in C make other errors of one that comes while they are imported
+    """Print the error message of a command line, if any, and exit with its status."""
+    interrupts: list[int] = []  # C libraries turn an interrupt during their import into other errors
 
     def interrupt(number: int, _: object) -> None:
         interrupts.append(number)
@@ -33,7 +33,7 @@ def exit_after(run: Callable[[], tuple[str, int]]) -> None:
             message, status = _INTERRUPTED, 130
     except KeyboardInterrupt as interruption:
         message, status = "; ".join((_INTERRUPTED, *map(str, interruption.args))), 130
-    except Exception:  # of an import, before ``run`` could make a line of it
+    except Exception:  # raised by an import, before ``run`` could turn it into a line
         if not interrupts:
             raise
         message, status = _INTERRUPTED, 130
@@ -46,6 +46,6 @@ def exit_after(run: Callable[[], tuple[str, int]]) -> None:
 
 
 def _run() -> tuple[str, int]:
-    from signsplice.cli.commands import app, run  # here, since an interrupt may come while this is imported
+    from signsplice.cli.commands import app, run  # here, since an interrupt may arrive during this import
 
     return run(app)

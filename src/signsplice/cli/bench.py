@@ -1,4 +1,4 @@
-"""The command ``bench``: how fast every part is, the service under load, and sentences in bulk."""
+"""The command ``bench``: speed of every part, the service under load, and sentences in bulk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands ``bulk``: recipes, and the sentences of recipes in shards, here or on a Ray cluster."""
+"""The commands ``bulk``: write recipes, and make their sentences in shards, here or on a Ray cluster."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _POSES = "Positions of joints and annotations beside each clip, for sign-languag
 
 
 def _off(dial: str, text: str) -> Callable[[Any], Any]:
-    """The flag that sets a dial to False; None where it is not given."""
+    """Return a flag that sets a dial to False; None if it is not given."""
     return click.option(f"--no-{dial}", dial, flag_value=False, type=bool, default=None, help=text)
 
 
@@ -68,16 +68,16 @@ run_options = combine_options(
 
 
 def span(name: str, text: str) -> tuple[float, float]:
-    """Least and most of an option: "A:B", or one number for both. Raises ``InputError`` for anything else."""
-    least, _, most = text.partition(":")
-    low, high = number(name, least), number(name, most or least)
+    """Parse the minimum and maximum of an option: "A:B", or one number for both. Raises ``InputError`` otherwise."""
+    least_text, _, most_text = text.partition(":")
+    low, high = number(name, least_text), number(name, most_text or least_text)
     if low > high:
         raise InputError(f"--{name.strip('-').replace('_', '-')} {text}, expected the least first")
     return low, high
 
 
 def number(name: str, text: str) -> float:
-    """The number of an option. Raises ``InputError`` for anything else."""
+    """Parse the number of an option. Raises ``InputError`` for anything else."""
     try:
         return float(text)
     except ValueError:
@@ -85,7 +85,7 @@ def number(name: str, text: str) -> float:
 
 
 _RANGED = ("transition_time", "sign_speed", "tempo", "fps")
-"""Dials for which a range may be given where recipes are drawn."""
+"""Dials that may be ranges when recipes are drawn."""
 
 
 @click.group()
@@ -94,7 +94,7 @@ def bulk() -> None:
 
 
 def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
-    """Raise ``InputError`` for a signer that a lexicon does not have."""
+    """Raise ``InputError`` for a signer that the lexicon lacks."""
     known = {entry.signer for entry in words.entries()} if signers else set()
     for signer in signers:
         if signer not in known:
@@ -146,15 +146,17 @@ def recipes(
             chosen = fixed | ({"signer": signers[0]} if signers else {})
             batches, warnings = drawing.lines(lines, opened, chosen, drop_function_words)
             warn(warnings)
-            made: Iterable[pa.RecordBatch] = batches
+            recipe_batches: Iterable[pa.RecordBatch] = batches
         else:
             count, n_words = 1000 if count is None else count, span("--words", words or "3:10")
             if count < 1 or not (1 <= n_words[0] <= n_words[1] <= 1000 and all(n == int(n) for n in n_words)):
                 raise InputError("--count 1 or more and --words A:B, whole numbers from 1 to 1000, expected")
             glosses = drawing.signs(opened)
-            least, most = map(int, n_words)
-            made = drawing.random_recipes(glosses, count, (least, most), seed, signers or ("",), ranges, fixed)
-        n_rows = write(output, made)
+            min_words, max_words = map(int, n_words)
+            recipe_batches = drawing.random_recipes(
+                glosses, count, (min_words, max_words), seed, signers or ("",), ranges, fixed
+            )
+        n_rows = write(output, recipe_batches)
     print(f"{output}: {n_rows:,} recipe{'s' * (n_rows != 1)}")
 
 
@@ -222,7 +224,7 @@ def _run(
     keep_words: int,
     **options: Any,
 ) -> None:
-    """Make the recipes that ``batches`` gives of the lexicon's signs, and print what there is then."""
+    """Make the sentences of the recipes that ``batches`` makes of the lexicon's signs, and print a summary."""
     from signsplice.bulk import drawing
     from signsplice.bulk.job import BulkOptions
     from signsplice.bulk.run import run
@@ -230,42 +232,44 @@ def _run(
 
     if keep_words < 2:
         raise InputError(f"--keep-words {keep_words}, expected 2 or more")
-    out, words = Path(output), lexicons or (DEFAULT,)
+    folder, words = Path(output), lexicons or (DEFAULT,)
     check_apart(output, [*map(lexicon_folder, words), bundle])
-    with open_words(*words) as opened, _open_progress_bar(f"making {out.name}") as advance:
-        wanted = BulkOptions(words, bundle, **options)
-        summary = run(out, wanted, lambda: batches(lambda: drawing.signs(opened)), workers, ray, keep_words, advance)
+    with open_words(*words) as opened, _open_progress_bar(f"making {folder.name}") as advance:
+        job_options = BulkOptions(words, bundle, **options)
+        summary = run(
+            folder, job_options, lambda: batches(lambda: drawing.signs(opened)), workers, ray, keep_words, advance
+        )
     warn(f"{n:,} rows failed: {reason}" for reason, n in summary.reasons.items())
     if summary.n_failed > sum(summary.reasons.values()):
         warn(["further reasons are in the index, column error"])
     failed = f", {summary.n_failed:,} failed" if summary.n_failed else ""
     n_made, n_shards = summary.n_recipes - summary.n_failed, summary.n_shards
     print(
-        f"{out}: {n_made:,} sentence{'s' * (n_made != 1)}{failed}, {n_shards:,} shard{'s' * (n_shards != 1)}, "
+        f"{folder}: {n_made:,} sentence{'s' * (n_made != 1)}{failed}, {n_shards:,} shard{'s' * (n_shards != 1)}, "
         f"{summary.seconds / 3600:.2f} h of motion, {size(summary.n_bytes)}"
     )
 
 
 def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], dict[str, Any]]:
-    """The dials of a call that are ranges, and the others as fields of a recipe; what is not given is left out."""
+    """Return the dials of a call that are ranges, and the others as fields of a recipe; omits dials not given."""
     from signsplice.bulk.drawing import dial
     from signsplice.bulk.recipes import SentenceRecipe
 
-    given = {name: value for name, value in dials.items() if value is not None}
-    ranges = {name: span(name, given[name]) for name in _RANGED if ":" in given.get(name, "")}
-    fixed = {name: value for name, value in given.items() if name not in ranges}
+    chosen = {name: value for name, value in dials.items() if value is not None}
+    ranges = {name: span(name, chosen[name]) for name in _RANGED if ":" in chosen.get(name, "")}
+    fixed = {name: value for name, value in chosen.items() if name not in ranges}
     for name in ("sign_speed", "fps"):
         if name in fixed:
             fixed[name] = number(name, fixed[name])
     for ends in zip(*([(name, value) for value in ends] for name, ends in ranges.items()), strict=True):
         SentenceRecipe(("",), **fixed, **{name: dial(name, value) for name, value in ends}).options(None)
-    SentenceRecipe(("",), **fixed).options(None).choose_methods()  # raises for what is out of range, or unknown
+    SentenceRecipe(("",), **fixed).options(None).choose_methods()  # raises for values out of range or unknown
     return ranges, fixed
 
 
 @contextmanager
 def _open_progress_bar(what: str) -> Iterator[Callable[[Progress], None] | None]:
-    """A bar with rate, time left and failures, on standard error where that is a terminal."""
+    """Show a bar with rate, remaining time and failures on standard error, if that is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -286,8 +290,8 @@ def _open_progress_bar(what: str) -> Iterator[Callable[[Progress], None] | None]
         def advance(state: Progress) -> None:
             bar.start_task(task)
             elapsed = bar.tasks[0].elapsed or 0.0
-            made = state.n_done - state.n_before
-            rate = f"{made / elapsed:.1f}/s" if made and elapsed else ""
+            n_made = state.n_done - state.n_before
+            rate = f"{n_made / elapsed:.1f}/s" if n_made and elapsed else ""
             failed = f"{state.n_failed:,} failed" if state.n_failed else ""
             bar.update(task, completed=state.n_done, total=state.n_rows, rate=rate, failed=failed)
 

@@ -1,4 +1,4 @@
-"""Clips in and out of a command: read with roles, written by suffix, output names checked before any work is done."""
+"""Reads and writes clips of commands: reads with roles, writes by suffix, checks output names before any work."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ if TYPE_CHECKING:
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
 SKIN = option("--skin", "NAME", "Mesh, node or material of the avatar that is skin; others are cloth.", multiple=True)
-"""An option of commands with ``--avatar``; may be repeated."""
+"""Option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def _keep(context: click.Context, parameter: click.Parameter, value: Any) -> None:
-    """Keep the value of an option for what reads clips in the present command."""
+    """Store the value of an option for functions that read clips in the current command."""
     context.meta[f"{__name__}.{parameter.name}"] = value
 
 
 def _option_value(name: str) -> Any:
-    """The value of an option of the present command; None where it has no such option."""
+    """Return the value of an option of the current command; None if it has no such option."""
     return click.get_current_context().meta.get(f"{__name__}.{name}")
 
 
 def reads_clips(command: Command) -> Command:
-    """Add the option that lifts the limits of clips to a command that reads some."""
+    """Add the option that lifts the limits on clips to a command that reads clips."""
 
     @flag("--no-limits", "Read clips of any size: for files that you trust.", expose_value=False, callback=_keep)
     @wraps(command)
@@ -58,27 +58,27 @@ def reads_clips(command: Command) -> Command:
 _REST_FRAME = "Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]"
 _TAKE = "Take of an .fbx file.  [default: the first that moves its joints]"
 reads_rigs = combine_options(ROLES, reads_clips)
-"""Options of clips whose rig matters: those of ``reads_clips``, and roles for rigs not known by name."""
+"""Options of commands that use a clip's rig: those of ``reads_clips``, and roles for rigs not known by name."""
 reads_poses = combine_options(
     reads_rigs,
     option("--rest-frame", "N", _REST_FRAME, type=click.IntRange(0), expose_value=False, callback=_keep),
     option("--take", "NAME", _TAKE, expose_value=False, callback=_keep),
 )
-"""Options of clips that are shown or spliced: those of ``reads_rigs``, the frame that shows the rest pose, and which
-motion of a file is read.
+"""Options of commands that show or splice clips: those of ``reads_rigs``, the frame of the rest pose, and the take to
+read from a file.
 """
 
 
 def limits() -> ReadLimits:
-    """The limits of the clips that the present command reads."""
+    """Return the limits on the clips that the current command reads."""
     return NO_LIMITS if _option_value("no_limits") else DEFAULT_LIMITS
 
 
 def load(
     path: str, roles: str | None = None, warns: bool = True, face: str | None = None, face_offset: float = 0.0
 ) -> Clip:
-    """The clip in a file; ``roles``: a file of role -> joint name, for rigs that are not recognised by joint names.
-    ``warns``: whether to print here what of the file is left out or read otherwise. ``face``, ``face_offset``: as in
+    """Read the clip in a file; ``roles``: a file of role -> joint name, for rigs not recognised by joint names.
+    ``warns``: whether to warn about parts of the file that are left out or changed. ``face``, ``face_offset``: as in
     ``formats.load``.
     """
     row, take = formats.FORMATS.get(Path(path).suffix.lower()), _option_value("take")
@@ -92,7 +92,7 @@ def load(
 
 
 def apply_rest_pose(clip: Clip) -> Clip:
-    """A clip with the rest pose of the frame that the present command names, or of its own."""
+    """Return a clip with the rest pose of the frame that the current command names, or with its own."""
     from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
     frame = _option_value("rest_frame")
@@ -110,36 +110,36 @@ reads_faces = combine_options(
     option("--face faces", "FACE.csv", _FACE, multiple=True),
     option("--face-offset", "S", _FACE_OFFSET, type=float, default=0.0),
 )
-"""Options of clips that are given a face."""
+"""Options of commands that give clips a face."""
 
 
 def faces_of(clips: Sequence[str], faces: Sequence[str]) -> list[str | None]:
-    """The face of each clip: the file of the same name, else by their order where there is one for each."""
+    """Return the face of each clip: the file of the same name, or by order if there is one face for each clip."""
     by_name = {Path(face).stem.casefold(): face for face in faces}
-    found = [by_name.get(Path(clip).stem.casefold()) for clip in clips]
-    if len({*found} - {None}) == len(faces):
-        return found
+    matched = [by_name.get(Path(clip).stem.casefold()) for clip in clips]
+    if len({*matched} - {None}) == len(faces):
+        return matched
     if len(faces) != len(clips):
         raise InputError(f"{len(faces)} --face for {len(clips)} clips, expected one for each, or files of their names")
     return list(faces)
 
 
 def load_avatar(path: str, roles: str | None = None, skin: Sequence[str] = ()) -> Avatar:
-    """The avatar in a file; ``roles`` as in ``load``, ``skin``: names of what is skin."""
+    """Read the avatar in a file; ``roles`` as in ``load``, ``skin``: names of its parts that are skin."""
     from signsplice.formats.avatar import read_avatar
 
     return read_avatar(path, read_roles(roles), limits(), skin)
 
 
 def read_roles(path: str | None) -> dict[str, str] | None:
-    """Role -> joint name of a file; None without one."""
+    """Read role -> joint name from a file; None without a file."""
     from signsplice.formats import roles as roles_file
 
     return None if path is None else roles_file.read(path)
 
 
 def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
-    """Clips with the roles of a roles file, where their rig is not recognised by joint names."""
+    """Return clips with the roles of a roles file, unless their rig is recognised by joint names."""
     from signsplice.formats import roles as roles_file
 
     joint_of = roles_file.read(roles)
@@ -147,9 +147,7 @@ def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
 
 
 def check_outputs(output: str, report: str | None = None, inputs: Iterable[str | Path | None] = ()) -> None:
-    """Raise ``InputError`` for outputs that cannot be written or are ``inputs``, before any work is done; warn of those
-    that have other names.
-    """
+    """Raise ``InputError`` for outputs that are unwritable or among ``inputs``, before any work; warn of hard links."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         formats.check_suffix(output)
     if report is not None and Path(report).resolve() == Path(output).resolve():
@@ -164,8 +162,8 @@ def check_outputs(output: str, report: str | None = None, inputs: Iterable[str |
 
 
 def check_output(path: str, inputs: Iterable[str | Path | None]) -> None:
-    """Raise ``InputError`` for an output that cannot be written or is one of ``inputs``; warn of one that has other
-    names, which are not written to.
+    """Raise ``InputError`` for an output that cannot be written or is one of ``inputs``; warn if it has further hard
+    links, which keep the old content.
     """
     check_writable(path)
     check_apart(path, inputs)
@@ -175,8 +173,8 @@ def check_output(path: str, inputs: Iterable[str | Path | None]) -> None:
 
 
 def check_apart(output: str, inputs: Iterable[str | Path | None]) -> None:
-    """Raise ``InputError`` where an output is one of the inputs, by whatever name or link, a file in an input folder,
-    or a folder that holds an input.
+    """Raise ``InputError`` if an output is one of the inputs, by any name or link, a file in an input folder, or a
+    folder that holds an input.
     """
     for source in inputs:
         if source and _is_read(Path(output), Path(source)):
@@ -190,7 +188,7 @@ def _is_read(output: Path, source: Path) -> bool:
             return source.resolve().is_relative_to(output.resolve())
         files = source.iterdir() if source.is_dir() else ()
         return samestat(written, read) or any(samestat(written, file.stat()) for file in files if file.is_file())
-    except OSError:  # nothing is there to be overwritten, or to be read
+    except OSError:  # there is no file to overwrite, or to read
         return False
 
 
@@ -203,7 +201,7 @@ def write(
     names_lost: bool = True,
 ) -> None:
     """Write a clip by suffix. Pictures mark ``spans`` and are drawn from ``view``; films have a ``size`` in pixels.
-    ``names_lost``: whether to say what of a face the figure cannot show.
+    ``names_lost``: whether to warn of parts of a face that the figure cannot show.
     """
     if Path(output).suffix.lower() in PICTURE_SUFFIXES:
         from signsplice.render import film
@@ -215,14 +213,14 @@ def write(
     if clip.face is None and Path(output).suffix.lower() == ".bvh":
         from signsplice.formats.live_link import sidecar
 
-        if (other := sidecar(Path(output))) is not None:
-            warn([f"{other}: beside {output}, which was written without a face, is another clip's; remove it"])
-    # The retargeting has said what an avatar's own file cannot show.
+        if (face_path := sidecar(Path(output))) is not None:
+            warn([f"{face_path}: beside {output}, which was written without a face, is another clip's; remove it"])
+    # The retargeting has warned of parts that an avatar's own file cannot show.
     is_own = getattr(clip.skeleton, "file", None) is not None
     if names_lost and not is_own and clip.face is not None and Path(output).suffix.lower() == ".glb":
         from signsplice.formats.gltf_face import lost_in
 
         lost = lost_in(output, clip)
         if lost:
-            more = f" and {len(lost) - 4} more" if len(lost) > 4 else ""
-            warn([f"{output}: its figure cannot show {', '.join(lost[:4])}{more} of the face"])
+            further = f" and {len(lost) - 4} more" if len(lost) > 4 else ""
+            warn([f"{output}: its figure cannot show {', '.join(lost[:4])}{further} of the face"])

@@ -1,4 +1,4 @@
-"""All commands in one group, and the exit status of what they raise."""
+"""All commands in one group, and the exit status for their exceptions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from signsplice.cli.terminal import with_option_names
 from signsplice.errors import InputError, SignspliceError
 
 _OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-"""Errors of writing without a file's name: those of files that commands write are ``InputError``."""
+"""Error numbers of failed writes to standard output, which have no file name; other files raise ``InputError``."""
 
 
 @click.group(cls=OpenGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -30,7 +30,7 @@ for _room in (splicing, bench, files, lexicon, synth, bulk, service):
 
 
 def run(commands: click.Group) -> tuple[str, int]:
-    """Run the command of this process: its error message, empty where there is none, and its exit status."""
+    """Run the command of this process; return its error message, empty without an error, and its exit status."""
     try:
         commands.main(standalone_mode=False)
         if sys.stdout is not None:
@@ -62,13 +62,13 @@ def run(commands: click.Group) -> tuple[str, int]:
 
 
 def _drop_output() -> None:
-    """Lead what is left in standard output's buffer nowhere, since it is flushed again at the end."""
+    """Discard the buffer of standard output, which is flushed again at exit."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _is_lack_of_memory(error: Exception) -> bool:
-    """Whether memory was missing, also for a library that could not be loaded."""
+    """Return whether memory ran out, also while loading a library."""
     is_refused = isinstance(error, OSError) and error.errno == errno.ENOMEM
     words = ("cannot allocate memory", "failed to map segment")
     return isinstance(error, MemoryError) or is_refused or any(word in str(error).lower() for word in words)

@@ -105,12 +105,12 @@ def convert(
         from signsplice.splicing import report as reports
 
         reports.write(reports.describe_retargeting(done, source, body), report)
-    kept = f"{sum(one.is_kept for one in done.contacts)} of {len(done.contacts)} contacts kept"
-    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {kept}")
+    contact_count = f"{sum(contact.is_kept for contact in done.contacts)} of {len(done.contacts)} contacts kept"
+    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {contact_count}")
 
 
 def _mouthing(clip: Clip, sampa: str) -> Clip:
-    """A clip whose mouth says sounds during what a splice keeps of it."""
+    """Return a clip whose mouth says sounds during the frames that a splice keeps."""
     from signsplice.splicing import options as choice
     from signsplice.splicing.contracts import cut_clips
     from signsplice.written.nonmanual import with_mouthing

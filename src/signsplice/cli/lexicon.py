@@ -31,7 +31,7 @@ _STRICT = flag("--strict", "Exit status 1 where a written sign was left out.")
 
 _WARNINGS = option("--warnings all_warnings", "FILE", "Write every warning to FILE, one a line.")
 _MOST_WARNINGS = 20
-"""More are shown by kind, with how often each kind occurs."""
+"""If there are more warnings, they are grouped by kind, with the count of each kind."""
 
 
 @lexicon.command()
@@ -82,7 +82,7 @@ def ngt(folder: str, output: str, **others: Any) -> None:
 
 
 def _build(inputs: tuple[str, ...], output: str, strict: bool, all_warnings: str | None, **others: Any) -> None:
-    """Build a lexicon and print what became of it."""
+    """Build a lexicon and print a summary."""
     from signsplice.formats import atomic
     from signsplice.lexicon import build as build_lexicon
     from signsplice.lexicon.folder import reasons
@@ -168,7 +168,7 @@ def check(path: str, page: str | None, roles: str | None) -> None:
     joint_of = read_roles(roles)
     if (Path(path) / INDEX).exists():
         with open_words(path) as words:
-            found = _count(len(words), 0)
+            contents = _count(len(words), 0)
             with progress(f"checking {Path(path).name}") as advance:
                 faults = list(words.faults(advance))
             with progress(f"looking for stray frames in {Path(path).name}") as advance:
@@ -181,28 +181,28 @@ def check(path: str, page: str | None, roles: str | None) -> None:
         with progress(f"checking {Path(path).name}") as advance:
             checked = folder.check(path, joint_of, advance, limits())
         faults, warnings = checked.faults, checked.warnings
-        found = f"{checked.n_clips} clip{'s' if checked.n_clips != 1 else ''}"
+        contents = f"{checked.n_clips} clip{'s' if checked.n_clips != 1 else ''}"
     warn(warnings)
     for fault in faults:
         print(" ".join(fault.splitlines()))
-    print(f"{path}: {found}, {len(faults) or 'no'} fault{'s' if len(faults) != 1 else ''}")
+    print(f"{path}: {contents}, {len(faults) or 'no'} fault{'s' if len(faults) != 1 else ''}")
     if faults:
         sys.exit(1)
 
 
 def _write_page(words: Lexicon, page: str) -> None:
-    """Write the page about a lexicon."""
+    """Write a page about a lexicon."""
     from signsplice.lexicon import page as lexicon_page
 
     check_output(page, [words.path])
     with progress(f"writing {Path(page).name}") as advance:
         facts = lexicon_page.write(words, Path(page), advance)
-    print(f"{page}: {sum(bool(one.doubts) for one in facts)} of {len(facts)} words are doubtful")
+    print(f"{page}: {sum(bool(fact.doubts) for fact in facts)} of {len(facts)} words are doubtful")
 
 
 def open_words(*paths: str | None, fallback: str | None = None) -> Lexicon:
-    """The lexicons at paths as one, by default the one that ships, with the forms of its signs, and with the written
-    signs of ``fallback`` for words that all of them lack.
+    """Open the lexicons at ``paths`` as one, by default the shipped one with the forms of its signs, and with the
+    written signs of ``fallback`` for words that all of them lack.
     """
     from signsplice.lexicon import open_lexicon
 

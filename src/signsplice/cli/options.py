@@ -1,4 +1,4 @@
-"""Options that several commands share, each defined once, and a decorator that adds a list of them."""
+"""Options shared by several commands, and a decorator that adds a list of options."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def combine_options(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    """A decorator that adds options to a command, in this order."""
+    """Return a decorator that adds options to a command, in this order."""
 
     def add(command: Command) -> Command:
         for option in reversed(options):
@@ -24,22 +24,22 @@ def combine_options(*options: Callable[[Command], Command]) -> Callable[[Command
 
 
 def option(names: str, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:
-    """An option by its names, parted by blanks, the last one that of its parameter where it has no hyphens."""
+    """Return an option; ``names`` are separated by blanks, and the last one is the parameter's if it has no hyphens."""
     return click.option(*names.split(), metavar=metavar, help=text, **kind)
 
 
 def flag(names: str, text: str, **kind: Any) -> Callable[[Command], Command]:
-    """An option without a value; ``names`` as of ``option``."""
+    """Return an option without a value; ``names`` as in ``option``."""
     return option(names, None, text, is_flag=True, **kind)
 
 
 def preset(name: str, default: Any, metavar: str | None, text: str, **kind: Any) -> Callable[[Command], Command]:
-    """An option with a default, which its help shows; of the default's type where ``kind`` names none."""
+    """Return an option with a default, shown in its help; it has the default's type unless ``kind`` gives one."""
     return option(name, metavar, text, default=default, show_default=True, **kind)
 
 
 def two_numbers(text: str, between: str, expected: str) -> tuple[int, int]:
-    """The numbers of an option's text before and after ``between``; an ``InputError`` says what is expected instead."""
+    """Parse the two numbers of an option's text around ``between``. Raises ``InputError(expected)`` otherwise."""
     first, _, second = text.partition(between)
     if not (first.isdecimal() and second.isdecimal()):
         raise InputError(expected)

@@ -1,7 +1,7 @@
-"""Commands of other distributions, and the line that names the one to install.
+"""Commands of other distributions, and the error line that names the one to install.
 
-A distribution brings a command by an entry point of the group ``signsplice.commands`` that is named by the command's
-words: ``evaluate``, ``synth pairs``. It is loaded when it is called.
+A distribution adds a command by an entry point in the group ``signsplice.commands``, named by the command's words:
+``evaluate``, ``synth pairs``. It is loaded when it is called.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ import click
 from signsplice.errors import InputError
 
 GROUP = "signsplice.commands"
-_WORKSHOP, _PAPER = "signsplice-workshop", "signsplice-paper"
+_WORKSHOP = "signsplice-workshop"
+"""Distribution of the training and evaluation commands."""
+_PAPER = "signsplice-paper"
+"""Distribution of the paper's commands."""
 _FOLDERS = {_WORKSHOP: "./workshop", _PAPER: "./research"}
 PSEUDO = "synth lexicon --pseudo"
 ELSEWHERE = {
@@ -31,40 +34,40 @@ ELSEWHERE = {
     "publish": (f"{_PAPER} publish", ""),
     "train paper": (f"{_PAPER} train-system", ""),
 }
-"""Words of a command -> the distribution that has it, with the words to call where it is a program of its own; and what
-``--help`` says of it, empty where it is not listed.
+"""Words of a command -> its distribution, followed by the words to call if it is a separate program; and its line in
+``--help``, empty if it is not listed.
 """
 
 
 def load(words: str) -> Any:
-    """What a distribution brings for the words of a command. Raises ``InputError`` where it is not installed."""
-    from importlib.metadata import distribution  # takes as long as all of --help
+    """Load the entry point for the words of a command. Raises ``InputError`` if its distribution is not installed."""
+    from importlib.metadata import distribution  # this import takes as long as the whole --help
 
     call, _ = ELSEWHERE[words]
     name = call.split()[0]
     try:
         (entry,) = distribution(name).entry_points.select(group=GROUP, name=words)
         return entry.load()
-    except (ModuleNotFoundError, ValueError):  # not installed, or it brings nothing by these words
+    except (ModuleNotFoundError, ValueError):  # not installed, or without an entry point for these words
         run = f" and run `{call}`" if name == _PAPER else ""
         line = f"`signsplice {words}` is in {name}: install it (pip install {_FOLDERS[name]}){run}"
         raise InputError(line) from None
 
 
 class OpenGroup(click.Group):
-    """A group of commands to which other distributions add some; ``--help`` lists those that are installed."""
+    """A group of commands to which other distributions add commands; ``--help`` lists the installed ones."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The names of all commands, in order."""
+        """Return the names of all commands, in order."""
         group = _words(ctx)
-        others = (words.removeprefix(group) for words in ELSEWHERE if words.startswith(group))
-        return sorted({*super().list_commands(ctx), *(name for name in others if " " not in name)})
+        plugin_names = (words.removeprefix(group) for words in ELSEWHERE if words.startswith(group))
+        return sorted({*super().list_commands(ctx), *(name for name in plugin_names if " " not in name)})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """A command of this distribution or of another."""
+        """Return a command of this distribution or of another."""
         words = _words(ctx) + cmd_name
-        here = super().get_command(ctx, cmd_name)
-        return _Elsewhere(words) if here is None and words in ELSEWHERE else here
+        command = super().get_command(ctx, cmd_name)
+        return _Elsewhere(words) if command is None and words in ELSEWHERE else command
 
 
 class _Elsewhere(click.Command):
@@ -78,7 +81,7 @@ class _Elsewhere(click.Command):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        """The context of the command itself. Raises ``InputError`` where its distribution is not installed."""
+        """Make the context of the loaded command. Raises ``InputError`` if its distribution is not installed."""
         words = str(self.name)
         longer = " ".join((words, *args[:1]))
         if longer in ELSEWHERE:
@@ -88,5 +91,5 @@ class _Elsewhere(click.Command):
 
 
 def _words(ctx: click.Context) -> str:
-    """The words of a group after the program's name, each with a space after it."""
+    """Return the words of a group after the program's name, each followed by a space."""
     return "" if ctx.parent is None else f"{_words(ctx.parent)}{ctx.info_name} "

@@ -57,7 +57,7 @@ def serve(
     origins, embedders = ([url.rstrip("/").lower() for url in urls] for urls in (allow_origin, allow_embed))
     files = [file for path in avatars for file in avatars_in(Path(path))]
     for file in files:
-        load_avatar(str(file))  # an error now, not at the first request
+        load_avatar(str(file))  # fails now, not at the first request
     places = {"allowed_origins": tuple(origins), "allowed_embedders": tuple(embedders), "avatars": tuple(files)}
     settings = _settings(limits, **places, **given)
 
@@ -103,7 +103,7 @@ def view(
         from signsplice.service import page, scene
         from signsplice.service.wire import FORMAT_NAMES
 
-        page.html([], live=output is None)  # a missing viewer is an error before anything is made
+        page.html([], live=output is None)  # reports a missing viewer before any work
     except MissingExtraError as error:
         if output is None:
             raise

@@ -1,4 +1,4 @@
-"""The commands ``splice``, ``sentence`` and ``inbetween``, ``methods``, which lists what they can use, and ``demo``."""
+"""The commands ``splice``, ``sentence``, ``inbetween``, ``methods``, which lists their methods, and ``demo``."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ _splicing_options = combine_options(
     ),
     _joining_options,
 )
-"""Options that ``splice`` and ``sentence`` share."""
+"""Options shared by ``splice`` and ``sentence``."""
 
 
 @click.command()
@@ -118,8 +118,8 @@ def splice(
         raise InputError(f"one clip, {clips[0]}, expected two or more: signsplice splice A.bvh B.bvh -o OUT.bvh")
     target, options = _begin(_splice_options, [*clips, *faces, roles], **others)
     began = time.perf_counter()
-    given = zip(clips, faces_of(clips, faces), strict=True)
-    loaded = [load(path, roles, warns=False, face=face, face_offset=face_offset) for path, face in given]
+    clip_faces = zip(clips, faces_of(clips, faces), strict=True)
+    loaded = [load(path, roles, warns=False, face=face, face_offset=face_offset) for path, face in clip_faces]
     load_ms = 1e3 * (time.perf_counter() - began)
     target.deliver(engine.splice(loaded, options), load_ms)
 
@@ -174,8 +174,8 @@ def sentence(
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses), options)
-    more = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
-    target.deliver(result, load_ms, more)
+    report_keys = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
+    target.deliver(result, load_ms, report_keys)
 
 
 def _begin(
@@ -187,8 +187,8 @@ def _begin(
     skin: tuple[str, ...],
     **dials: Any,
 ) -> tuple[_Target, Chosen]:
-    """Where the result of a call goes, and what ``read`` makes of its dials, before any clip is read. Raises
-    ``InputError`` for an output that is one of ``inputs`` or of what else the call reads.
+    """Return the target of a call, and the result of ``read`` for its dials, before any clip is read. Raises
+    ``InputError`` for an output that is one of ``inputs`` or another file that the call reads.
     """
     check_outputs(output, report, [*inputs, avatar, *_networks(**dials)])
     chosen = read(**dials)
@@ -200,7 +200,7 @@ def _begin(
 def _splice_options(
     transition_time: str, cutter: str | None, transition: str | None, system: str | None, **others: Any
 ) -> SpliceOptions:
-    """``SpliceOptions`` of a call. Raises ``InputError`` for unknown methods, before any file is read."""
+    """Return the ``SpliceOptions`` of a call. Raises ``InputError`` for unknown methods, before any file is read."""
     from signsplice.splicing.engine import SpliceOptions
     from signsplice.splicing.options import AUTO
 
@@ -224,7 +224,7 @@ def _splice_options(
 def _networks(
     bundle: str | None, cutter: str | None = None, transition: str | None = None, system: str | None = None, **_: Any
 ) -> list[str | Path | None]:
-    """Folders of the networks that a call may read."""
+    """Return the folders of networks that a call may read."""
     from signsplice.splicing.bundle import WEIGHTS
 
     return [bundle or WEIGHTS, cutter, transition, system]
@@ -232,14 +232,14 @@ def _networks(
 
 @dataclass(frozen=True)
 class _Target:
-    """Where the result of a call goes: the files of the clip and of its report, and the avatar that signs."""
+    """Target of a call's result: the files of the clip and of its report, and the avatar that signs."""
 
     output: str
     report: str | None
     avatar: Avatar | None
 
     def deliver(self, result: SpliceResult, load_ms: float, more: Mapping[str, Any] = {}) -> None:
-        """Write the clip and the report, with ``more`` keys, and print the warnings and a line about the clip."""
+        """Write the clip and the report with the keys ``more``, and print the warnings and a line about the clip."""
         from signsplice.splicing import report as reports
 
         if self.avatar is not None:
@@ -257,10 +257,10 @@ class _Target:
         for seam in result.seams:
             warn(f"{seam.before} -> {seam.after}: {line}" for line in seam.warnings)
         n, tempo = len(result.seams), result.tempo
-        told = f"{self.output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n} seam{'s' * (n != 1)}"
+        summary = f"{self.output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n} seam{'s' * (n != 1)}"
         if tempo.asked_seconds is not None and tempo.seconds is not None:
-            told += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
-        print(told)
+            summary += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
+        print(summary)
 
 
 @click.command()

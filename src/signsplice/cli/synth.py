@@ -1,4 +1,4 @@
-"""The commands `synth`: words of the synthetic signer, from its notation and from written signs."""
+"""The commands `synth`: make words of the synthetic signer, from its notation and from written signs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DRAWN = combine_options(
     SEED,
     FPS,
 )
-"""Options of what is made of the package's words, or of a file's."""
+"""Options of commands that make motion of the package's words, or of a file's."""
 
 
 @click.group(cls=plugins.OpenGroup)
@@ -148,14 +148,14 @@ def sign(file: str, gloss: str | None, output: str | None, lenient: bool, fps: f
 
 
 def _only(file: str, signs: dict[str, Sign]) -> str:
-    """The gloss of a file's only sign."""
+    """Return the gloss of a file's only sign."""
     if len(signs) != 1:
         raise InputError(f"{file}: {len(signs)} signs, expected the gloss of one of them: {', '.join([*signs][:5])}")
     return next(iter(signs))
 
 
 def chosen_signs(signs: str | None, words: int | None, pseudo: int, seed: int, least: int = 1) -> list[Sign]:
-    """The signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
+    """Return the signs of a call: those of a file or of the package, all or some drawn by seed, and pseudo-signs."""
     from signsplice.signer import notation
     from signsplice.signer.signer import stream
 
@@ -176,7 +176,7 @@ def chosen_signs(signs: str | None, words: int | None, pseudo: int, seed: int, l
 
 
 def _forms(path: str | None, glosses: tuple[str, ...], made: set[str]) -> list[Sign]:
-    """The forms of a file's or the package's signs that are named, but for those that are made already."""
+    """Return the named forms of a file's or the package's signs, except those that are already made."""
     from signsplice.signer import inflection, notation
 
     known = (notation.everyday() if path is None else notation.read(path)) if glosses else {}
@@ -185,7 +185,7 @@ def _forms(path: str | None, glosses: tuple[str, ...], made: set[str]) -> list[S
 
 
 def check_frame_rate(fps: float) -> float:
-    """The frame rate of a call. Raises ``InputError`` if it is not from 10 to 240."""
+    """Return the frame rate of a call, Hz. Raises ``InputError`` unless it is from 10 to 240."""
     if not 10.0 <= fps <= 240.0:
         raise InputError(f"--fps {fps:g}, expected 10 to 240")
     return fps

@@ -1,4 +1,4 @@
-"""Warnings and progress on standard error, and what a command needs to be installed."""
+"""Warnings and progress on standard error, and checks for packages that a command needs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from signsplice.errors import MissingExtraError
 
 _LONG = 500
-"""Steps of long work, whose progress is told without a terminal too."""
+"""Minimum number of steps for which progress is printed without a terminal."""
 
 
 def warn(lines: Iterable[str]) -> None:
@@ -27,12 +27,12 @@ def note(lines: Iterable[str]) -> None:
 
 
 def size(n_bytes: int) -> str:
-    """A number of bytes in MB, or in kB where that is less than one."""
+    """Format a number of bytes in MB, or in kB below one MB."""
     return f"{n_bytes / 1e6:.0f} MB" if n_bytes >= 1_000_000 else f"{n_bytes / 1e3:.0f} kB"
 
 
 def require(what: str, extra: str, *modules: str) -> None:
-    """Raise ``MissingExtraError`` where a package of an extra is not installed; ``what`` needs it."""
+    """Raise ``MissingExtraError`` if a package of an extra is not installed; ``what`` needs it."""
     missing = next((name for name in modules if find_spec(name) is None), None)
     if missing is not None:
         raise MissingExtraError(f"{what} {missing}; install it with: pip install '.[{extra}]' in signsplice's folder")
@@ -40,7 +40,7 @@ def require(what: str, extra: str, *modules: str) -> None:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on standard error where that is a terminal, else a line for each tenth of long work."""
+    """Show a progress bar on standard error if that is a terminal, otherwise a line for each tenth of long work."""
     if not sys.stderr.isatty():
 
         def tell(done: int, total: int) -> None:
@@ -58,7 +58,7 @@ def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
 
 
 def with_option_names(message: str) -> str:
-    """A message of the library with the command line's options in place of the fields of ``SpliceOptions``."""
+    """Return a message of the library in which command-line options replace the fields of ``SpliceOptions``."""
 
     def option(field: re.Match[str]) -> str:
         name = {"duration": "transition_time"}.get(field[1], field[1])

@@ -1,6 +1,6 @@
-"""Files to clips and back. ``FORMATS`` is the one table of file formats: a new format is one module and one row.
+"""Reading and writing of clips. ``FORMATS`` is the table of file formats: a new format is one module and one row.
 
-A format's module is imported when a file of that format is read or written, so that this table costs nothing.
+A format's module is imported only when a file of that format is read or written.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 class FileFormat:
     """A file format: one row of ``FORMATS``.
 
-    suffix: end of the names of its files, lower case with the dot.
-    module: module of this package with ``parse(content, file, limits) -> Clip``, which may raise anything, and with
-        ``encode(clip) -> bytes`` where clips are written. Empty for a format that is only planned.
+    suffix: suffix of its files, lower case with the dot.
+    module: module of this package with ``parse(content, file, limits) -> Clip``, which may raise anything, and, if
+        clips are written, ``encode(clip) -> bytes``. Empty for a format that is only planned.
     reads, writes: whether clips are read and written in it.
     has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
-    has_takes: whether a file may hold several motions by name: then ``parse`` also takes ``take``, the name of one.
+    has_takes: whether a file may hold several named motions: then ``parse`` also takes ``take``, the name of one.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
-    holds: what a planned format holds, for the error message.
-    holds_faces: whether its files have a place for a clip's face.
+    holds: content of a planned format, for the error message.
+    holds_faces: whether its files can hold a clip's face.
     """
 
     suffix: str
@@ -58,14 +58,14 @@ FORMATS = {
         FileFormat(".pose", holds="landmark"),
     )
 }
-"""Suffix -> format, in the order in which messages and help texts list them."""
+"""Suffix -> format, in the order of messages and help texts."""
 
 READ_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.reads)
 """Suffixes that ``load`` reads."""
 WRITE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.writes)
 """Suffixes that ``save`` and ``encode`` write."""
 WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
-"""Suffixes that ``parse`` reads: those of the HTTP service, which also sends them."""
+"""Suffixes that ``parse`` reads and that the HTTP service accepts and sends."""
 
 
 def load(
@@ -76,17 +76,17 @@ def load(
     face_offset: float = 0.0,
     take: str = "",
 ) -> Clip:
-    """The clip in a file, by its suffix, one of ``READ_SUFFIXES``, with the face of NAME.csv beside NAME.bvh where that
-    is one (``live_link``).
+    """Load a clip from a file with one of ``READ_SUFFIXES``, with the face of a NAME.csv beside NAME.bvh
+    (``live_link``).
 
-    rest_frame: the frame whose pose is the rest pose where the rig shows no person with all rotations zero; by default
+    rest_frame: the frame whose pose is the rest pose, if the rig shows no person with all rotations zero; by default
         the first that shows one.
-    face: a CSV file, or another clip's, with the clip's face, in place of that beside it.
-    face_offset: how long after the clip's first frame the first row or frame of such a file is shown, seconds.
-    take: the name of one of several motions that a file holds; by default the first.
+    face: a CSV file, or another clip's file, with the clip's face, instead of the file beside it.
+    face_offset: time of the first row or frame of that file after the clip's first frame, seconds.
+    take: the name of one of several motions in a file; by default the first.
 
-    Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` for whatever is wrong with
-    its content, and ``LimitError`` where that asks for more than ``limits``, which ``NO_LIMITS`` lifts.
+    Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` if its content is not valid,
+    and ``LimitError`` if it exceeds ``limits``, which ``NO_LIMITS`` lifts.
     """
     row = _format(path, "read", READ_SUFFIXES)
     if take and not row.has_takes:
@@ -97,8 +97,8 @@ def load(
 
         if face is not None and Path(face).suffix.lower() in READ_SUFFIXES:
             clip = live_link.with_face_of(clip, load(face, limits), str(face), face_offset)
-        elif (found := face or live_link.sidecar(Path(path))) is not None:
-            clip = live_link.with_face(clip, found, face_offset, limits)
+        elif (face_file := face or live_link.sidecar(Path(path))) is not None:
+            clip = live_link.with_face(clip, face_file, face_offset, limits)
     if rest_frame is None:
         return clip
     from signsplice.rig.rest_pose import with_rest_pose
@@ -107,8 +107,8 @@ def load(
 
 
 def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
-    """The clip in the bytes of a file, by the suffix of its name, one of ``WIRE_SUFFIXES``. For uploads: no file is
-    opened, whatever the bytes refer to. Raises as ``load`` does.
+    """Parse the bytes of a file whose name has one of ``WIRE_SUFFIXES`` into a clip. For uploads: no file is opened,
+    whatever the bytes refer to. Raises the errors of ``load``.
     """
     row = _format(file, "taken", WIRE_SUFFIXES)
     check_most(len(content), "bytes", limits.file_bytes, file)
@@ -118,27 +118,27 @@ def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Cli
 def _parse_content(
     row: FileFormat, content: bytes, file: str, limits: ReadLimits, folder: Path | None, take: str = ""
 ) -> Clip:
-    """The clip in the bytes of a file: the one boundary of all parsers."""
+    """Parse the bytes of a file into a clip: the error boundary of all parsers."""
     import numpy as np
 
     module = import_module(f"{__name__}.{row.module}")
     with (
         format_errors(file, f"{row.suffix} file"),
         np.errstate(all="ignore"),
-    ):  # numbers that are not finite are refused by the clip
-        more = {"folder": folder} if row.has_buffers else {"take": take} if row.has_takes else {}
-        clip: Clip = module.parse(content, file, limits, **more)
+    ):  # the clip refuses numbers that are not finite
+        options = {"folder": folder} if row.has_buffers else {"take": take} if row.has_takes else {}
+        clip: Clip = module.parse(content, file, limits, **options)
         if clip.skeleton.roles:
             from signsplice.rig.info import rig_info
 
-            _ = rig_info(clip.skeleton).roles  # raises where they do not fit the joints
+            _ = rig_info(clip.skeleton).roles  # raises if they do not fit the joints
     return clip
 
 
 def save(clip: Clip, path: str | Path) -> None:
-    """Write a clip to a file by its suffix, one of ``WRITE_SUFFIXES``, whole or not at all; its face goes to a file
-    NAME.csv beside it where the format holds none. Raises ``InputError`` for
-    another suffix, a clip that the format cannot hold, or a file that cannot be written.
+    """Write a clip to a file with one of ``WRITE_SUFFIXES``, whole or not at all; its face goes to a file NAME.csv
+    beside it if the format holds none. Raises ``InputError`` for another suffix, a clip that the format cannot hold, or
+    a file that cannot be written.
     """
     check_suffix(path)
     with replacing(path) as temporary:
@@ -154,8 +154,8 @@ def save(clip: Clip, path: str | Path) -> None:
 
 
 def encode(clip: Clip, file: str) -> bytes:
-    """The bytes of a clip's file, by the suffix of its name, one of ``WRITE_SUFFIXES``. Raises ``InputError`` for
-    another suffix or a clip that the format cannot hold.
+    """Encode a clip as the bytes of a file whose name has one of ``WRITE_SUFFIXES``. Raises ``InputError`` for another
+    suffix or a clip that the format cannot hold.
     """
     row = _format(file, "written", WRITE_SUFFIXES)
     content: bytes = import_module(f"{__name__}.{row.module}").encode(clip)
@@ -163,20 +163,20 @@ def encode(clip: Clip, file: str) -> bytes:
 
 
 def check_suffix(path: str | Path) -> None:
-    """Raise ``InputError`` where ``save`` would refuse a path because of its suffix."""
+    """Raise ``InputError`` if ``save`` would refuse a path because of its suffix."""
     _format(path, "written", WRITE_SUFFIXES)
 
 
 def join_suffixes(suffixes: Sequence[str]) -> str:
-    """Suffixes as a phrase: ".bvh, .glb or .vrma"."""
+    """Join suffixes into a phrase: ".bvh, .glb or .vrma"."""
     return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
 
 
 def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
-    """The format of a path, or an ``InputError`` that says what cannot be ``done`` with it."""
-    suffix, whole = Path(path).suffix.lower(), "".join(Path(path).suffixes[-2:]).lower()
-    if whole in suffixes:
-        return FORMATS[whole]
+    """Return the format of a path. Raises ``InputError`` that says what cannot be ``done`` with it."""
+    suffix, double_suffix = Path(path).suffix.lower(), "".join(Path(path).suffixes[-2:]).lower()
+    if double_suffix in suffixes:
+        return FORMATS[double_suffix]
     if suffix in suffixes:
         return FORMATS[suffix]
     expected = f"expected {join_suffixes(suffixes)}"

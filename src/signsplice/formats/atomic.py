@@ -1,8 +1,8 @@
-"""Files and folders that are written whole or not at all, also when a process is killed, a disk full or power fails.
+"""Atomic writing of files and folders: whole or not at all, even if a process is killed, a disk full or power fails.
 
 Unfinished output lies beside its place under a hidden name, locked by the process that writes it. The lock ends with
-the process, so the next process that writes there removes what a kill left. Finished output is flushed to disk, then
-renamed.
+the process, so the next process that writes there removes leftovers of a killed one. Finished output is flushed to
+disk, then renamed.
 """
 
 from __future__ import annotations
@@ -26,18 +26,17 @@ except ImportError:  # no Unix: nothing is locked, and so nothing is swept
 
 _TEMPORARY = re.compile(r"\.signsplice-[0-9a-f]{16}(\..*)?", re.DOTALL)
 _NO_SYNC = (errno.EACCES, errno.EPERM, errno.EINVAL, errno.ENOTSUP, errno.EBADF)
-"""Errors of what may be written but not read, and of systems and file systems that cannot flush a folder."""
+"""Errors of files that may be written but not read, and of systems that cannot flush a folder."""
 _WAIT_S = 5.0
-"""How long to wait for a folder that another process is writing: children of a killed one take a moment to end."""
+"""Seconds to wait for a folder that another process writes: children of a killed process take a moment to end."""
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary path in the folder of ``path``: renamed to ``path`` when the block succeeds, removed when it fails.
+    """Yield a temporary path beside ``path``: renamed to ``path`` when the block succeeds, removed when it fails.
 
     It has the suffix of ``path``, since writers choose by suffix. Within an unfinished folder of ``replacing_folder``,
-    which is whole or not at all itself, it is ``path``. Raises ``InputError`` as ``check_writable`` does, and where the
-    disk is full.
+    itself atomic, it is ``path``. Raises ``InputError`` as ``check_writable`` does, and if the disk is full.
     """
     path = Path(path)
     check_writable(path)
@@ -63,7 +62,7 @@ def write(path: str | Path, content: str | bytes | memoryview) -> None:
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise ``InputError`` where ``path`` is a folder, a link or a special file such as a device, or its own folder is
+    """Raise ``InputError`` if ``path`` is a folder, a link or a special file such as a device, or if its folder is
     missing or not writable.
     """
     path = Path(path)
@@ -85,7 +84,7 @@ def _check_parent(path: Path, parent: Path) -> None:
 
 
 def put_file(temporary: Path, target: Path) -> None:
-    """Rename a finished file to ``target`` so that it is still there, whole, after power has failed."""
+    """Rename a finished file to ``target`` so that it survives a power failure whole."""
     _sync(temporary)
     os.replace(temporary, target)
     _sync(target.parent)
@@ -93,10 +92,10 @@ def put_file(temporary: Path, target: Path) -> None:
 
 @contextmanager
 def replacing_folder(path: str | Path, hint: str = "nothing was left there half-written") -> Iterator[Path]:
-    """A temporary folder next to ``path``: takes its place when the block succeeds, removed when it fails.
+    """Yield a temporary folder beside ``path``: takes its place when the block succeeds, removed when it fails.
 
-    Whatever is at ``path`` is replaced: the caller has asked ``check_folder``. Raises ``InputError``, which ends with
-    ``hint``, where it cannot be written or the disk is full.
+    Replaces whatever is at ``path``: the caller has called ``check_folder``. Raises ``InputError``, which ends with
+    ``hint``, if it cannot be written or the disk is full.
     """
     check_place(path)
     target = Path(path).resolve()  # "." has no name of its own
@@ -122,11 +121,11 @@ def replacing_folder(path: str | Path, hint: str = "nothing was left there half-
 
 
 def check_folder(path: str | Path, mark: str, written: Callable[[Path], Collection[str]]) -> None:
-    """Raise ``InputError`` where ``check_place`` does, or where something is at ``path`` that is neither an empty
-    folder nor earlier output alone: with the file ``mark``, and no other file or folder than ``written`` names.
+    """Raise ``InputError`` if ``check_place`` does, or if ``path`` exists and is neither an empty folder nor earlier
+    output alone: with the file ``mark``, and no file or folder that ``written`` does not name.
 
-    written: paths of the files, relative to the folder, that earlier output holds; raises ``InputError`` where the
-    folder is none.
+    written: returns the relative paths of the files of earlier output in a folder; raises ``InputError`` if the folder
+    holds none.
     """
     path = Path(path)
     check_place(path)
@@ -138,19 +137,19 @@ def check_folder(path: str | Path, mark: str, written: Callable[[Path], Collecti
 
 
 def check_nothing_else(folder: Path, files: Collection[str], what: str) -> None:
-    """Raise ``InputError`` where ``folder`` holds something beside ``files``, relative paths, and their folders."""
+    """Raise ``InputError`` if ``folder`` holds anything but ``files``, relative paths, and their folders."""
     known = {Path(file) for file in files}
     folders = {parent for file in known for parent in file.parents}
-    there = {path.relative_to(folder): path.is_dir() and not path.is_symlink() for path in folder.rglob("*")}
-    others = sorted(path for path, is_dir in there.items() if path not in (folders if is_dir else known))
-    if others:
+    entries = {path.relative_to(folder): path.is_dir() and not path.is_symlink() for path in folder.rglob("*")}
+    unexpected = sorted(path for path, is_dir in entries.items() if path not in (folders if is_dir else known))
+    if unexpected:
         raise InputError(
-            f"{folder}: holds {others[0]} beside its {what}, which would be lost; move it or choose a name"
+            f"{folder}: holds {unexpected[0]} beside its {what}, which would be lost; move it or choose a name"
         )
 
 
 def check_place(path: str | Path) -> None:
-    """Raise ``InputError`` where no folder can be put at ``path``: it is a link or a mount point, or its own folder is
+    """Raise ``InputError`` if no folder can be put at ``path``: it is a link or a mount point, or its parent folder is
     missing or not writable.
     """
     path = Path(path)
@@ -163,9 +162,10 @@ def check_place(path: str | Path) -> None:
 
 @contextmanager
 def resumable_folder(path: Path) -> Iterator[bool]:
-    """Makes the folder ``path``, with those that it is in, and keeps other processes out of it; gives whether it was
-    there already. It is removed when the block succeeds; when it fails, it stays, and the next call continues there.
-    Raises ``InputError`` where another process is in it.
+    """Make the folder ``path``, with its parents, and lock it against other processes; yields whether it existed.
+
+    Removed when the block succeeds; kept when it fails, so that the next call continues there. Raises ``InputError`` if
+    another process holds it.
     """
     was_there: list[bool] = []  # at each attempt
 
@@ -180,18 +180,18 @@ def resumable_folder(path: Path) -> Iterator[bool]:
 
 
 def _exchange(path: Path, other: Path) -> bool:
-    """Exchange two paths in one step; False where the system or the file system cannot."""
+    """Exchange two paths in one step; returns False if the system or the file system cannot."""
     if sys.platform != "linux":
         return False
     import ctypes
 
-    rename, here, exchange = getattr(ctypes.CDLL(None), "renameat2", None), -100, 2  # AT_FDCWD, RENAME_EXCHANGE
-    return rename is not None and rename(here, os.fsencode(path), here, os.fsencode(other), exchange) == 0
+    rename, cwd, exchange = getattr(ctypes.CDLL(None), "renameat2", None), -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    return rename is not None and rename(cwd, os.fsencode(path), cwd, os.fsencode(other), exchange) == 0
 
 
 def _recover(target: Path) -> Path:
-    """Where a folder waits while another takes its place in two steps. What waits there is brought back where a kill or
-    an error has prevented the second step, else removed.
+    """Return the path where a folder waits while another takes its place in two steps. A folder that waits there is
+    moved back if a kill or an error has prevented the second step, else removed.
     """
     waiting = target.with_name(f".signsplice-old-{target.name}")
     if waiting.exists() and not target.exists():
@@ -202,8 +202,8 @@ def _recover(target: Path) -> Path:
 
 @contextmanager
 def _temporary(parent: Path, make: Callable[[Path], object], suffix: str = "") -> Iterator[Path]:
-    """A new temporary path, made by ``make`` and locked. Whatever is there at the end is removed, and so is what killed
-    processes have left in the folder.
+    """Yield a new temporary path, made by ``make`` and locked, and remove it at the end; also removes leftovers of
+    killed processes in the folder.
     """
 
     def new() -> Path:
@@ -228,8 +228,8 @@ def sweep(parent: Path) -> None:
 
 @contextmanager
 def _lock_new_path(make: Callable[[], Path]) -> Iterator[Path]:
-    """The path that ``make`` makes, locked; unlocked where the file system has no locks. It is made again where another
-    process removes it first, until nobody else holds it. Raises ``InputError`` where that takes too long.
+    """Yield the path that ``make`` makes, locked if the file system has locks. If another process removes it first, it
+    is made again, until no other process holds it. Raises ``InputError`` if that takes too long.
     """
     until = time.monotonic() + _WAIT_S
     with ExitStack() as stack:
@@ -251,8 +251,8 @@ def _lock_new_path(make: Callable[[], Path]) -> Iterator[Path]:
 
 @contextmanager
 def _lock_path(path: Path) -> Iterator[None]:
-    """Locks a file or folder for the block. Raises ``FileNotFoundError`` where it is gone or another by then,
-    ``BlockingIOError`` where another process holds it, ``OSError`` where the system or the file system has no locks.
+    """Lock a file or folder for the block. Raises ``FileNotFoundError`` if it was removed or replaced meanwhile,
+    ``BlockingIOError`` if another process holds it, ``OSError`` if the system or the file system has no locks.
     """
     if fcntl is None:
         raise OSError(errno.ENOTSUP, "no locks")
@@ -267,7 +267,7 @@ def _lock_path(path: Path) -> Iterator[None]:
 
 
 def _remove(path: Path) -> None:
-    """Remove a file or a folder as far as that is possible; the next process sweeps the rest."""
+    """Remove a file or a folder as far as possible; the next process sweeps the rest."""
     with suppress(OSError):
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -276,7 +276,7 @@ def _remove(path: Path) -> None:
 
 
 def _sync(path: Path) -> None:
-    """Flush a file or folder to disk, where the system lets a process that may write there do so."""
+    """Flush a file or folder to disk, if the system allows it."""
     try:
         handle = os.open(path, os.O_RDONLY)
         try:

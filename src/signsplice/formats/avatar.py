@@ -1,20 +1,18 @@
-"""Avatars: the skeleton of a ``.vrm`` (0.x or 1.0), ``.glb`` or ``.fbx`` file in its rest pose, with its mesh; and
-motion written into such a file. No animation is needed.
+"""Avatars: reads the skeleton and mesh of a ``.vrm`` (0.x or 1.0), ``.glb`` or ``.fbx`` file in its rest pose, and
+writes motion into such a file. The file needs no animation.
 
-The skeleton holds the joints that have a role, and those between them. What others carry (hair, skirts, twisted
-forearms, the joints of a spine between its roles) follows the nearest joint with a role above them. A VRM avatar of
+The skeleton holds the joints with a role and those between them. Vertices of other joints (hair, skirts, twisted
+forearms, the joints of a spine between its roles) follow the nearest ancestor with a role. A VRM avatar of
 version 0.x, which faces -Z, is turned to face +Z, as those of version 1.0 do. VRM's players take its rest pose as the
 T-pose.
 
-In a file that motion is written into, meshes, materials, textures, names and extensions stay. The binary chunk keeps
-its bytes, and the new keys follow them. In the document a new animation comes first, since most players show the first;
-earlier ones follow it. Nodes change only where a joint was stored as a matrix, which glTF does not animate: it becomes
-translation, rotation and scale. With Q the global rotation of a joint at rest in the file and T the turn from the
-file's world to the avatar's, the local rotation L of a clip, whose joints at rest have the world's axes, is that of the
-node
+Writing motion keeps meshes, materials, textures, names and extensions. New keys follow the bytes of the binary chunk.
+The new animation comes first in the document, since most players show the first. A node changes only if it is stored as
+a matrix, which glTF does not animate: it becomes translation, rotation and scale. With Q the global rotation of a joint
+at rest in the file and T the turn from the file's world to the avatar's, the local rotation L of a clip, whose joints
+at rest have the world's axes, becomes the node's rotation
 
     Q_parent^-1 (T^-1 L T) Q.
-
 """
 
 from __future__ import annotations
@@ -47,12 +45,12 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 
 _SAME = 1e-12
-"""A joint gets no animation channel where the cosine of its rotation with that at rest is nearer to 1 than this."""
+"""A joint whose rotations differ from rest by less than this, 1 - |dot product|, gets no animation channel."""
 
 
 def encode(clip: Clip, file: AvatarFile) -> bytes:
-    """The bytes of an avatar's file, as .glb, with a clip of its skeleton as the first animation. The signer stands
-    where the avatar stands. Raises ``FormatError`` where what was not read of the file is no glTF.
+    """Encode an avatar's file as .glb with a clip of its skeleton as the first animation. The signer stands in the
+    avatar's place. Raises ``FormatError`` if a part of the file that was not read before is not valid glTF.
     """
     with format_errors("the avatar's file", "avatar"):
         return _encode_avatar(clip, file)
@@ -85,12 +83,12 @@ def _encode_avatar(clip: Clip, file: AvatarFile) -> bytes:
 
 
 def with_bones(clip: Clip, file: AvatarFile) -> Clip:
-    """The clip with its face shown by the bones of eyes and jaw, where the avatar's file says that they show it."""
-    found = {} if clip.face is None else bone_quats(clip.face, file.look_at, file.opens_jaw)
-    if not found:
+    """Return the clip with its face on the bones of eyes and jaw, if the avatar's file says that they show it."""
+    bone_rotations = {} if clip.face is None else bone_quats(clip.face, file.look_at, file.opens_jaw)
+    if not bone_rotations:
         return clip
     rig, quats = rig_info(clip.skeleton), np.array(clip.local_rotations)
-    for role, turned in found.items():
+    for role, turned in bone_rotations.items():
         joint = rig.roles.joints[role]
         upright = rig.t_pose.rotations[joint]
         quats[:, joint] = rotation.multiply(rotation.multiply(rotation.inverse(upright), turned), upright)
@@ -98,7 +96,7 @@ def with_bones(clip: Clip, file: AvatarFile) -> Clip:
 
 
 def pack(document: Fields, blob: bytes) -> bytes:
-    """A document and its buffer as the bytes of a .glb file."""
+    """Pack a document and its buffer into the bytes of a .glb file."""
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
@@ -106,7 +104,7 @@ def pack(document: Fields, blob: bytes) -> bytes:
 
 
 def _local_quats(clip: Clip, file: AvatarFile) -> FloatArray:
-    """The rotations (T, J, 4) of the nodes that are joints."""
+    """Return the rotations (T, J, 4) of the joints' nodes."""
     turn = rotation.from_matrix(file.turn)
     rest = np.stack([rotation.nearest(matrix[:3, :3]) for matrix in file.worlds])
     parents = np.array([rotation.nearest(file.above[:3, :3]), *rest])[clip.skeleton.parents + 1]
@@ -115,26 +113,26 @@ def _local_quats(clip: Clip, file: AvatarFile) -> FloatArray:
 
 
 def _face(clip: Clip, file: AvatarFile) -> dict[int, FloatArray]:
-    """The weights (T, n) of the morph targets of each node that a face moves; none where the clip has no face."""
+    """Return node -> weights (T, n) of its morph targets that a face moves; empty if the clip has no face."""
     if clip.face is None or not file.face:
         return {}
     strength, _ = target_weights(clip.face, [control.name for control in file.face])
-    out = {node: np.zeros((len(clip), n)) for node, n in file.n_targets.items()}
+    node_weights = {node: np.zeros((len(clip), n)) for node, n in file.n_targets.items()}
     for control, alpha in zip(file.face, strength.T, strict=True):
         for node, index, weight in control.binds:
-            out[node][:, index] += weight * alpha
-    return {node: np.clip(weights, 0.0, 1.0) for node, weights in out.items()}
+            node_weights[node][:, index] += weight * alpha
+    return {node: np.clip(weights, 0.0, 1.0) for node, weights in node_weights.items()}
 
 
 def _rest(node: Fields) -> FloatArray:
-    """A node's own rotation (4,)."""
+    """Return a node's rotation (4,) at rest."""
     if node.get("matrix") is not None:
         return rotation.nearest(np.array(node["matrix"], np.float64).reshape(4, 4).T[:3, :3])
     return rotation.normalize(np.array(node.get("rotation") or rotation.IDENTITY, np.float64))
 
 
 def _free_matrix(node: Fields) -> None:
-    """Store a node's matrix as translation, rotation and scale."""
+    """Replace a node's matrix by translation, rotation and scale."""
     if node.get("matrix") is None:
         return
     matrix = np.array(node.pop("matrix"), np.float64).reshape(4, 4).T
@@ -144,17 +142,19 @@ def _free_matrix(node: Fields) -> None:
 
 
 def _append(document: Fields, blob: bytes, writer: DocumentWriter, clip: Clip) -> bytes:
-    """The blob with the writer's arrays; its animation, accessors and views become part of the document."""
-    made: dict[str, Any] = writer.finish(clip.name, clip.fps).to_dict()
+    """Return the blob with the writer's arrays appended; adds its animation, accessors and views to the document."""
+    added: dict[str, Any] = writer.finish(clip.name, clip.fps).to_dict()
     blob += b"\0" * (-len(blob) % 4)
     document |= {name: document.get(name) or [] for name in ("bufferViews", "accessors")}
     views, accessors = document["bufferViews"], document["accessors"]
-    for sampler in made["animations"][0]["samplers"]:
+    for sampler in added["animations"][0]["samplers"]:
         sampler["input"] += len(accessors)
         sampler["output"] += len(accessors)
-    accessors += [_drop_empty_values(row) | {"bufferView": row["bufferView"] + len(views)} for row in made["accessors"]]
-    views += [_drop_empty_values(row) | {"byteOffset": row["byteOffset"] + len(blob)} for row in made["bufferViews"]]
-    document["animations"] = [_drop_empty_values(made["animations"][0]), *(document.get("animations") or ())]
+    accessors += [
+        _drop_empty_values(row) | {"bufferView": row["bufferView"] + len(views)} for row in added["accessors"]
+    ]
+    views += [_drop_empty_values(row) | {"byteOffset": row["byteOffset"] + len(blob)} for row in added["bufferViews"]]
+    document["animations"] = [_drop_empty_values(added["animations"][0]), *(document.get("animations") or ())]
     blob += bytes(writer.content)
     document["buffers"] = document.get("buffers") or [{}]
     document["buffers"][0]["byteLength"] = len(blob)
@@ -162,10 +162,12 @@ def _append(document: Fields, blob: bytes, writer: DocumentWriter, clip: Clip) -
 
 
 def _drop_empty_values(value: Any) -> Any:
-    """Values without those that are null or empty."""
+    """Return a value of JSON without null or empty properties."""
     if isinstance(value, dict):
-        return {key: _drop_empty_values(one) for key, one in value.items() if one is not None and one not in ({}, [])}
-    return [_drop_empty_values(one) for one in value] if isinstance(value, list) else value
+        return {
+            key: _drop_empty_values(item) for key, item in value.items() if item is not None and item not in ({}, [])
+        }
+    return [_drop_empty_values(item) for item in value] if isinstance(value, list) else value
 
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
@@ -182,21 +184,21 @@ def read_avatar(
     limits: ReadLimits = DEFAULT_LIMITS,
     skin: Sequence[str] = (),
 ) -> Avatar:
-    """The avatar in a file of one of ``AVATAR_SUFFIXES``: its skeleton at rest and its body, fitted to its mesh.
+    """Read the avatar in a file with one of ``AVATAR_SUFFIXES``: its skeleton at rest and its body, fitted to its mesh.
 
-    roles: role -> joint name, where the file is no VRM avatar and its joints are not known by name. skin: names of the
-        meshes, nodes or materials that are skin, where names and shape do not tell them from cloth; an empty one: all
-        are told so. Raises
-    ``InputError`` for another suffix, a file that cannot be read, or arms that are not found, ``FormatError`` for
-    whatever is wrong with its content, and ``LimitError`` where that asks for more than ``limits``.
+    roles: role -> joint name, if the file is no VRM avatar and its joint names are not recognised.
+    skin: names of the meshes, nodes or materials that are skin; if empty, names and shape tell skin from cloth.
+
+    Raises ``InputError`` for another suffix, a file that cannot be read, or missing arms, ``FormatError`` if its
+    content is not valid, and ``LimitError`` if it exceeds ``limits``.
     """
     _check_suffix(str(path))
     return _parse_content(read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, roles or {}, skin)
 
 
 def parse_avatar(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Avatar:
-    """The avatar in the bytes of a file. For uploads: no file is opened, whatever the bytes refer to. Raises as
-    ``read_avatar`` does.
+    """Parse the avatar in the bytes of a file. For uploads: no file is opened, whatever the bytes refer to. Raises
+    the errors of ``read_avatar``.
     """
     _check_suffix(file)
     check_most(len(content), "bytes", limits.file_bytes, file)
@@ -204,13 +206,13 @@ def parse_avatar(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
 
 
 def avatars_in(path: Path) -> list[Path]:
-    """The file itself, or the avatars' files in a folder. Raises ``InputError`` for a folder that has none."""
+    """Return the file itself, or the avatar files of a folder. Raises ``InputError`` if the folder has none."""
     if not path.is_dir():
         return [path]
-    found = sorted(file for file in path.iterdir() if file.suffix.lower() in AVATAR_SUFFIXES and file.is_file())
-    if not found:
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in AVATAR_SUFFIXES and file.is_file())
+    if not files:
         raise InputError(f"{path}: a folder without avatars, expected {join_suffixes(AVATAR_SUFFIXES)} files in it")
-    return found
+    return files
 
 
 def _check_suffix(file: str) -> None:
@@ -233,8 +235,8 @@ class AvatarReader(MeshReader):
     """A document whose avatar is being read."""
 
     def avatar(self, roles: Mapping[str, str], content: bytes, skin: Sequence[str]) -> Avatar:
-        """The avatar in ``content``; ``roles``: role -> joint name, which win over the file's own; ``skin``: names of
-        what is skin.
+        """Return the avatar in ``content``; ``roles``: role -> joint name, which override the file's; ``skin``: names
+        of meshes, nodes or materials that are skin.
         """
         nodes = self._roles(roles)
         order = self._joint_order(set(nodes.values()))
@@ -243,7 +245,7 @@ class AvatarReader(MeshReader):
         extensions = self.json.get("extensions") or {}
         turn = _BEHIND if VRM_0 in extensions and VRM_1 not in extensions else np.eye(3)
         avatar = self._skeleton(order, named, turn)
-        _ = rig_info(avatar).arm_joints  # raises where there are no arms
+        _ = rig_info(avatar).arm_joints  # raises if there are no arms
         origin = self.world(order[0])[:3, 3]
         above = self.parents.get(order[0])
         controls, n_targets, expressions = face_controls(self)
@@ -254,7 +256,7 @@ class AvatarReader(MeshReader):
         )  # fmt: skip
         lacks = _lacking_fingers(avatar.label, named)
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
-        # Joints without a role stay at rest: what they carry follows the joint with a role above them.
+        # Joints without a role stay at rest: their vertices follow the nearest ancestor with a role.
         rows = {node: k for k, node in enumerate(order) if k == 0 or node in nodes.values()}
         parts, points = self.skin(rows, turn, origin, skin)
         if points is None:
@@ -264,11 +266,13 @@ class AvatarReader(MeshReader):
         return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *_warnings(avatar.label, missed)))
 
     def _whole(self, content: bytes) -> bytes:
-        """The file as one .glb that names no other; itself where it is one. An image that is not found, or lies
-        outside of the file's folder, stays a name.
+        """Return the file as one .glb that names no other file; unchanged if it already is one. An image that is
+        missing or lies outside of the file's folder stays a name.
         """
         buffers: list[Fields] = self.json.get("buffers") or []
-        pictures = {n: found for n, image in enumerate(self.json.get("images") or ()) if (found := self._image(image))}
+        pictures = {
+            n: image_file for n, image in enumerate(self.json.get("images") or ()) if (image_file := self._image(image))
+        }
         if content[:4] == b"glTF" and not pictures and not any("uri" in buffer for buffer in buffers):
             return content
         document, blob, starts = copy.deepcopy(self.json), bytearray(), []
@@ -287,7 +291,7 @@ class AvatarReader(MeshReader):
         return pack(document, bytes(blob))
 
     def _image(self, image: Fields) -> tuple[str, bytes] | None:
-        """Media type and bytes of an image that is a file in the document's folder or below; None for any other."""
+        """Return media type and bytes of an image file in the document's folder or below; None for any other image."""
         uri = image.get("uri")
         if self.folder is None or not isinstance(uri, str) or uri.startswith("data:"):
             return None
@@ -300,13 +304,13 @@ class AvatarReader(MeshReader):
         return kind, content
 
     def _skeleton(self, order: list[int], roles: Mapping[str, str], turn: FloatArray) -> Avatar:
-        """The skeleton of nodes ``order`` at rest, turned, with the ends of fingers."""
+        """Return the skeleton of nodes ``order`` at rest, turned, with finger tips as end sites."""
         rows, parents, names = self._tree(order)
-        at = np.array([self.world(node)[:3, 3] for node in order]) @ turn.T
-        offsets = np.where((parents >= 0)[:, None], at - at[parents], 0.0)
+        positions = np.array([self.world(node)[:3, 3] for node in order]) @ turn.T
+        offsets = np.where((parents >= 0)[:, None], positions - positions[parents], 0.0)
         tips = [order[names.index(name)] for role, name in roles.items() if role.endswith("Distal")]
         sites = [
-            EndSite(rows[node], turn @ self.world(child)[:3, 3] - at[rows[node]])
+            EndSite(rows[node], turn @ self.world(child)[:3, 3] - positions[rows[node]])
             for node in tips
             for child in self.nodes[node].get("children") or ()
             if child not in rows
@@ -314,7 +318,7 @@ class AvatarReader(MeshReader):
         return Avatar(tuple(names), parents, offsets, tuple(sites), dict(roles), label=stem(self.file))
 
     def _roles(self, given: Mapping[str, str]) -> dict[str, int]:
-        """Role -> node: those given by name, else those of a VRM humanoid, else those known by name."""
+        """Return role -> node: from the given names, else from a VRM humanoid, else from recognised joint names."""
         humanoid = self._humanoid()
         joints = {node for skin in self.skins for node in skin["joints"]} | {*humanoid.values()}
         if not joints:
@@ -323,31 +327,33 @@ class AvatarReader(MeshReader):
             return humanoid
         order = self._joint_order(joints)
         rows, parents, names = self._tree(order)
-        at = np.array([self.world(node)[:3, 3] for node in order])
-        skeleton = Skeleton(tuple(names), parents, np.where((parents >= 0)[:, None], at - at[parents], 0.0))
+        positions = np.array([self.world(node)[:3, 3] for node in order])
+        skeleton = Skeleton(
+            tuple(names), parents, np.where((parents >= 0)[:, None], positions - positions[parents], 0.0)
+        )
         known = {role: names[rows[node]] for role, node in humanoid.items()}
         if set(given.values()) & {*names} or not (humanoid or rig_info(skeleton).roles.rig != "unknown"):
             known = {role: name for role, name in known.items() if name not in given.values()} | dict(given)
         info = rig_info(replace(skeleton, roles=known or None))
-        _ = info.arm_joints  # raises where there are no arms
+        _ = info.arm_joints  # raises if there are no arms
         joints_of_roles = info.roles.joints
         return {role: order[joint] for role, joint in joints_of_roles.items()}
 
 
 def _lacking_fingers(label: str, roles: Mapping[str, str]) -> tuple[str, ...]:
-    """A line about hands that have fewer than five fingers."""
+    """Return a line about hands with fewer than five fingers."""
     lacking = [f.lower() for f in FINGERS if any(f"{side}{f}Proximal" not in roles for side in SIDES)]
     if not lacking:
         return ()
-    some = " or ".join([*([", ".join(lacking[:-1])] if lacking[1:] else []), lacking[-1]])
-    what = "fingers" if len(lacking) == len(FINGERS) else f"{some}{' finger' * (some != 'thumb')}"
+    finger_names = " or ".join([*([", ".join(lacking[:-1])] if lacking[1:] else []), lacking[-1]])
+    what = "fingers" if len(lacking) == len(FINGERS) else f"{finger_names}{' finger' * (finger_names != 'thumb')}"
     return (f"{label}: has no {what} to move, so it cannot spell, and many handshapes look alike",)
 
 
 def _warnings(label: str, missed: tuple[str, ...]) -> tuple[str, ...]:
-    """A line about the parts of the body that could not be fitted."""
+    """Return a line about the body parts that could not be fitted."""
     if not missed:
         return ()
-    more = f" and {len(missed) - _MOST_MISSED} more" if len(missed) > _MOST_MISSED else ""
+    suffix = f" and {len(missed) - _MOST_MISSED} more" if len(missed) > _MOST_MISSED else ""
     shown = ", ".join(missed[:_MOST_MISSED])
-    return (f"{label}: too few vertices of skin for {shown}{more}, which get the usual proportions",)
+    return (f"{label}: too few vertices of skin for {shown}{suffix}, which get the usual proportions",)

@@ -22,7 +22,7 @@ from signsplice.motion.euler import POSITIONS, ROTATIONS
 
 _MAX_WORDS = 50_000
 _LONGEST = 32
-"""Words in the longest statement, CHANNELS, with some that are wrong there."""
+"""Words in the longest statement, CHANNELS, with some extra words that are invalid."""
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _CHANNELS = {name.lower(): name for name in (*POSITIONS, *ROTATIONS)}
@@ -30,7 +30,7 @@ _CHANNELS = {name.lower(): name for name in (*POSITIONS, *ROTATIONS)}
 
 @dataclass
 class Hierarchy:
-    """What the lines of HIERARCHY declare; ``read_line`` takes them one by one.
+    """The declarations of HIERARCHY; ``read_line`` parses its lines one by one.
 
     file: name of the file, for messages.
     limits: of joints and their depth.
@@ -55,15 +55,15 @@ class Hierarchy:
     _last_line: int = 1
 
     def fail(self, what: str, line: int | None = None) -> FormatError:
-        """The error to raise for ``what``, with the file and the line (the last one read by default)."""
+        """Make the error for ``what``, with the file and the line (by default the last one read)."""
         return FormatError(what, file=self.file, line=self._last_line if line is None else line)
 
     def too_much(self, what: str) -> LimitError:
-        """The error to raise where a skeleton exceeds a limit."""
+        """Make the error for a skeleton that exceeds a limit."""
         return LimitError(f"{what}, expected a skeleton", file=self.file, line=self._last_line)
 
     def read_line(self, number: int, text: str) -> None:
-        """Parse line ``number`` (from 1). Raises ``FormatError`` where it is not valid."""
+        """Parse line ``number`` (from 1). Raises ``FormatError`` if it is not valid."""
         tokens = text.split(None, _MAX_WORDS)
         self._last_line = number
         if len(tokens) > _MAX_WORDS:
@@ -72,13 +72,13 @@ class Hierarchy:
             if tokens[0].upper() != "HIERARCHY":
                 raise self.fail(f"found {short(tokens[0])}, expected HIERARCHY; is this a BVH file?")
             self._started, tokens = True, tokens[1:]
-        at = 0
-        while at < len(tokens):
-            words = tokens[at : at + _LONGEST]
-            at += len(words) - len(self._read_statement(words))
+        position = 0
+        while position < len(tokens):
+            words = tokens[position : position + _LONGEST]
+            position += len(words) - len(self._read_statement(words))
 
     def _read_statement(self, tokens: list[str]) -> list[str]:
-        """Parse the statement at the front of a line's tokens; returns the tokens after it."""
+        """Parse the first statement of a line's tokens; returns the remaining tokens."""
         word, rest = tokens[0], tokens[1:]
         key = word.upper()
         if self._declared is not None and word != "{":
@@ -163,12 +163,12 @@ class Hierarchy:
         if not rest or not rest[0].isdecimal():
             raise self.fail(f"CHANNELS {short(rest[0]) if rest else ''}, expected a number of channels")
         count = int(rest[0][:4])
-        found = [token for token in rest[1 : 1 + count] if token not in "{}"]
+        tokens = [token for token in rest[1 : 1 + count] if token not in "{}"]
         extra = rest[1 + count : 2 + count]
-        if len(found) != count or (extra and extra[0].lower() in _CHANNELS):
+        if len(tokens) != count or (extra and extra[0].lower() in _CHANNELS):
             raise self.fail(f"CHANNELS {count} with {len(rest) - 1} names, expected {count} channel names")
         names = []
-        for token in found:
+        for token in tokens:
             if token.lower() not in _CHANNELS:
                 raise self.fail(
                     f"unknown channel {short(token)}, expected one of {', '.join((*POSITIONS, *ROTATIONS))}"
@@ -203,12 +203,12 @@ class Hierarchy:
 
 
 def short(token: str) -> str:
-    """A token quoted for a message, cut if it is long."""
+    """Quote a token for a message; a long one is shortened."""
     return repr(token if len(token) <= 40 else token[:37] + "...")
 
 
 def number_of(token: str, file: str, line: int) -> float:
-    """The finite number that a token is. Raises ``FormatError`` that says why it is not one."""
+    """Parse a token as a finite number. Raises ``FormatError`` that says why it is not one."""
     if _NUMBER.fullmatch(token):
         value = float(token)
         if np.isfinite(value):
@@ -224,24 +224,24 @@ def number_of(token: str, file: str, line: int) -> float:
 
 
 _LINE = re.compile(rb"\S[^\n]*")
-"""A line that is not blank; found one after another, so that blank ones cost next to nothing."""
+"""A line that is not blank; skipping blank lines costs next to nothing."""
 _MOTION = re.compile(rb"(?im)^[^\S\n]*MOTION[^\S\n]*$")
 _FRAMES = re.compile(r"frames\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"frame\s+time\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
 _BLOCK = 4096
-"""Frames that are parsed at a time, to keep the memory of their text small."""
+"""Frames parsed at a time, to limit the memory of their text."""
 _LONG = 100
-"""Bytes of text that no lawful number takes, with the space around it."""
+"""Bytes of text that no valid number needs, including the space around it."""
 _NUMBER_BYTES = 8
-"""Memory of a number of the file."""
-_ROUNDED, _MOST_ROUNDED = 0.0025, 0.0101
-"""By which fraction a rate may differ from a Frame Time: with no word said (60 fps from 0.0167), and with a warning (30
-fps from 0.033).
-"""
+"""Bytes of memory of a number of the file."""
+_ROUNDED = 0.0025
+"""Fraction by which a rate may differ from a Frame Time without a note (60 fps from 0.0167)."""
+_MOST_ROUNDED = 0.0101
+"""Fraction by which a usual rate may differ from a Frame Time, with a note (30 fps from 0.033)."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
-    """The clip in the bytes of a BVH file, named after ``file``, in the file's length unit.
+    """Parse a BVH file into a clip named after ``file``, in the file's length unit.
 
     Raises ``FormatError`` ("FILE:LINE: what, expected what") for anything that is not valid BVH.
     """
@@ -260,7 +260,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
     if width == 0:
         line = _line_number(text, first)
         raise FormatError("the skeleton has no channels, expected at least the root's", file=file, line=line)
-    # Each number takes two bytes of text, so that no more frames can follow, whatever the file declares.
+    # A number takes at least two bytes of text, which bounds the frames that can follow, whatever the file declares.
     n_possible = min(n_frames, (len(text) - first) // (2 * width) + 1)
     n_joints, fps = len(hierarchy.names), standard_fps(frame_time)
     n_bytes = n_possible * (n_joints * FRAME_BYTES + width * _NUMBER_BYTES)
@@ -271,27 +271,27 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
 
 
 def standard_fps(frame_time: float) -> float:
-    """The frame rate from which a printed Frame Time was rounded (30 fps from 0.033333), else 1 / frame_time.
+    """Return the frame rate that a printed Frame Time was rounded from (30 fps for 0.033333), else 1 / frame_time.
 
-    Candidates are the nearest whole rate and the NTSC rates (n * 1000/1001). Their period has to round to the printed
-    number, and to differ from it by less than ``_ROUNDED``; by less than ``_MOST_ROUNDED`` where the rate is usual, a
-    multiple of 5 or of 12.
+    Candidates are the nearest whole rate and the NTSC rates (n * 1000/1001). Their period must round to the printed
+    number, and differ from it by a fraction below ``_ROUNDED``, or below ``_MOST_ROUNDED`` for the usual rates,
+    multiples of 5 or 12.
     """
     text = repr(float(frame_time))
     mantissa, _, exponent = text.partition("e")
     decimals = len(mantissa.partition(".")[2]) - int(exponent or 0)
     half = 0.5 * 10.0 ** -min(decimals, 15) * 1.000001
-    whole = round(1.0 / frame_time) if frame_time > 0.0009 else 0
-    is_usual = whole % 5 == 0 or whole % 12 == 0
+    nearest_rate = round(1.0 / frame_time) if frame_time > 0.0009 else 0
+    is_usual = nearest_rate % 5 == 0 or nearest_rate % 12 == 0
     ntsc = [(n * 1000.0 / 1001.0, _ROUNDED) for n in (24, 30, 48, 60, 120, 240)]
-    for rate, most in ((float(whole), _MOST_ROUNDED if is_usual else _ROUNDED), *ntsc):
-        if rate and abs(1.0 / rate - frame_time) <= min(half, most / rate):
+    for rate, tolerance in ((float(nearest_rate), _MOST_ROUNDED if is_usual else _ROUNDED), *ntsc):
+        if rate and abs(1.0 / rate - frame_time) <= min(half, tolerance / rate):
             return rate
     return 1.0 / frame_time
 
 
 def _rate_notes(frame_time: float) -> tuple[str, ...]:
-    """A line about a rate that a Frame Time of few digits was brought to; none where it is as good as equal."""
+    """Return a line about a rate guessed from a Frame Time with few digits; none if the two are practically equal."""
     fps = standard_fps(frame_time)
     if abs(fps * frame_time - 1.0) <= _ROUNDED:
         return ()
@@ -299,7 +299,7 @@ def _rate_notes(frame_time: float) -> tuple[str, ...]:
 
 
 def encode(clip: Clip) -> bytes:
-    """The bytes of a clip's BVH file (UTF-8); numbers that were read from a file are written as the same numbers.
+    """Encode a clip as a BVH file (UTF-8); numbers that were read from a file are written unchanged.
 
     Raises ``InputError`` for a joint name that BVH cannot hold.
     """
@@ -307,11 +307,11 @@ def encode(clip: Clip) -> bytes:
     if spaced is not None:
         raise InputError(f"joint name {spaced!r} is empty or has white space, which BVH cannot hold; rename it")
     names, values = euler.complete(clip)
-    given = clip.channels
-    offsets = clip.skeleton.offsets if given is None else given.offsets
+    stored = clip.channels
+    offsets = clip.skeleton.offsets if stored is None else stored.offsets
     frame_time = 1.0 / clip.fps
-    if given is not None and given.frame_time > 0.0 and standard_fps(given.frame_time) == clip.fps:
-        frame_time = given.frame_time
+    if stored is not None and stored.frame_time > 0.0 and standard_fps(stored.frame_time) == clip.fps:
+        frame_time = stored.frame_time
     lines, order = _hierarchy(clip.skeleton, names, offsets)
     # Columns follow the hierarchy, whatever the order of the joints.
     starts = euler.first_columns(names)
@@ -323,8 +323,9 @@ def encode(clip: Clip) -> bytes:
 
 
 def _hierarchy(skeleton: Skeleton, names: ChannelNames, offsets: FloatArray) -> tuple[list[str], list[int]]:
-    """The lines of the hierarchy, and its joints in their order, each followed by its descendants; a stack instead of
-    recursion, so that depth has no limit.
+    """Return the lines of the hierarchy and its joints in that order, each followed by its descendants.
+
+    A stack replaces recursion, so that depth has no limit.
     """
     lines, order = ["HIERARCHY"], list[int]()
     tips: dict[int, list[FloatArray]] = {}
@@ -353,7 +354,7 @@ def _decimals(row: FloatArray) -> str:
 
 
 def _normalize_text(content: bytes, file: str) -> bytes:
-    """The file's bytes with line feeds as line ends; the file may have LF, CRLF or CR."""
+    """Return the file's bytes with LF line ends; the file may have LF, CRLF or CR."""
     if not content or content.isspace():
         raise FormatError("the file is empty, expected HIERARCHY", file=file, line=1)
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -368,7 +369,7 @@ def _normalize_text(content: bytes, file: str) -> bytes:
 
 
 def _lines(text: bytes, start: int, stop: int) -> Iterator[tuple[int, re.Match[bytes]]]:
-    """Lines of a part of the text that are not blank, each with its number from 1."""
+    """Yield the non-blank lines of a part of the text, each with its number from 1."""
     number, seen = _line_number(text, start), start
     for line in _LINE.finditer(text, start, stop):
         number += text.count(b"\n", seen, line.start())
@@ -388,8 +389,8 @@ def _decode_line(line: bytes) -> str:
 
 
 def _motion_head(text: bytes, start: int, n_lines: int, file: str) -> tuple[int, float, int]:
-    """Number of frames, Frame Time in seconds, and where in the text they end."""
-    found: list[str] = []
+    """Return the number of frames, the Frame Time in seconds, and the position in the text after them."""
+    values: list[str] = []
     lines = _lines(text, start, len(text))
     for pattern, what in ((_FRAMES, "Frames: and a number"), (_FRAME_TIME, "Frame Time: and seconds")):
         number, line = next(lines, (n_lines, None))
@@ -398,20 +399,20 @@ def _motion_head(text: bytes, start: int, n_lines: int, file: str) -> tuple[int,
         if line is None or match is None or not match[1] or match[2]:
             seen = f"found {short(words)}" if words else "the file ends here"
             raise FormatError(f"{seen}, expected {what}", file=file, line=number)
-        found.append(match[1])
+        values.append(match[1])
         start = line.end()
         if pattern is _FRAMES and not re.fullmatch(r"\+?\d{1,18}", match[1]):
             raise FormatError(f"Frames: {short(match[1])}, expected a whole number", file=file, line=number)
         if pattern is _FRAMES and int(match[1]) == 0:
             raise FormatError("Frames: 0, expected at least one frame", file=file, line=number)
-    frame_time = number_of(found[1], file, number)
+    frame_time = number_of(values[1], file, number)
     if frame_time <= 0.0:
-        raise FormatError(f"Frame Time: {found[1]}, expected more than 0 seconds", file=file, line=number)
-    return int(found[0]), frame_time, start
+        raise FormatError(f"Frame Time: {values[1]}, expected more than 0 seconds", file=file, line=number)
+    return int(values[0]), frame_time, start
 
 
 def _read_frames(text: bytes, start: int, n_frames: int, values: FloatArray, file: str) -> None:
-    """Write the numbers of the frame lines to ``values`` (T, C). Raises where there are not ``n_frames`` of C each."""
+    """Parse the frame lines into ``values`` (T, C). Raises ``FormatError`` unless they are ``n_frames`` rows of C."""
     rows, width = _LINE.finditer(text, start), values.shape[1]
     done, last = 0, start
     while block := list(islice(rows, _BLOCK)):
@@ -440,8 +441,8 @@ def _read_frames(text: bytes, start: int, n_frames: int, values: FloatArray, fil
 
 
 def _numbers(rows: list[bytes]) -> FloatArray | None:
-    """The numbers of lines (R, C), bit for bit those of ``float``; None where the lines hold anything but as many
-    finite numbers each.
+    """Parse lines into numbers (R, C), bit for bit as ``float`` does; None unless each holds the same count of finite
+    numbers.
     """
     if not rows[0].decode("latin-1").split():
         return None  # rare white space; numpy would warn of text without numbers
@@ -453,7 +454,7 @@ def _numbers(rows: list[bytes]) -> FloatArray | None:
 
 
 def _check_width(text: bytes, row: re.Match[bytes], width: int, file: str) -> None:
-    """Raise ``FormatError`` where a line does not hold as many numbers as there are channels."""
+    """Raise ``FormatError`` if a line does not hold one number for each channel."""
     n_tokens = sum(1 for _ in re.finditer(r"\S+", _decode_line(row[0])))
     if n_tokens != width:
         line = _line_number(text, row.start())  # counts from the text's start: only for the line that is wrong
@@ -464,7 +465,7 @@ def _check_width(text: bytes, row: re.Match[bytes], width: int, file: str) -> No
 
 
 def _check_numbers(text: bytes, row: re.Match[bytes], file: str) -> None:
-    """Raise ``FormatError`` that says what is wrong with a number of a line."""
+    """Raise ``FormatError`` for the first invalid number of a line."""
     for token in _decode_line(row[0]).split():
         try:
             number_of(token, file, 0)
@@ -494,35 +495,37 @@ def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str
     )
 
 
-_WHOLE, _FRACTION = 6, 8
-"""Digits before and after the decimal point that ``format_rows`` prints with array operations."""
+_WHOLE = 6
+"""Digits before the decimal point that ``format_rows`` prints with array operations."""
+_FRACTION = 8
+"""Digits after the decimal point that ``format_rows`` prints with array operations."""
 _PAIRS = np.frombuffer("".join(f"{n:02d}" for n in range(100)).encode(), np.uint8).reshape(100, 2)
 
 
 def format_rows(values: FloatArray) -> str:
-    """Rows of numbers (R, C) as lines of text, by array operations; ``float`` reads each number back as the same.
+    """Format rows of numbers (R, C) as lines of text, by array operations; ``float`` reads back the same numbers.
 
     Numbers with at most 6 digits before and 8 after the point are printed in parallel, without superfluous zeros; rows
     with any other number are printed with Python's ``repr``.
     """
-    with np.errstate(over="ignore"):  # what overflows is not plain
-        whole = np.rint(np.abs(values) * 10.0**_FRACTION)
-    plain = (whole < 10.0 ** (_WHOLE + _FRACTION)) & (whole / 10.0**_FRACTION == np.abs(values))
+    with np.errstate(over="ignore"):  # a number that overflows is not plain
+        scaled = np.rint(np.abs(values) * 10.0**_FRACTION)
+    plain = (scaled < 10.0 ** (_WHOLE + _FRACTION)) & (scaled / 10.0**_FRACTION == np.abs(values))
     if not plain.all():
         return "\n".join(
             format_rows(row[None]) if fits else " ".join(map(repr, row.tolist()))
             for row, fits in zip(values, plain.all(axis=1), strict=True)
         )
     n_rows, n_columns = values.shape
-    remaining = whole.astype(np.int64).ravel()
+    remaining = scaled.astype(np.int64).ravel()
     # Sign, digits, point, digits, space; then unneeded characters are removed.
     text = np.empty((remaining.size, 1 + _WHOLE + 1 + _FRACTION + 1), np.uint8)
     text[:, 0], text[:, 1 + _WHOLE], text[:, -1] = ord("-"), ord("."), ord(" ")
     text.reshape(n_rows, n_columns, -1)[:, -1, -1] = ord("\n")
     for pair in range((_WHOLE + _FRACTION) // 2):
         remaining, two_digits = np.divmod(remaining, 100)
-        at = text.shape[1] - 3 - 2 * pair - (2 * pair >= _FRACTION)
-        text[:, at : at + 2] = _PAIRS[two_digits]
+        column = text.shape[1] - 3 - 2 * pair - (2 * pair >= _FRACTION)
+        text[:, column : column + 2] = _PAIRS[two_digits]
     keep = np.ones(text.shape, bool)
     keep[:, 0] = np.signbit(values).ravel()
     digits = text != ord("0")

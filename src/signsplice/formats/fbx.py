@@ -1,8 +1,8 @@
-"""Skeletal animation read from FBX files, binary and text, of versions 6 and 7; what comes back is in metres, Y up.
+"""Reading of skeletal animation from FBX files, binary and text, of versions 6 and 7; clips are in metres, Y up.
 
-Joints are the file's bones, or, where it has none, all that moves with what hangs below; of several skeletons the one
-with most parts of a body. The pose in which skins are bound becomes the rest pose, as in ``gltf_reader``, else that
-with all angles 0, which all files of an exporter share. Faces are blend shapes that a take moves, known by their names
+Joints are the file's bones, or, if it has none, all moving models with their descendants; of several skeletons, the one
+with most body parts is read. The bind pose of skins becomes the rest pose, as in ``gltf_reader``, else the pose with
+all angles 0, which all files of an exporter share. Faces are blend shapes that a take moves, recognised by name
 (``motion.face``).
 """
 
@@ -34,8 +34,8 @@ from signsplice.rig.info import rig_info
 
 
 def face_of(objects: FbxObjects, take: Take, times: FloatArray) -> tuple[Face | None, tuple[str, ...]]:
-    """The face that a take shows at ``times`` (T,), None where it moves no blend shape that is known, and the blend
-    shapes that it moves besides. Of meshes that share a name the first counts.
+    """Return the face that a take shows at ``times`` (T,), None if it moves no known blend shape, and the unknown blend
+    shapes that it moves. Of blend shapes with the same name, the first counts.
     """
     tracks, unknown = dict[str, FloatArray](), dict[str, None]()
     for key, record in objects.all("Deformer", "BlendShapeChannel"):
@@ -57,13 +57,13 @@ _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _LEAST_JOINTS = 3
 _NAMED = 5
-"""Most takes that an error names."""
+"""Most takes that an error message names."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, take: str = "") -> Clip:
-    """The clip of a take in the bytes of a file named ``file``, by default of the first that moves its joints.
+    """Parse a take in the bytes of a file named ``file``, by default the first that moves its joints, into a clip.
 
-    Raises ``FormatError`` where the take or a skeleton is missing, and what the content causes where it is no FBX.
+    Raises ``FormatError`` if the take or a skeleton is missing, and the error that the content causes if it is not FBX.
     """
     return _Reader(FbxScene(content, file, limits), file, len(content), limits).clip(take)
 
@@ -75,7 +75,7 @@ class _Reader:
         self.scene, self.file, self.n_bytes, self.limits = scene, file, n_bytes, limits
 
     def clip(self, name: str) -> Clip:
-        """The clip of a take; without a name of the first that moves a joint."""
+        """Return the clip of a take; without a name, of the first that moves a joint."""
         skeletons = self._skeletons()
         take = self._take(name, {key for order in skeletons for key in order})
         ranks = [self._rank(order, take) for order in skeletons] if len(skeletons) > 1 else [(0, 0)]
@@ -83,15 +83,15 @@ class _Reader:
         times, fps = self._times(take, order)
         quats, positions = self._sample_animation(take, order, times)
         clip = self._build_clip(order, quats, positions, fps)
-        tops = [self.scene.models[other[0]].name for other in skeletons if len(other) > 1]
-        takes = [other.name for other in self.scene.takes if other is not take and other.layers]
+        tops = [self.scene.models[joints[0]].name for joints in skeletons if len(joints) > 1]
+        takes = [unread_take.name for unread_take in self.scene.takes if unread_take is not take and unread_take.layers]
         what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
         notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(what, tops)]
         face, shapes = face_of(self.scene.objects, take, times)
         return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
 
     def _skeletons(self) -> list[list[Id]]:
-        """The joints of each skeleton, parents first."""
+        """Return the joints of each skeleton, parents first."""
         models, parents = self.scene.models, self.scene.parents
         joints = {key for key in self.scene.order if models[key].kind in BONES or key in self.scene.skinned}
         if not joints:
@@ -104,9 +104,9 @@ class _Reader:
         tops: dict[Id, Id] = {}
         skeletons: dict[Id, list[Id]] = {}
         for key in self.scene.order:
-            over = parents.get(key)
-            if over in tops:
-                tops[key] = tops[over]
+            parent = parents.get(key)
+            if parent in tops:
+                tops[key] = tops[parent]
             elif key in joints:
                 tops[key] = key
             if key in joints:
@@ -114,7 +114,7 @@ class _Reader:
         return list(skeletons.values())
 
     def _rank(self, order: Sequence[Id], take: Take) -> tuple[int, int]:
-        """How much of a body a skeleton has, and how many of its joints move."""
+        """Return how many body roles a skeleton has, and how many of its joints move."""
         if len(order) < _LEAST_JOINTS or len(order) > self.limits.joints:
             return 0, 0
         names = unique([self.scene.models[key].name for key in order])
@@ -123,7 +123,7 @@ class _Reader:
         return len(rig_info(skeleton).roles.joints), len({key for key, _ in take.model_curves()}.intersection(order))
 
     def _take(self, name: str, joints: Set[Id]) -> Take:
-        """The take of a name, or the first that moves a joint."""
+        """Return the take of a name, or the first that moves a joint."""
         for take in self.scene.takes:
             moves = any(key in joints for key, _ in take.model_curves())
             if name == take.name if name else moves:
@@ -136,11 +136,11 @@ class _Reader:
         raise self._error("holds no take that moves a joint, expected an animated skeleton")
 
     def _times(self, take: Take, order: Sequence[Id]) -> tuple[FloatArray, float]:
-        """Times (T,) of the frames, and the frame rate: the file's, or that of keys that lie closer or between its
-        frames.
+        """Return times (T,) of the frames, and the frame rate: the file's, or that of keys that are denser or lie
+        between its frames.
         """
-        wanted = {*order}
-        curves = [curve for key, axes in take.model_curves() if key in wanted for curve in axes if curve]
+        joints = {*order}
+        curves = [curve for key, axes in take.model_curves() if key in joints for curve in axes if curve]
         densest = max(curves, key=lambda curve: len(curve.times)).times
         start, stop = take.span
         if stop <= start:
@@ -148,8 +148,8 @@ class _Reader:
         fps = self.scene.fps if LEAST_FPS <= self.scene.fps <= MOST_FPS else USUAL_FPS
         steps = np.diff(densest)
         if len(steps) > 1 and LEAST_FPS <= 1.0 / steps.mean() <= MOST_FPS:
-            rate, at = frame_rate(densest), (densest - densest[0]) * fps
-            if np.ptp(steps) * rate < DRIFT and (rate > fps or np.abs(at - np.rint(at)).max() > DRIFT):
+            rate, key_frames = frame_rate(densest), (densest - densest[0]) * fps
+            if np.ptp(steps) * rate < DRIFT and (rate > fps or np.abs(key_frames - np.rint(key_frames)).max() > DRIFT):
                 fps = rate
         n_steps = (stop - start) * fps
         size = n_steps * len(order) * FRAME_BYTES
@@ -157,31 +157,33 @@ class _Reader:
         return start + np.arange(int(np.floor(n_steps + DRIFT)) + 1) / fps, fps
 
     def _sample_animation(self, take: Take, order: Sequence[Id], times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (T, J, 4) and positions (T, J, 3) of joints relative to the joint above, the first in the world."""
+        """Sample rotations (T, J, 4) and positions (T, J, 3) relative to the parent; the root in the world."""
         scene, rows = self.scene, {key: row for row, key in enumerate(order)}
         needed: set[Id] = set()
         for key in order:
-            over: Id | None = key
-            while over is not None and over not in needed:
-                needed.add(over)
-                over = scene.parents.get(over)
+            parent: Id | None = key
+            while parent is not None and parent not in needed:
+                needed.add(parent)
+                parent = scene.parents.get(parent)
         quats, positions = np.empty((len(times), len(order), 4)), np.empty((len(times), len(order), 3))
-        found: dict[Id, Transforms] = {}
+        transforms: dict[Id, Transforms] = {}
         for key in (key for key in scene.order if key in needed):
-            over = scene.parents.get(key)
-            own = scene.transforms(key, take, times, None if over is None else found[over])
-            if over is not None and over not in rows:  # seen from the joint above that one
-                between = found[over]
-                at = between.positions + rotation.rotate(between.quats, own.positions)
-                own = replace(own, quats=rotation.multiply(between.quats, own.quats), positions=at)
-            found[key] = own
+            parent = scene.parents.get(key)
+            local = scene.transforms(key, take, times, None if parent is None else transforms[parent])
+            if parent is not None and parent not in rows:  # relative to the parent's parent
+                parent_pose = transforms[parent]
+                joint_positions = parent_pose.positions + rotation.rotate(parent_pose.quats, local.positions)
+                local = replace(
+                    local, quats=rotation.multiply(parent_pose.quats, local.quats), positions=joint_positions
+                )
+            transforms[key] = local
             if key in rows:
-                quats[:, rows[key]], positions[:, rows[key]] = own.quats, own.positions
+                quats[:, rows[key]], positions[:, rows[key]] = local.quats, local.positions
         return quats, positions
 
     def _build_clip(self, order: Sequence[Id], quats: FloatArray, positions: FloatArray, fps: float) -> Clip:
-        """The clip of joints whose rotations and positions are relative to the joint above, in the file's axes; both
-        arrays are changed.
+        """Build the clip from rotations and positions relative to the parent joint, in the file's axes; changes both
+        arrays.
         """
         parents, names = self.scene.parent_rows(order), tuple(unique([self.scene.models[key].name for key in order]))
         positions *= self.scene.metres
@@ -198,15 +200,17 @@ class _Reader:
         return Clip(skeleton, quats, roots, fps, stem(self.file), positions if stretches else None)
 
     def _rest_rotations(self, order: Sequence[Id]) -> FloatArray:
-        """Rotations (J, 4) in the world of the rest pose."""
+        """Return world rotations (J, 4) of the rest pose."""
         scene = self.scene
         is_bound = any(key in scene.bound for key in order)
-        found: dict[Id, FloatArray] = {}
+        world_quats: dict[Id, FloatArray] = {}
         for key in scene.order:
-            over = scene.parents.get(key)
-            above = rotation.IDENTITY if over is None else found[over]
-            found[key] = scene.bound.get(key, rotation.multiply(above, scene.rest_rotation(key, zero=not is_bound)))
-        return np.array([found[key] for key in order])
+            parent = scene.parents.get(key)
+            parent_quat = rotation.IDENTITY if parent is None else world_quats[parent]
+            world_quats[key] = scene.bound.get(
+                key, rotation.multiply(parent_quat, scene.rest_rotation(key, zero=not is_bound))
+            )
+        return np.array([world_quats[key] for key in order])
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, file=self.file)

@@ -1,6 +1,6 @@
-"""Avatars in FBX files as ``.glb``: joints and meshes at rest, blend shapes, colours, and textures in PNG or JPEG.
+"""Conversion of FBX avatars to ``.glb``: joints and meshes at rest, blend shapes, colours, PNG or JPEG textures.
 
-The rest pose is the one in which skins are bound. Scales go into vertices and lengths of bones.
+The rest pose is the bind pose of the skins. Scales are applied to vertices and bone lengths.
 """
 
 from __future__ import annotations
@@ -25,15 +25,19 @@ from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, read_bytes
 from signsplice.motion import FloatArray, rotation
 
 Rows = NDArray[np.int64]
-_VERTEX_BYTES, _CORNER_BYTES, _MOVE_BYTES = 300, 60, 48
-"""Memory that is counted for a vertex, a corner of a triangle, and a vertex of a blend shape."""
+_VERTEX_BYTES = 300
+"""Bytes of memory counted for a vertex."""
+_CORNER_BYTES = 60
+"""Bytes of memory counted for a corner of a triangle."""
+_MOVE_BYTES = 48
+"""Bytes of memory counted for a vertex of a blend shape."""
 
 
 class FbxMeshes:
     """The meshes of a scene on a skeleton.
 
-    scene: what they are read from.
-    worlds: model -> its matrix (4, 4) in the rest pose.
+    scene: their scene.
+    worlds: model -> its world matrix (4, 4) in the rest pose.
     rows: joint -> its number.
     """
 
@@ -42,24 +46,25 @@ class FbxMeshes:
         self._to_metres = scene.metres * scene.axes
 
     def all(self) -> list[list[tuple[Id | None, MeshPart]]]:
-        """Each mesh that joints carry, as parts of one material, None for none, in metres, Y up."""
+        """Return each mesh that joints carry, split into parts by material, None for none, in metres, Y up."""
         objects = self.scene.objects
-        pairs = ((key, at) for key in self.scene.order for at, _ in objects.on(key, "Geometry", "Mesh"))
-        return [parts for key, at in pairs if (parts := self._parts(key, at))]
+        pairs = ((key, geometry) for key in self.scene.order for geometry, _ in objects.on(key, "Geometry", "Mesh"))
+        return [parts for key, geometry in pairs if (parts := self._parts(key, geometry))]
 
     def _parts(self, key: Id, geometry: Id) -> list[tuple[Id | None, MeshPart]]:
-        """A model's mesh by its materials."""
+        """Split a model's mesh by its materials."""
         objects, record = self.scene.objects, self.scene.objects.records[geometry]
-        at, index = record.numbers("Vertices").reshape(-1, 3), record.numbers("PolygonVertexIndex")
-        record.budget.take(_VERTEX_BYTES * len(at) + _CORNER_BYTES * len(index))  # again for each model that shares it
-        carried = self._read_skinning(key, geometry, len(at))
+        positions, index = record.numbers("Vertices").reshape(-1, 3), record.numbers("PolygonVertexIndex")
+        # Counted again for each model that shares the mesh.
+        record.budget.take(_VERTEX_BYTES * len(positions) + _CORNER_BYTES * len(index))
+        carried = self._read_skinning(key, geometry, len(positions))
         if carried is None:
             return []
         blend, joints, weights = carried
-        placed = np.einsum("vab,vb->va", blend[:, :, :3], at) + blend[:, :, 3]
+        placed = np.einsum("vab,vb->va", blend[:, :, :3], positions) + blend[:, :, 3]
         vertex, corners, polygons = _triangles(index)
-        if len(vertex) and vertex.max() >= len(at):
-            raise InputError(f"a mesh of {len(at)} vertices has triangles of others")
+        if len(vertex) and vertex.max() >= len(positions):
+            raise InputError(f"a mesh of {len(positions)} vertices has triangles of others")
         if len(corners) and np.linalg.det(self._to_metres @ blend[vertex[0], :, :3]) < 0.0:
             corners = corners[:, ::-1]
         uvs, uv_of = _uvs(record, vertex)
@@ -67,10 +72,10 @@ class FbxMeshes:
         number = _materials(record, polygons)
         parts = []
         for n in np.unique(number):
-            own = corners[number == n]
-            pairs = vertex[own] * (uv_of.max() + 1) + uv_of[own]
+            part_corners = corners[number == n]
+            pairs = vertex[part_corners] * (uv_of.max() + 1) + uv_of[part_corners]
             _, first, triangles = np.unique(pairs, return_index=True, return_inverse=True)
-            used, uv = vertex[own].ravel()[first], uv_of[own].ravel()[first]
+            used, uv = vertex[part_corners].ravel()[first], uv_of[part_corners].ravel()[first]
             vertices, triangles = placed[used] @ self._to_metres.T, triangles.reshape(-1, 3)
             part = MeshPart(
                 self.scene.models[key].name, (1.0, 1.0, 1.0), vertices, normals(vertices, triangles), triangles,
@@ -81,8 +86,8 @@ class FbxMeshes:
         return parts
 
     def _read_skinning(self, key: Id, geometry: Id, n: int) -> tuple[FloatArray, Rows, FloatArray] | None:
-        """Of N vertices the matrices (N, 3, 4) to the rest pose, and the joints and weights (N, 4) that carry them.
-        None where no joint does.
+        """Return, for N vertices, the matrices (N, 3, 4) to the rest pose, and the joints and weights (N, 4) that carry
+        them; None if no joint does.
         """
         objects, row, above = self.scene.objects, 0, key
         while above not in self.rows and above in self.scene.parents:
@@ -93,8 +98,8 @@ class FbxMeshes:
             row = self.rows[above]
         elif not clusters:
             return None
-        own = _geometric(self.scene, key)
-        matrices, rows, vertices, weights, which = [self.worlds[key] @ own], [row], [], [], []
+        mesh_matrix = _geometric(self.scene, key)
+        matrices, rows, vertices, weights, which = [self.worlds[key] @ mesh_matrix], [row], [], [], []
         for cluster in clusters:
             record = objects.records[cluster]
             to_bone, (bone, *_) = record.numbers("Transform"), [*(b for b, _ in objects.on(cluster, "Model")), None]
@@ -103,53 +108,54 @@ class FbxMeshes:
             vertices.append(record.numbers("Indexes").astype(np.int64))
             weights.append(record.numbers("Weights")[: len(vertices[-1])])
             which.append(np.full(len(vertices[-1]), len(rows)))
-            matrices.append(self.worlds[bone] @ to_bone.reshape(4, 4).T @ own)
+            matrices.append(self.worlds[bone] @ to_bone.reshape(4, 4).T @ mesh_matrix)
             rows.append(self.rows[bone])
-        clusters_of, kept = _heaviest(vertices, weights, which, n)
+        clusters_of, kept_weights = _heaviest(vertices, weights, which, n)
         blend = np.zeros((n, 3, 4))
         for k in range(N_JOINTS):
-            blend += kept[:, k, None, None] * np.array(matrices)[clusters_of[:, k], :3]
-        return blend, np.array(rows)[clusters_of] * (kept > 0.0), kept
+            blend += kept_weights[:, k, None, None] * np.array(matrices)[clusters_of[:, k], :3]
+        return blend, np.array(rows)[clusters_of] * (kept_weights > 0.0), kept_weights
 
     def _morphs(self, geometry: Id, used: Rows, blend: FloatArray) -> dict[str, tuple[Rows, FloatArray]]:
-        """The blend shapes of a mesh on the vertices ``used`` (V,) of it, which may repeat."""
+        """Return the blend shapes of a mesh on its vertices ``used`` (V,), which may repeat."""
         objects, order = self.scene.objects, np.argsort(used, kind="stable")
         ordered = used[order]
-        found: dict[str, tuple[Rows, FloatArray]] = {}
+        morphs: dict[str, tuple[Rows, FloatArray]] = {}
         for deformer, _ in objects.on(geometry, "Deformer", "BlendShape"):
             for channel, _ in objects.on(deformer, "Deformer", "BlendShapeChannel"):
                 shapes = [objects.records[shape] for shape, _ in objects.on(channel, "Geometry", "Shape")]
                 if not shapes:
                     continue
-                index = shapes[-1].numbers("Indexes").astype(np.int64)  # the last is that at full strength
+                index = shapes[-1].numbers("Indexes").astype(np.int64)  # the last is the shape at full strength
                 shapes[-1].budget.take(_MOVE_BYTES * len(index))
-                index, one = np.unique(index, return_index=True)
-                moves = shapes[-1].numbers("Vertices").reshape(-1, 3)[one]
+                index, unique_rows = np.unique(index, return_index=True)
+                moves = shapes[-1].numbers("Vertices").reshape(-1, 3)[unique_rows]
                 first, end = (np.searchsorted(ordered, index, side) for side in ("left", "right"))
                 counts = end - first
                 each = np.repeat(np.arange(len(index)), counts)
                 rows = order[np.arange(len(each)) + np.repeat(first - np.cumsum(counts) + counts, counts)]
                 linear = np.einsum("vab,vb->va", blend[index[each], :, :3], moves[each])
-                found.setdefault(name_of(objects.records[channel].values[1]), (rows, linear @ self._to_metres.T))
-        return found
+                morphs.setdefault(name_of(objects.records[channel].values[1]), (rows, linear @ self._to_metres.T))
+        return morphs
 
 
 def _geometric(scene: FbxScene, key: Id) -> FloatArray:
-    """The matrix (4, 4) of a model that reaches its mesh alone."""
-    model, out = scene.models[key], np.eye(4)
+    """Return a model's geometric matrix (4, 4), which applies to its mesh only."""
+    model, matrix = scene.models[key], np.eye(4)
     turned = rotation.to_matrix(quats(model.vector("GeometricRotation"), "XYZ"))
-    out[:3, :3], out[:3, 3] = turned * model.vector("GeometricScaling", 1.0), model.vector("GeometricTranslation")
-    return out
+    matrix[:3, :3], matrix[:3, 3] = turned * model.vector("GeometricScaling", 1.0), model.vector("GeometricTranslation")
+    return matrix
 
 
 def _heaviest(
     vertices: Sequence[Rows], weights: Sequence[FloatArray], which: Sequence[Rows], n: int
 ) -> tuple[Rows, FloatArray]:
-    """The clusters (N, 4) that carry most of each vertex, and their weights, which sum to 1; cluster 0 where none does.
+    """Return the clusters (N, 4) with the largest weights of each vertex, and the weights, which sum to 1; cluster 0 if
+    a vertex has none.
 
-    vertices, weights, which: of each cluster its vertices, how much it carries of them, and its number.
+    vertices, weights, which: vertices of each cluster, their weights, and the cluster's number.
     """
-    clusters, kept = np.zeros((n, N_JOINTS), np.int64), np.zeros((n, N_JOINTS))
+    clusters, kept_weights = np.zeros((n, N_JOINTS), np.int64), np.zeros((n, N_JOINTS))
     if vertices:
         vertex, weight, cluster = (np.concatenate(parts) for parts in (vertices, weights, which))
         if len(vertex) and (vertex.min() < 0 or vertex.max() >= n):
@@ -158,14 +164,14 @@ def _heaviest(
         vertex, weight, cluster = vertex[order], weight[order], cluster[order]
         rank = np.arange(len(vertex)) - np.searchsorted(vertex, vertex)
         taken = (rank < N_JOINTS) & (weight > 0.0)
-        clusters[vertex[taken], rank[taken]], kept[vertex[taken], rank[taken]] = cluster[taken], weight[taken]
-    kept[kept.sum(axis=1) == 0.0, 0] = 1.0
-    return clusters, kept / kept.sum(axis=1, keepdims=True)
+        clusters[vertex[taken], rank[taken]], kept_weights[vertex[taken], rank[taken]] = cluster[taken], weight[taken]
+    kept_weights[kept_weights.sum(axis=1) == 0.0, 0] = 1.0
+    return clusters, kept_weights / kept_weights.sum(axis=1, keepdims=True)
 
 
 def _triangles(index: FloatArray) -> tuple[Rows, Rows, Rows]:
-    """The vertices (C,) of all corners of polygons, the corners (F, 3) of triangles that make these up, and the polygon
-    (F,) of each; the last corner of a polygon has its vertex as its complement.
+    """Triangulate polygons: return the vertices (C,) of all corners, and the corners (F, 3) and polygon (F,) of each
+    triangle. In ``index``, the last corner of a polygon is the complement of its vertex.
     """
     corners = index.astype(np.int64)
     ends = np.flatnonzero(corners < 0)
@@ -177,7 +183,7 @@ def _triangles(index: FloatArray) -> tuple[Rows, Rows, Rows]:
 
 
 def _uvs(record: Record, vertex: Rows) -> tuple[FloatArray | None, Rows]:
-    """Texture coordinates (N, 2) of a mesh, None for none, and their rows (C,) by corner."""
+    """Return a mesh's texture coordinates (N, 2), None for none, and the row (C,) of each corner."""
     layer = record.find("LayerElementUV")
     if layer is None:
         return None, np.zeros(len(vertex), np.int64)
@@ -192,23 +198,22 @@ def _uvs(record: Record, vertex: Rows) -> tuple[FloatArray | None, Rows]:
 
 
 def _materials(record: Record, polygons: Rows) -> Rows:
-    """The number of the material of each triangle, whose polygons are given (F,)."""
+    """Return the material number (F,) of each triangle from its polygon (F,)."""
     layer = record.find("LayerElementMaterial")
     rows = np.zeros(1, np.int64) if layer is None else np.maximum(layer.numbers("Materials").astype(np.int64), 0)
     return rows[polygons] if len(rows) > polygons.max(initial=0) > 0 else np.full(len(polygons), rows[:1].sum())
 
 
 _KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
-"""How a picture begins that glTF holds."""
+"""First bytes of a picture -> its media type, of the kinds that glTF holds."""
 _COLOURS = ("diffuse", "basecolor", "base_color")
-"""Parts of the names of properties that are a material's colour."""
+"""Parts of the property names of a material's colour."""
 
 
 def as_glb(content: bytes, file: str, folder: Path | None, limits: ReadLimits = DEFAULT_LIMITS) -> bytes:
-    """The bytes of a .glb with the avatar in an FBX file; ``folder``: where textures that are files are looked for,
-    nowhere with None.
+    """Convert an FBX avatar to the bytes of a .glb; ``folder``: the folder of its texture files, None for none.
 
-    Raises ``FormatError`` where it has no bones or is of version 6, and what its content causes.
+    Raises ``FormatError`` if it has no bones or is of version 6, and the errors that its content causes.
     """
     scene = FbxScene(content, file, limits)
     if scene.objects.has_old_takes:
@@ -221,7 +226,7 @@ def as_glb(content: bytes, file: str, folder: Path | None, limits: ReadLimits = 
 
 
 class _AvatarDocument:
-    """A glTF document of a scene under construction; ``order``: its joints, parents first."""
+    """A glTF document under construction, of a scene; ``order``: its joints, parents first."""
 
     def __init__(self, scene: FbxScene, order: list[Id], folder: Path | None, limits: ReadLimits) -> None:
         self.scene, self.order, self.folder, self.limits = scene, order, folder, limits
@@ -230,7 +235,7 @@ class _AvatarDocument:
         self._materials: dict[Id | None, int] = {}
 
     def content(self) -> bytes:
-        """Its bytes."""
+        """Return the bytes of the document."""
         writer, worlds = self.writer, _rest_worlds(self.scene, self.rows)
         for name in unique([self.scene.models[key].name for key in self.order]):
             writer.node(name)
@@ -245,26 +250,28 @@ class _AvatarDocument:
         return b"".join(document.save_to_bytes())
 
     def _place(self, worlds: dict[Id, FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Put the joints where they are at rest; returns the matrices (J, 3, 3) that turn the world's axes to theirs,
-        and their positions (J, 3).
+        """Place the joints at rest; returns the matrices (J, 3, 3) that turn the world's axes to theirs, and their
+        positions (J, 3).
         """
         matrices = np.stack([worlds[key] for key in self.order])
-        found = [nearest_rotation(matrix[:3, :3]) for matrix in matrices]
-        quats = np.array([rotation.IDENTITY if quat is None else quat for quat in found])
+        nearest_quats = [nearest_rotation(matrix[:3, :3]) for matrix in matrices]
+        quats = np.array([rotation.IDENTITY if quat is None else quat for quat in nearest_quats])
         self.scene.to_axes(quats)
-        at = self.scene.metres * matrices[:, :3, 3] @ self.scene.axes.T
+        positions = self.scene.metres * matrices[:, :3, 3] @ self.scene.axes.T
         nodes, parents = self.writer.gltf.nodes, self.scene.parent_rows(self.order)
         for row, above in enumerate(parents):
             below = rotation.inverse(quats[above] if above >= 0 else rotation.IDENTITY)
-            nodes[row].translation = rotation.rotate(below, at[row] - (at[above] if above >= 0 else 0.0)).tolist()
+            nodes[row].translation = rotation.rotate(
+                below, positions[row] - (positions[above] if above >= 0 else 0.0)
+            ).tolist()
             nodes[row].rotation = rotation.normalize(rotation.multiply(below, quats[row])).tolist()
             if above >= 0:
                 nodes[above].children.append(row)
         self.writer.gltf.scenes[0].nodes = np.flatnonzero(parents < 0).tolist()
-        return rotation.to_matrix(rotation.inverse(quats)), at
+        return rotation.to_matrix(rotation.inverse(quats)), positions
 
     def _material(self, key: Id | None) -> int:
-        """The number of a material."""
+        """Return the number of a material, added if it is new."""
         if key not in self._materials:
             record = None if key is None else self.scene.objects.records[key]
             numbers = {} if record is None else numbers_of(record)
@@ -280,7 +287,7 @@ class _AvatarDocument:
         return self._materials[key]
 
     def _add_texture(self, key: Id, material: Material, surface: PbrMetallicRoughness) -> None:
-        """Give a material its picture, where it has one that glTF holds."""
+        """Give a material its picture, if it has one of a kind that glTF holds."""
         textures = [*self.scene.objects.on(key, "Texture")]
         for texture, what in textures:
             picture = self._picture(texture) if any(part in what.lower() for part in _COLOURS) else b""
@@ -292,20 +299,20 @@ class _AvatarDocument:
                 gltf.textures.append(Texture(source=len(gltf.images) - 1))
                 surface.baseColorTexture = TextureInfo(index=len(gltf.textures) - 1)
                 surface.baseColorFactor = [1.0] * 4
-                if any("transparen" in other.lower() for _, other in textures):
+                if any("transparen" in property_name.lower() for _, property_name in textures):
                     material.alphaMode, material.alphaCutoff = "MASK", 0.5
                 return
 
     def _picture(self, texture: Id) -> bytes:
-        """The bytes of a texture's picture: in the file, or a file in its folder; empty where it is not found."""
+        """Return the bytes of a texture's picture, from the file or a file in its folder; empty if it is missing."""
         records = [self.scene.objects.records[texture]]
         records += [self.scene.objects.records[video] for video, _ in self.scene.objects.on(texture, "Video")]
         for record in reversed(records):
-            content: Any = next(iter(found.values if (found := record.find("Content")) else ()), b"")
+            content: Any = next(iter(content_record.values if (content_record := record.find("Content")) else ()), b"")
             if isinstance(content, bytes) and content:
                 return content
-        names = [str(found.values[0]) for record in records for name in ("RelativeFilename", "FileName")
-                 if (found := record.find(name)) is not None and found.values]  # fmt: skip
+        names = [str(name_record.values[0]) for record in records for name in ("RelativeFilename", "FileName")
+                 if (name_record := record.find(name)) is not None and name_record.values]  # fmt: skip
         for name in names:
             if self.folder is None:
                 continue
@@ -316,18 +323,20 @@ class _AvatarDocument:
 
 
 def _rest_worlds(scene: FbxScene, joints: dict[Id, int]) -> dict[Id, FloatArray]:
-    """Model -> its matrix (4, 4) in the world at rest: joints as their skins are bound, and all else upon them."""
-    still, found, rest = Take("", (0.0, 0.0), ()), dict[Id, Transforms](), dict[Id, FloatArray]()
+    """Return model -> world matrix (4, 4) at rest: joints in their bind pose, other models relative to them."""
+    still, transforms, rest = Take("", (0.0, 0.0), ()), dict[Id, Transforms](), dict[Id, FloatArray]()
     turned, worlds = dict[Id, FloatArray](), dict[Id, FloatArray]()  # as the file has them
     for key in scene.order:
         above = scene.parents.get(key)
-        own = found[key] = scene.transforms(key, still, np.zeros(1), None if above is None else found[above])
-        turned[key], worlds[key] = rotation.to_matrix(own.quats[0]), np.eye(4)
-        worlds[key][:3, 3] = own.positions[0]
+        local = transforms[key] = scene.transforms(
+            key, still, np.zeros(1), None if above is None else transforms[above]
+        )
+        turned[key], worlds[key] = rotation.to_matrix(local.quats[0]), np.eye(4)
+        worlds[key][:3, 3] = local.positions[0]
         if above is not None:
-            worlds[key][:3, 3] = worlds[above][:3, 3] + turned[above] @ own.positions[0]
+            worlds[key][:3, 3] = worlds[above][:3, 3] + turned[above] @ local.positions[0]
             turned[key] = turned[above] @ turned[key]
-        worlds[key][:3, :3] = turned[key] @ own.scaling[0]
+        worlds[key][:3, :3] = turned[key] @ local.scaling[0]
         bound = scene.binds.get(key) if key in joints and key in scene.bound else None
         carried = worlds[key] if above is None else rest[above] @ np.linalg.inv(worlds[above]) @ worlds[key]
         rest[key] = carried if bound is None else bound

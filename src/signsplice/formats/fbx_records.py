@@ -1,8 +1,7 @@
-"""The records of an FBX file, binary or text: names, values and records within records, read when they are asked for;
-and its objects by their ids, and which hang on which.
+"""The records of an FBX file, binary or text, with their names, values and child records, read on demand; and its
+objects by id, with their connections.
 
-Binary records begin with the offset of their end, so that meshes and textures are passed over without being decoded.
-
+Binary records begin with the offset of their end, so that meshes and textures can be skipped without decoding.
 """
 
 from __future__ import annotations
@@ -29,15 +28,20 @@ _SCALARS = {ord(kind): struct.Struct(f"<{form}") for kind, form in zip("YCBIFDL"
 _ARRAYS = {
     ord(kind): np.dtype(form) for kind, form in zip("fdlibc", ("<f4", "<f8", "<i8", "<i4", "i1", "i1"), strict=True)
 }
-_TEXT, _RAW = ord("S"), ord("R")
+_TEXT = ord("S")
+"""Type code of a text value."""
+_RAW = ord("R")
+"""Type code of a value of raw bytes."""
 _HEADS = {False: struct.Struct("<IIIB"), True: struct.Struct("<QQQB")}
-"""Of records: where it ends, the number of its values, their bytes, the length of its name."""
-_RECORD_BYTES, _VALUE_BYTES = 400, 64
-"""Memory that a record and a value take at most, besides their bytes in the file."""
+"""Head of a record: its end, the number and bytes of its values, the length of its name; True: 64 bits."""
+_RECORD_BYTES = 400
+"""Most bytes of memory that a record takes, besides its bytes in the file."""
+_VALUE_BYTES = 64
+"""Most bytes of memory that a value takes, besides its bytes in the file."""
 _NAME = r"[A-Za-z_][\w|-]*:"
 _STATEMENT = re.compile(
     rf"""\s*(?:;[^\n]*|(?P<close>\}})|(?P<name>{_NAME})"""
-    # Values go on over ends of lines, until a line begins with a name, a comment or a brace.
+    # Values may span lines, until a line begins with a name, a comment or a brace.
     rf"""(?P<values>(?:"[^"]*"|[^"{{}};\n]+|\n(?![^\S\n]*(?:{_NAME}|[}};])))*)(?P<open>\{{)?)"""
 )
 _VALUE = re.compile(r'"(?P<text>[^"]*)"|(?P<word>[^\s,"]+)')
@@ -46,8 +50,8 @@ _VALUE = re.compile(r'"(?P<text>[^"]*)"|(?P<word>[^\s,"]+)')
 class Record(ABC):
     """A record of a file.
 
-    name: of the record.
-    budget: of its file.
+    name: the record's name.
+    budget: the budget of its file.
     """
 
     __slots__ = ("_named", "_values", "budget", "name")
@@ -70,25 +74,25 @@ class Record(ABC):
     @property
     @abstractmethod
     def children(self) -> list[Record]:
-        """The records within it, in order."""
+        """The child records, in order."""
 
     @property
     def child_by_name(self) -> dict[str, Record]:
-        """The first record within it of each name."""
+        """The first child record of each name."""
         if self._named is None:
             self._named = {child.name: child for child in reversed(self.children)}
         return self._named
 
     def find(self, name: str) -> Record | None:
-        """The first record within it of a name."""
+        """Return the first child record of a name."""
         return self.child_by_name.get(name)
 
     def all(self, name: str) -> list[Record]:
-        """The records within it of a name."""
+        """Return the child records of a name."""
         return [child for child in self.children if child.name == name]
 
     def numbers(self, name: str) -> FloatArray:
-        """The numbers (N,) of the first record within it of a name, none where there is none; text counts as 0."""
+        """Return the numbers (N,) of the first child record of a name, empty if there is none; text counts as 0."""
         child = self.find(name)
         values = [] if child is None else child.values
         if values and isinstance(values[0], np.ndarray):
@@ -97,9 +101,10 @@ class Record(ABC):
 
 
 class Budget:
-    """Counts what the records of a file take, and raises ``LimitError`` where that is far more than its bytes.
+    """Counts the memory of a file's records, and raises ``LimitError`` if it far exceeds the file's size.
 
-    content: of the file. head: how records of a binary one begin.
+    content: bytes of the file.
+    head: format of the record heads of a binary file.
     """
 
     def __init__(self, content: bytes, file: str, limits: ReadLimits, head: struct.Struct = _HEADS[False]) -> None:
@@ -108,14 +113,14 @@ class Budget:
         self.taken, self.most = 0, limits.free_bytes + limits.growth * n_bytes
 
     def take(self, n_bytes: int) -> None:
-        """Count bytes that are about to be taken."""
+        """Count bytes before they are allocated."""
         self.taken += n_bytes
         if self.taken > self.most:
             self.limits.check_memory("records", self.taken, self.n_bytes, self.file)
 
 
 def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> tuple[Record, int]:
-    """The record that holds all others, and the version times 1000. Raises ``FormatError`` where it is no FBX file."""
+    """Return the top record, and the version times 1000. Raises ``FormatError`` if it is not an FBX file."""
     if content.startswith(MAGIC[:20]):
         (version,) = struct.unpack_from("<I", content, len(MAGIC))
         budget = Budget(content, file, limits, _HEADS[version >= _WIDE_HEADS])
@@ -129,7 +134,7 @@ def read_records(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
 
 
 class _BinaryRecord(Record):
-    """A record of a binary file; ``at``: where its values begin, where they end, and where the record ends."""
+    """A record of a binary file; ``at``: offsets of the start and end of its values, and of the record's end."""
 
     __slots__ = ("_at", "_children", "_n_values")
 
@@ -141,26 +146,26 @@ class _BinaryRecord(Record):
     def _read_values(self) -> list[Any]:
         content, (start, stop, _) = self.budget.content, self._at
         self.budget.take(self._n_values * _VALUE_BYTES)
-        found: list[Any] = []
+        values: list[Any] = []
         for _ in range(self._n_values):
             kind, start = content[start], start + 1
             if (scalar := _SCALARS.get(kind)) is not None:
-                found.append(scalar.unpack_from(content, start)[0])
+                values.append(scalar.unpack_from(content, start)[0])
                 start += scalar.size
             elif kind in (_TEXT, _RAW):
                 size = int.from_bytes(content[start : start + 4], "little")
                 start += 4 + size
                 raw = content[start - size : start]
-                found.append(raw.decode("utf-8", "replace") if kind == _TEXT else raw)
+                values.append(raw.decode("utf-8", "replace") if kind == _TEXT else raw)
             elif kind in _ARRAYS:
                 count, packed, size = struct.unpack_from("<III", content, start)
-                found.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))
+                values.append(self._array(_ARRAYS[kind], count, packed, start + 12, size))
                 start += 12 + size
             else:
                 raise FormatError(f"{self.name}: a value of type {chr(kind)!r}", file=self.budget.file)
             if start > stop:
                 raise FormatError(f"{self.name}: its values end early", file=self.budget.file)
-        return found
+        return values
 
     def _array(self, dtype: np.dtype[Any], count: int, packed: int, start: int, size: int) -> np.ndarray[Any, Any]:
         n_bytes = count * dtype.itemsize
@@ -181,7 +186,7 @@ class _BinaryRecord(Record):
     def _read_children(self) -> list[Record]:
         budget, (_, start, stop) = self.budget, self._at
         content, read, size = budget.content, budget.head.unpack_from, budget.head.size
-        found: list[Record] = []
+        children: list[Record] = []
         while start + size <= stop:
             end, n_values, n_bytes, n_letters = read(content, start)
             if end == 0:
@@ -192,10 +197,10 @@ class _BinaryRecord(Record):
                     f"a record ends at byte {end}, expected at most {stop}: it is cut off or damaged", file=budget.file
                 )
             name = content[start + size : begin].decode("utf-8", "replace")
-            found.append(_BinaryRecord(name, (begin, begin + n_bytes, end), n_values, budget))
+            children.append(_BinaryRecord(name, (begin, begin + n_bytes, end), n_values, budget))
             start = end
-        self.budget.take(_RECORD_BYTES * len(found))
-        return found
+        self.budget.take(_RECORD_BYTES * len(children))
+        return children
 
 
 class _TextRecord(Record):
@@ -217,7 +222,7 @@ class _TextRecord(Record):
         return [_number(m["word"]) if m["text"] is None else m["text"] for m in _VALUE.finditer(self._text)]
 
     def numbers(self, name: str) -> FloatArray:
-        """The numbers (N,) of the first record within it of a name; long lists without an object for each number."""
+        """Return the numbers (N,) of the first child record of a name; long lists without an object for each number."""
         child = self.find(name)
         inner = None if child is None else child.find("a")
         if not isinstance(inner, _TextRecord):
@@ -227,7 +232,7 @@ class _TextRecord(Record):
 
 
 def _number(word: str) -> Any:
-    """A number, or the word itself."""
+    """Parse a word as a number; the word itself if it is none."""
     for kind in (int, float):
         try:
             return kind(word)
@@ -237,10 +242,10 @@ def _number(word: str) -> Any:
 
 
 def _text_records(text: str, budget: Budget) -> _TextRecord:
-    """The record that holds all records of a text file."""
-    stack, at = [_TextRecord("", "", budget)], 0
-    while match := _STATEMENT.match(text, at):
-        at = match.end()
+    """Parse a text file; returns the top record."""
+    stack, position = [_TextRecord("", "", budget)], 0
+    while match := _STATEMENT.match(text, position):
+        position = match.end()
         if match["close"]:
             if len(stack) > 1:
                 stack.pop()
@@ -250,18 +255,26 @@ def _text_records(text: str, budget: Budget) -> _TextRecord:
             stack[-1]._children.append(record)
             if match["open"]:
                 stack.append(record)
-    rest = text[at:].strip()
+    rest = text[position:].strip()
     if rest:
-        line = text.count("\n", 0, at) + 1
+        line = text.count("\n", 0, position) + 1
         raise FormatError(f"no record begins with {rest[:20]!r}", file=budget.file, line=line)
     return stack[0]
 
 
 Id = int | str
-_TICKS, _NEW_TICKS, _OLD_DEFINITION, _DEFINED_FROM = 46186158000.0, 141120000.0, 127, 1004
-"""Units of time in a second, of nearly all files and of those that say so in a header of at least this version."""
-_NEW_FORM, _BITS_FROM = 7000, 7200
-"""From these versions on, takes are objects, and text files write the bits of key attributes as whole numbers."""
+_TICKS = 46186158000.0
+"""Units of time in a second, in nearly all files."""
+_NEW_TICKS = 141120000.0
+"""Units of time in a second, in files whose header defines a new unit."""
+_OLD_DEFINITION = 127
+"""``TCDefinition`` of the usual unit."""
+_DEFINED_FROM = 1004
+"""Lowest version of a header that defines the unit."""
+_NEW_FORM = 7000
+"""From this version on, takes are objects."""
+_BITS_FROM = 7200
+"""From this version on, text files write the bits of key attributes as whole numbers."""
 _WANTED = ("Model", "AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve", "Deformer", "Pose",
            "Geometry", "Material", "Texture", "Video")  # fmt: skip
 
@@ -269,11 +282,11 @@ _WANTED = ("Model", "AnimationStack", "AnimationLayer", "AnimationCurveNode", "A
 class FbxObjects:
     """The objects of a file.
 
-    top: the record that holds all others.
+    top: the top record.
     records: id -> object; in files of version 6 its name is its id.
-    sources: id -> what hangs on it, each with the property that it drives, empty for none.
+    sources: id -> the objects connected to it, each with the property that it drives, empty for none.
     ticks: units of time in a second.
-    has_old_takes: whether takes are no objects.
+    has_old_takes: whether takes are not objects.
     has_bits: whether the bits of key attributes are written as whole numbers.
     """
 
@@ -290,44 +303,44 @@ class FbxObjects:
             self.sources[target].append((source, what))
 
     def on(self, target: Any, name: str, kind: str = "") -> Iterator[tuple[Id, str]]:
-        """What hangs on an object, with the property that it drives: records of a name and, where given, a kind."""
+        """Yield the objects connected to one, with the property they drive: records of a name and, if given, a kind."""
         for source, what in self.sources.get(target, ()):
             record = self.records.get(source)
             if record is not None and record.name == name and (not kind or record.values[-1] == kind):
                 yield source, what
 
     def all(self, name: str, kind: str = "") -> Iterator[tuple[Id, Record]]:
-        """The objects whose records have a name and, where given, a kind."""
+        """Yield the objects whose records have a name and, if given, a kind."""
         for key, record in self.records.items():
             if record.name == name and (not kind or record.values[-1] == kind):
                 yield key, record
 
 
 def within(top: Record, name: str, kinds: Collection[str]) -> list[Record]:
-    """The records of some kinds within a part of the file; none where it lacks the part."""
+    """Return the records of some kinds in a section of the file; empty if it lacks the section."""
     part = top.find(name)
     return [] if part is None else [record for record in part.children if record.name in kinds]
 
 
 def numbers_of(record: Record) -> dict[str, FloatArray]:
-    """Property -> its numbers, of a record's properties in the form of version 7 or 6."""
-    found: dict[str, FloatArray] = {}
+    """Return property -> numbers of a record, in the form of version 7 or 6."""
+    properties: dict[str, FloatArray] = {}
     for name, kind, first in (("Properties70", "P", 4), ("Properties60", "Property", 3)):
         part = record.find(name)
         for row in part.all(kind) if part is not None else ():
             numbers = row.values[first:]
             if numbers and all(isinstance(number, int | float) for number in numbers):
-                found[row.values[0]] = np.array(numbers, np.float64)
-    return found
+                properties[row.values[0]] = np.array(numbers, np.float64)
+    return properties
 
 
 def name_of(text: Any) -> str:
-    """A name without the kind of record that stands before it, or, in binary files, behind it."""
+    """Return a name without the kind of record before it or, in binary files, after it."""
     return printable(str(text).split("\x00\x01")[0].rpartition("::")[2], "unnamed")
 
 
 def _ticks(header: Record) -> float:
-    """Units of time in a second, as a file's header defines them."""
+    """Return the units of time in a second, as a file's header defines them."""
     flags, version = header.find("OtherFlags"), header.numbers("FBXHeaderVersion")
     defined = np.empty(0) if flags is None else flags.numbers("TCDefinition")
     if len(defined) and len(version) and version[0] >= _DEFINED_FROM and defined[0] != _OLD_DEFINITION:

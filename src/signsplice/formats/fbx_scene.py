@@ -1,7 +1,7 @@
-"""The models of an FBX scene, how they hang together, and their transforms over time.
+"""The models of an FBX scene, their hierarchy, and their transforms over time.
 
 A model's matrix is T Roff Rp Rpre R Rpost^-1 Rp^-1 Soff Sp S Sp^-1 (columns; "Transformation Data" in the FBX SDK's
-documentation). A scale reaches the models below in one of three ways, by their ``InheritType``.
+documentation). Children inherit a scale in one of three ways, by their ``InheritType``.
 """
 
 from __future__ import annotations
@@ -22,18 +22,22 @@ from signsplice.motion import FloatArray, rotation
 BONES = ("LimbNode", "Limb", "Root")
 """Kinds of models that are joints."""
 _ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX", "XYZ")
-"""By number: the axes in the order in which they act."""
+"""By FBX number: axes in the order of their rotations."""
 _RATES = (30, 120, 100, 60, 50, 48, 30, 30, 30 / 1.001, 30 / 1.001, 25, 24, 1000, 24 / 1.001, 0, 96, 72, 60 / 1.001)
 """Frames a second by ``TimeMode``; 0: ``CustomFrameRate``."""
-_SCALE_LAST, _SCALE_FIRST, _SCALE_NOT = 0, 1, 2
-"""``InheritType``: the scale from above acts in the model's axes, in its parent's, or without its parent's own."""
+_SCALE_LAST = 0
+"""``InheritType``: inherited scale acts in the model's own axes."""
+_SCALE_FIRST = 1
+"""``InheritType``: inherited scale acts in the parent's axes."""
+_SCALE_NOT = 2
+"""``InheritType``: inherited scale leaves out the parent's own scale."""
 
 
 @dataclass(frozen=True)
 class Model:
     """A model of a scene: a joint, an empty, a mesh.
 
-    name, kind: as the file has them.
+    name, kind: as in the file.
     numbers: property -> its numbers.
     """
 
@@ -42,17 +46,17 @@ class Model:
     numbers: Mapping[str, FloatArray]
 
     def vector(self, name: str, otherwise: float = 0.0) -> FloatArray:
-        """A property of three numbers (3,)."""
-        found = self.numbers.get(name, ())
-        return np.array(found[:3]) if len(found) >= 3 else np.full(3, otherwise)
+        """Return a property of three numbers (3,)."""
+        numbers = self.numbers.get(name, ())
+        return np.array(numbers[:3]) if len(numbers) >= 3 else np.full(3, otherwise)
 
     def number(self, name: str, otherwise: int = 0) -> int:
-        """A property of one whole number."""
+        """Return a property of one whole number."""
         return int(next(iter(self.numbers.get(name, ())), otherwise))
 
     @property
     def rotation_order(self) -> str:
-        """The axes of its angles in the order in which they act. Raises ``InputError`` for an unknown one."""
+        """The axes of its angles in the order of rotation. Raises ``InputError`` for an unknown order."""
         order = self.number("RotationOrder") if self.number("RotationActive") else 0
         if not 0 <= order < len(_ORDERS):
             raise InputError(f"model {self.name!r:.80}: rotation order {order}, expected 0 to {len(_ORDERS) - 1}")
@@ -61,12 +65,12 @@ class Model:
 
 @dataclass(frozen=True)
 class Transforms:
-    """A model's transforms relative to the model above it, over T frames or one.
+    """A model's transforms relative to its parent, over T frames or one.
 
     quats: (T, 4) rotations.
-    positions: (T, 3), scaled as what lies above scales them.
+    positions: (T, 3), with the scaling of the ancestors.
     scales: (T, 3) its own scale.
-    scaling: (T, 3, 3) by how much its own axes are scaled, with all that lies above.
+    scaling: (T, 3, 3) scaling of its axes, including its ancestors'.
     """
 
     quats: FloatArray
@@ -76,15 +80,15 @@ class Transforms:
 
 
 class FbxScene:
-    """What a file holds.
+    """The scene in a file.
 
     objects: all its objects.
     settings: property -> its numbers.
     models: id -> model.
-    parents: model -> the model above it.
-    order: all models, each after the one above it; without those that hang below themselves.
+    parents: model -> its parent.
+    order: all models, parents first, without cycles.
     takes: in the file's order.
-    binds: model -> its matrix (4, 4) in the world where its skin is bound, or in a bind pose.
+    binds: model -> its world matrix (4, 4) in the bind pose.
     bound: model -> its rotation (4,) in that pose.
     skinned: models that carry skins.
     """
@@ -108,28 +112,26 @@ class FbxScene:
 
     @property
     def fps(self) -> float:
-        """The frame rate that the file names."""
+        """The file's frame rate; 0 if it names none."""
         mode = int(self._setting("TimeMode", 0))
         rate = _RATES[mode] if 0 <= mode < len(_RATES) else 0
         return float(rate or self._setting("CustomFrameRate", 0.0))
 
     @property
     def axes(self) -> FloatArray:
-        """The matrix (3, 3) that takes the file's axes to X right, Y up, Z ahead; of determinant -1 where its axes are
-        left-handed.
-        """
-        out = np.zeros((3, 3))
+        """The matrix (3, 3) from the file's axes to X right, Y up, Z ahead; determinant -1 for left-handed axes."""
+        matrix = np.zeros((3, 3))
         for row, (name, usual) in enumerate((("Coord", 0), ("Up", 1), ("Front", 2))):
-            out[row, int(self._setting(f"{name}Axis", usual)) % 3] = self._setting(f"{name}AxisSign", 1.0)
-        return out if abs(np.linalg.det(out)) == 1.0 else np.eye(3)
+            matrix[row, int(self._setting(f"{name}Axis", usual)) % 3] = self._setting(f"{name}AxisSign", 1.0)
+        return matrix if abs(np.linalg.det(matrix)) == 1.0 else np.eye(3)
 
     @property
     def metres(self) -> float:
-        """The file's unit of length."""
+        """The file's unit of length, metres."""
         return self._setting("UnitScaleFactor", 1.0) / 100.0
 
     def transforms(self, key: Id, take: Take, times: FloatArray, above: Transforms | None) -> Transforms:
-        """A model's transforms at ``times`` (T,) of a take; ``above``: those of the model above it."""
+        """Return a model's transforms at ``times`` (T,) of a take; ``above``: its parent's."""
         model = self.models[key]
         moved, turned, scale = (self._moves(key, name, take, times) for name in MOVES)
         turned = _rotations(model, turned)
@@ -145,22 +147,22 @@ class FbxScene:
         return Transforms(turned, positions, scale, _parent_scaling(inherits, above, turned) * scale[:, None])
 
     def to_axes(self, quats: FloatArray) -> None:
-        """Change rotations (..., 4) in the file's axes to X right, Y up, Z ahead."""
+        """Convert rotations (..., 4), in place, from the file's axes to X right, Y up, Z ahead."""
         quats[..., :3] = np.linalg.det(self.axes) * quats[..., :3] @ self.axes.T
 
     def parent_rows(self, order: Sequence[Id]) -> NDArray[np.intp]:
-        """For each of some models the row of the nearest one above it, -1 where there is none."""
+        """Return for each of some models the row of its nearest ancestor among them, -1 for none."""
         rows = {key: row for row, key in enumerate(order)}
-        found = []
+        rows_above = []
         for key in order:
-            over = self.parents.get(key)
-            while over is not None and over not in rows:
-                over = self.parents.get(over)
-            found.append(-1 if over is None else rows[over])
-        return np.array(found, np.intp)
+            parent = self.parents.get(key)
+            while parent is not None and parent not in rows:
+                parent = self.parents.get(parent)
+            rows_above.append(-1 if parent is None else rows[parent])
+        return np.array(rows_above, np.intp)
 
     def rest_rotation(self, key: Id, zero: bool) -> FloatArray:
-        """A model's rotation (4,) as the file has it at rest, or, for ``zero``, with angles of 0."""
+        """Return a model's rotation (4,) at rest in the file, or, with ``zero``, for angles of 0."""
         model = self.models[key]
         return _rotations(model, np.zeros(3) if zero else model.vector(MOVES[1]))
 
@@ -168,14 +170,14 @@ class FbxScene:
         children: dict[Id | None, list[Id]] = defaultdict(list)
         for key in self.models:
             children[self.parents.get(key)].append(key)
-        found, stack = [], children[None][::-1]
+        order, stack = [], children[None][::-1]
         while stack:
-            found.append(key := stack.pop())
+            order.append(key := stack.pop())
             stack += reversed(children[key])
-        return found
+        return order
 
     def _moves(self, key: Id, name: str, take: Take, times: FloatArray) -> FloatArray:
-        """A property that moves, over T frames or one: (T, 3)."""
+        """Return an animated property over T frames or one: (T, 3)."""
         model = self.models[key]
         rest = model.vector(name, 1.0 if name == MOVES[2] else 0.0)
         return take.values(key, name, rest, times, model.rotation_order)
@@ -184,24 +186,24 @@ class FbxScene:
         return float(next(iter(self.settings.get(name, ())), otherwise))
 
     def _bind_matrices(self) -> tuple[dict[Id, FloatArray], set[Id]]:
-        """The matrices of ``binds``, and the models that carry skins."""
-        found: dict[Id, FloatArray] = {}
+        """Return the matrices of ``binds``, and the models that carry skins."""
+        stored: dict[Id, FloatArray] = {}
         skinned = set()
         for _, record in self.objects.all("Pose", "BindPose"):
             for node in record.all("PoseNode"):
                 name = node.find("Node")
                 if name is not None and name.values:
-                    found[name.values[0]] = node.numbers("Matrix")
+                    stored[name.values[0]] = node.numbers("Matrix")
         for key, record in self.objects.all("Deformer", "Cluster"):
             for source, _ in self.objects.on(key, "Model"):
-                found[source] = record.numbers("TransformLink")
+                stored[source] = record.numbers("TransformLink")
                 skinned.add(source)
-        usable = {key: cells for key, cells in found.items() if key in self.models and len(cells) == 16}
+        usable = {key: cells for key, cells in stored.items() if key in self.models and len(cells) == 16}
         return {key: cells.reshape(4, 4).T for key, cells in usable.items()}, skinned
 
 
 def _parent_scaling(kind: int, above: Transforms, quats: FloatArray) -> FloatArray:
-    """The scaling (T, 3, 3) that reaches a model with rotations ``quats`` from above."""
+    """Return the scaling (T, 3, 3) that a model with rotations ``quats`` inherits."""
     if kind == _SCALE_NOT:
         return above.scaling / above.scales[..., None]
     scaling = above.scaling
@@ -213,9 +215,9 @@ def _parent_scaling(kind: int, above: Transforms, quats: FloatArray) -> FloatArr
 
 
 def _rotations(model: Model, degrees: FloatArray) -> FloatArray:
-    """Rotations (..., 4) of a model for angles (..., 3)."""
+    """Return a model's rotations (..., 4) for angles (..., 3), degrees."""
     turned = quats(degrees, model.rotation_order)
-    if not model.number("RotationActive"):  # the SDK then leaves out all below
+    if not model.number("RotationActive"):  # the SDK then ignores the pre- and post-rotation
         return turned
     before, after = model.vector("PreRotation"), model.vector("PostRotation")
     if before.any():
@@ -224,7 +226,7 @@ def _rotations(model: Model, degrees: FloatArray) -> FloatArray:
 
 
 def nearest_rotation(matrix: FloatArray) -> FloatArray | None:
-    """The rotation (4,) nearest to a matrix (3, 3); None where there is none."""
+    """Return the rotation (4,) nearest to a matrix (3, 3); None for a singular or non-finite one."""
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix)) == 0.0:
         return None
     return rotation.nearest(matrix)

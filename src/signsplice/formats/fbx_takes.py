@@ -1,9 +1,8 @@
-"""The takes of an FBX file: curves by object and property, in layers that lie on one another; keys lie at any times,
-held, linear or cubic between them.
+"""The takes of an FBX file: curves by object and property, in stacked layers. Keys have any times; between them a curve
+is held, linear or cubic.
 
-A layer adds to those below it or goes over them, as strongly as its weight says ("FbxAnimLayer" in the FBX SDK's
-documentation; what it leaves open was measured on the SDK).
-
+A layer adds to or overrides those below it, in proportion to its weight ("FbxAnimLayer" in the FBX SDK's documentation;
+unspecified cases were measured on the SDK).
 """
 
 from __future__ import annotations
@@ -21,22 +20,37 @@ from signsplice.formats.fbx_records import FbxObjects, Id, Record, name_of, numb
 from signsplice.motion import FloatArray, rotation
 from signsplice.motion.face import shape_of
 
-_HELD, _LINEAR, _NEXT, _USER, _BROKEN = 0x2, 0x4, 0x100, 0x400, 0x800
-_WEIGHTED_RIGHT, _WEIGHTED_NEXT_LEFT = 0x1000000, 0x2000000
-_THIRD, _UNIT = 1.0 / 3.0, 1.0 / 9999.0
-"""The weight of a tangent that leaves time even, and that of one unit in a file, by which the SDK divides."""
+_HELD = 0x2
+"""Key flag: the value is held until the next key."""
+_LINEAR = 0x4
+"""Key flag: linear interpolation to the next key."""
+_NEXT = 0x100
+"""Key flag: a held key shows the next key's value."""
+_USER = 0x400
+"""Key flag: the file gives the slopes."""
+_BROKEN = 0x800
+"""Key flag: the file gives different slopes on the left and right."""
+_WEIGHTED_RIGHT = 0x1000000
+"""Key flag: the file gives the weight of the right tangent."""
+_WEIGHTED_NEXT_LEFT = 0x2000000
+"""Key flag: the file gives the weight of the next key's left tangent."""
+_THIRD = 1.0 / 3.0
+"""Weight of a tangent with which time passes evenly."""
+_UNIT = 1.0 / 9999.0
+"""Weight of one unit in a file, as the SDK divides."""
 _HALVINGS = 40
+"""Bisection steps that find the curve parameter of a time."""
 _AT_KEY = 1e-7
-"""Seconds within which a frame is at a key."""
+"""A frame within this many seconds of a key is at that key."""
 
 
 @dataclass(frozen=True)
 class Tangents:
-    """How the K keys of a curve lead on.
+    """Interpolation after each of the K keys of a curve.
 
-    flags: (K,) to the next key.
-    slopes: (K, 2) units a second: on the right of a key, and on the left of the next one.
-    weights: (K, 2) how far the tangents reach, as fractions of the time between the keys.
+    flags: (K,) key flags for the span to the next key.
+    slopes: (K, 2) units a second: right of the key, and left of the next one.
+    weights: (K, 2) lengths of the tangents, as fractions of the time between the keys.
     """
 
     flags: NDArray[np.int64]
@@ -50,7 +64,7 @@ class KeyCurve:
 
     times: (K,) seconds, rising.
     values: (K,)
-    read_tangents: reads how the keys lead on; not called where a value is wanted at each key alone.
+    read_tangents: reads the tangents; not called if only the values at the keys are needed.
     """
 
     times: FloatArray
@@ -58,7 +72,7 @@ class KeyCurve:
     read_tangents: Callable[[], Tangents]
 
     def at(self, times: FloatArray) -> FloatArray:
-        """The number at ``times`` (T,); before the first key and after the last, the value there."""
+        """Sample the curve at ``times`` (T,); before the first key and after the last, hold the value there."""
         if len(self.times) == 1:
             return np.full(len(times), self.values[0])
         if len(self.times) == len(times) and np.abs(self.times - times).max() < _AT_KEY:
@@ -69,19 +83,19 @@ class KeyCurve:
         u = np.clip((times - self.times[low]) / span, 0.0, 1.0)
         a, b, flags = self.values[low], self.values[low + 1], tangents.flags[low]
         cubic = (flags & (_HELD | _LINEAR)) == 0
-        out = a + u * (b - a)
+        values = a + u * (b - a)
         if cubic.any():
-            right, left = self._slopes(tangents)
-            out[cubic] = _bezier(u, a, b, span, right[low], left[low], tangents.weights[low])[cubic]
-        held = ((flags & _HELD) != 0) & (u > 0.0) & (u < 1.0)
-        return np.where(held, np.where((flags & _NEXT) != 0, b, a), out)
+            right_slopes, left_slopes = self._slopes(tangents)
+            values[cubic] = _bezier(u, a, b, span, right_slopes[low], left_slopes[low], tangents.weights[low])[cubic]
+        is_held = ((flags & _HELD) != 0) & (u > 0.0) & (u < 1.0)
+        return np.where(is_held, np.where((flags & _NEXT) != 0, b, a), values)
 
     def _slopes(self, tangents: Tangents) -> tuple[FloatArray, FloatArray]:
-        """Slopes (K - 1,) after each key and before the next; where the file leaves them to its reader, those of the
-        chord between the neighbours and of both spans, in equal parts.
+        """Return slopes (K - 1,) after each key and before the next. An automatic slope is the mean of the slope of the
+        chord between the neighbours and the weighted slope of both spans.
         """
         steps = np.diff(self.values) / np.diff(self.times)
-        right, left = tangents.slopes[:-1, 0].copy(), tangents.slopes[:-1, 1].copy()
+        right_slopes, left_slopes = tangents.slopes[:-1, 0].copy(), tangents.slopes[:-1, 1].copy()
         is_auto = (tangents.flags & (_USER | _BROKEN)) == 0
         auto = np.empty(len(self.times))
         auto[0], auto[-1] = steps[0], steps[-1]
@@ -89,18 +103,18 @@ class KeyCurve:
             chord = (self.values[2:] - self.values[:-2]) / (self.times[2:] - self.times[:-2])
             weight = (self.times[1:-1] - self.times[:-2]) / (self.times[2:] - self.times[:-2])
             auto[1:-1] = 0.5 * (chord + (1.0 - weight) * steps[:-1] + weight * steps[1:])
-        right[is_auto[:-1]] = auto[:-1][is_auto[:-1]]
-        left[is_auto[1:]] = auto[1:][is_auto[1:]]
-        return right, left
+        right_slopes[is_auto[:-1]] = auto[:-1][is_auto[:-1]]
+        left_slopes[is_auto[1:]] = auto[1:][is_auto[1:]]
+        return right_slopes, left_slopes
 
 
 def _bezier(
     u: FloatArray, a: FloatArray, b: FloatArray, span: FloatArray, right: FloatArray, left: FloatArray, w: FloatArray
 ) -> FloatArray:
-    """Values (T,) between two keys by a cubic Bezier curve whose inner points lie at the fractions ``w`` (T, 2)."""
+    """Values (T,) between two keys of a cubic Bezier curve; ``w`` (T, 2): its tangents' weights."""
     first, second = w[:, 0], 1.0 - w[:, 1]
     s = u.copy()
-    if np.abs(w - _THIRD).max() > 1e-4:  # else time passes evenly
+    if np.abs(w - _THIRD).max() > 1e-4:  # otherwise time passes evenly
         low, high = np.zeros_like(u), np.ones_like(u)
         for _ in range(_HALVINGS):
             s = 0.5 * (low + high)
@@ -111,21 +125,22 @@ def _bezier(
 
 
 def read_curve(record: Record, ticks: float, as_bits: bool) -> KeyCurve | None:
-    """The curve of an ``AnimationCurve`` (version 7); None where it has no keys.
+    """Read the curve of an ``AnimationCurve`` (version 7); None if it has no keys.
 
-    ticks: units of time in a second. as_bits: whether the bits of key attributes are written as whole numbers.
+    ticks: units of time in a second.
+    as_bits: whether the bits of key attributes are written as whole numbers.
     """
     times, values = record.numbers("KeyTime") / ticks, record.numbers("KeyValueFloat")
     if len(times) != len(values):
         raise InputError(f"a curve has {len(times)} times and {len(values)} values")
     if not len(times):
         return None
-    kept = _select_keys(times, values)
-    return KeyCurve(times[kept], values[kept], lambda: _read_tangents(record, as_bits, kept, len(times)))
+    selected = _select_keys(times, values)
+    return KeyCurve(times[selected], values[selected], lambda: _read_tangents(record, as_bits, selected, len(times)))
 
 
 def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_] | slice, n_keys: int) -> Tangents:
-    """How the keys of an ``AnimationCurve`` lead on; each row of its attributes counts for some keys."""
+    """Read the tangents of an ``AnimationCurve``; each row of its attributes applies to one or more keys."""
     counts = record.numbers("KeyAttrRefCount").astype(np.int64)
     flags, numbers = record.numbers("KeyAttrFlags").astype(np.int64), record.numbers("KeyAttrDataFloat")
     if len(flags) != len(counts) or len(numbers) != 4 * len(counts) or (counts < 0).any():
@@ -142,21 +157,21 @@ def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_] | slic
 
 
 def read_old_curve(record: Record, ticks: float) -> KeyCurve | None:
-    """The curve of a ``Channel`` of version 6, or its constant; None where it has neither."""
+    """Read the curve of a ``Channel`` of version 6, or its constant; None if it has neither."""
     keys = record.find("Key")
     if keys is None or not keys.values:
         default = record.numbers("Default")
         return constant(float(default[0])) if len(default) else None
     rows = np.array(list(_old_keys(iter(keys.values))))  # (K, 7)
     times, values = rows[:, 0] / ticks, rows[:, 1]
-    kept = _select_keys(times, values)
-    rows = rows[kept]
+    selected = _select_keys(times, values)
+    rows = rows[selected]
     tangents = Tangents(rows[:, 2].astype(np.int64), rows[:, 3:5], np.clip(rows[:, 5:], 0.0, 1.0))
-    return KeyCurve(times[kept], values[kept], lambda: tangents)
+    return KeyCurve(times[selected], values[selected], lambda: tangents)
 
 
 def _old_keys(values: Iterator[Any]) -> Iterator[tuple[float, ...]]:
-    """Time, value, flags, two slopes and two weights of each key of a list in which letters say what follows."""
+    """Yield time, value, flags, two slopes and two weights of each key of a list with letters for the kinds of keys."""
     for time in values:
         value, kind = float(next(values)), _letter(next(values))
         flags, slopes, weights = _LINEAR, [0.0, 0.0], [_THIRD, _THIRD]
@@ -177,17 +192,17 @@ def _old_keys(values: Iterator[Any]) -> Iterator[tuple[float, ...]]:
 
 
 def _letter(value: Any) -> str:
-    """A letter, which binary files hold as a number."""
+    """Return a letter, which binary files hold as a number."""
     return chr(value) if isinstance(value, int) else str(value)
 
 
 def constant(value: float) -> KeyCurve:
-    """A curve that has one value at all times."""
+    """Return a constant curve."""
     return KeyCurve(np.zeros(1), np.array([value]), lambda: Tangents(np.zeros(1, np.int64), *np.zeros((2, 1, 2))))
 
 
 def _select_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_] | slice:
-    """Which keys count: of those at one time the last. Raises ``InputError`` where they are no curve."""
+    """Select the keys to use: the last of those at the same time. Raises ``InputError`` if they are not a curve."""
     steps = times[1:] - times[:-1]
     if not (np.isfinite(times.sum()) and np.isfinite(values.sum())):
         raise InputError("a key is not finite")
@@ -199,13 +214,16 @@ def _select_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_] | s
 
 MOVES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
 PERCENT = "DeformPercent"
-"""The property of a blend shape's channel that says how strong it is."""
+"""The property of a blend shape's channel for its strength, percent."""
 _COLUMNS = {"d|X": 0, "d|Y": 1, "d|Z": 2, f"d|{PERCENT}": 0}
 _OLD_CHANNELS = dict(zip("TRS", MOVES, strict=True))
-_ADDITIVE, _OVERRIDE = 0, 1
+_ADDITIVE = 0
+"""Layer mode: adds to the layers below."""
+_OVERRIDE = 1
+"""Layer mode: replaces the layers below."""
 
 Curves = tuple[KeyCurve | None, ...]
-"""Of X, Y and Z, or of one number; None for a number without keys."""
+"""Curves of X, Y and Z, or of one number; None for a number without keys."""
 
 
 @dataclass(frozen=True)
@@ -213,8 +231,8 @@ class Layer:
     """A layer of a take.
 
     curves: object and property -> curves.
-    weight: how strongly it acts, in percent; None for the lowest layer, which always acts in full.
-    mode: 0 where it adds to what lies below, 1 where nothing of that stays, else as much stays as its weight leaves.
+    weight: strength in percent; None for the lowest layer, which always acts in full.
+    mode: 0: adds to the layers below; 1: replaces them; else blends with them by its weight.
     by_axis: whether rotations are added angle by angle, not composed.
     adds_scales: whether scales are added, not multiplied.
     """
@@ -226,12 +244,12 @@ class Layer:
     adds_scales: bool = False
 
     def over(self, below: FloatArray, own: FloatArray, name: str, times: FloatArray, order: str) -> FloatArray:
-        """Values (T, n) of a property with those of this layer over those below; ``order``: axes of the angles."""
+        """Combine values (T, n) of a property below this layer with its own; ``order``: axes of the angles."""
         if self.weight is None:
             return own
         alpha = np.clip(self.weight.at(times) / 100.0, 0.0, 1.0)[:, None]
         if name == MOVES[1] and not self.by_axis:
-            if self.mode == _OVERRIDE:  # the SDK then leaves out the weight
+            if self.mode == _OVERRIDE:  # the SDK then ignores the weight
                 return own
             under, over = quats(below, order), quats(own, order)
             if self.mode == _ADDITIVE:
@@ -247,10 +265,10 @@ class Layer:
 class Take:
     """A take of a scene.
 
-    name: of the take.
-    span: start and end in seconds, which may be equal where the file names none.
-    layers: from the lowest up, those that have curves.
-    left_out: what it moves that is not read.
+    name: the take's name.
+    span: start and end in seconds, which may be equal if the file names none.
+    layers: the layers with curves, lowest first.
+    left_out: names of what it moves but is not read.
     """
 
     name: str
@@ -259,41 +277,41 @@ class Take:
     left_out: tuple[str, ...] = ()
 
     def model_curves(self) -> Iterator[tuple[Id, Curves]]:
-        """Each model that has curves, with those of a property."""
+        """Yield each animated model with the curves of a property."""
         for layer in self.layers:
             for (key, name), curves in layer.curves.items():
                 if name in MOVES:
                     yield key, curves
 
     def values(self, key: Id, name: str, rest: FloatArray, times: FloatArray, order: str = "XYZ") -> FloatArray:
-        """A property (T, n) at ``times`` (T,), or (1, n) where it does not change; ``rest``: (n,) without curves."""
-        found = rest[None]
+        """Return a property (T, n) at ``times`` (T,), or (1, n) if it is constant; ``rest``: (n,) without curves."""
+        values = rest[None]
         for layer in self.layers:
             curves = layer.curves.get((key, name))
             if curves is None:
                 continue
             still = np.full(len(rest), float(name == MOVES[2])) if layer.mode == _ADDITIVE else rest
-            own = np.empty((len(times), len(rest)))
+            layer_values = np.empty((len(times), len(rest)))
             for k, curve in enumerate(curves[: len(rest)]):
-                own[:, k] = still[k] if curve is None else curve.at(times)
-            found = layer.over(found, own, name, times, order)
-        return found[:1] if (found == found[0]).all() else found
+                layer_values[:, k] = still[k] if curve is None else curve.at(times)
+            values = layer.over(values, layer_values, name, times, order)
+        return values[:1] if (values == values[0]).all() else values
 
 
 def quats(degrees: FloatArray, order: str) -> FloatArray:
-    """Rotations (..., 4) of angles of X, Y and Z (..., 3) in degrees, which act in an order."""
+    """Return rotations (..., 4) of angles about X, Y and Z (..., 3), degrees, applied in an order."""
     columns = ["XYZ".index(axis) for axis in reversed(order)]
     return rotation.from_euler(np.deg2rad(degrees[..., columns]), order[::-1])
 
 
 def angles(rotations: FloatArray, order: str) -> FloatArray:
-    """The angles (..., 3) of X, Y and Z in degrees of rotations (..., 4): ``quats`` backwards."""
+    """Return angles about X, Y and Z (..., 3), degrees, of rotations (..., 4): the inverse of ``quats``."""
     columns = ["XYZ".index(axis) for axis in reversed(order)]
     return np.rad2deg(rotation.to_euler(rotations, order[::-1]))[..., np.argsort(columns)]
 
 
 def read_takes(objects: FbxObjects, models: Collection[Id]) -> list[Take]:
-    """The takes of a file, in its order."""
+    """Read the takes of a file, in its order."""
     if objects.has_old_takes:
         return [_old_take(objects, record) for record in within(objects.top, "Takes", ("Take",))]
     driven: dict[Id, list[tuple[Id, str]]] = defaultdict(list)  # by node of curves
@@ -313,7 +331,7 @@ def read_takes(objects: FbxObjects, models: Collection[Id]) -> list[Take]:
 
 
 def _layer(objects: FbxObjects, key: Id, driven: Mapping[Id, Sequence[tuple[Id, str]]]) -> Layer | None:
-    """A layer; None where it has no curve or is muted. driven: by node of curves the objects and properties."""
+    """Read a layer; None if it has no curve or is muted. driven: node of curves -> objects and properties."""
     nodes = [*objects.on(key, "AnimationCurveNode")]
     curves = {moved: _curves(objects, node) for node, _ in nodes for moved in driven.get(node, ())}
     numbers = {name: values[0] for name, values in numbers_of(objects.records[key]).items()}
@@ -329,20 +347,20 @@ def _layer(objects: FbxObjects, key: Id, driven: Mapping[Id, Sequence[tuple[Id, 
 
 
 def _curves(objects: FbxObjects, node: Id, single: str = "") -> Curves:
-    """The curves of X, Y and Z, or of one number, of a node; a number without curve is the node's own."""
+    """Read the curves of a node, of X, Y and Z or of one number; a number without curve is the node's constant."""
     columns = {single: 0} if single else _COLUMNS
-    found: list[KeyCurve | None] = [None] * 3
+    curves: list[KeyCurve | None] = [None] * 3
     for source, what in objects.on(node, "AnimationCurve"):
         if what in columns:
-            found[columns[what]] = read_curve(objects.records[source], objects.ticks, objects.has_bits)
-    for name, values in numbers_of(objects.records[node]).items() if None in found else ():
-        if name in columns and found[columns[name]] is None:
-            found[columns[name]] = constant(float(values[0]))
-    return tuple(found)
+            curves[columns[what]] = read_curve(objects.records[source], objects.ticks, objects.has_bits)
+    for name, values in numbers_of(objects.records[node]).items() if None in curves else ():
+        if name in columns and curves[columns[name]] is None:
+            curves[columns[name]] = constant(float(values[0]))
+    return tuple(curves)
 
 
 def _old_take(objects: FbxObjects, record: Record) -> Take:
-    """A take of a file of version 6: channels within channels, by model."""
+    """Read a take of a file of version 6: nested channels by model."""
     span = (record.numbers("LocalTime") / objects.ticks).tolist()
     curves: dict[tuple[Id, str], Curves] = {}
     left_out = []

@@ -1,7 +1,7 @@
-"""glTF binary files (``.glb``): a skinned, animated person out, any animated skeleton in.
+"""glTF binary files (``.glb``): writes a skinned, animated person, reads any animated skeleton.
 
-The clip's own joints carry the mannequin of ``body.mesh``, so that the file opens as an armature with a mesh and an
-action wherever glTF is read. ``gltf_reader`` says what is read.
+The clip's own joints carry the mannequin of ``body.mesh``, so that any glTF reader opens the file as an armature with a
+mesh and an action. ``gltf_reader`` describes reading.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _STILL = 1e-9
 
 
 def encode(clip: Clip, mesh: bool = True, whole_face: bool = False) -> bytes:
-    """The bytes of a clip's .glb file; on an avatar that was read from a file, those of that file with the motion.
-    Without ``mesh`` the joints and their motion alone. ``whole_face`` as in ``document``.
+    """Encode a clip as a .glb file; for an avatar that was read from a file, as that file with the motion. Without
+    ``mesh``, only the joints and their motion. ``whole_face`` as in ``document``.
     """
     if mesh and isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
         from signsplice.formats import avatar
@@ -37,9 +37,9 @@ def encode(clip: Clip, mesh: bool = True, whole_face: bool = False) -> bytes:
 
 
 def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:
-    """A clip as a glTF document: the mannequin, its skin, and one animation. Without ``mesh`` it has neither mannequin
-    nor skin, and no face, which moves the mannequin's; with ``whole_face`` that one has morph targets of all
-    coefficients, not only of those that the clip moves.
+    """Build a glTF document of a clip: the mannequin, its skin, and one animation. Without ``mesh``, it has no
+    mannequin, skin or face. With ``whole_face``, the mannequin has morph targets for all coefficients, not only for
+    the moving ones.
     """
     clip = in_front(clip)
     rig = rig_info(clip.skeleton)

@@ -1,7 +1,6 @@
-"""A glTF 2.0 file as stored: its JSON document, the trees of its nodes, the arrays in its buffers, the keys of
-animations; and what readers of its skeletons share: roles of VRM humanoids, the order of joints, and poses of nodes at
-rest.
+"""A glTF 2.0 file as stored: its JSON document, node trees, arrays in buffers and animation keys.
 
+Also the code that skeleton readers share: roles of VRM humanoids, the order of joints, and rest poses of nodes.
 """
 
 from __future__ import annotations
@@ -29,10 +28,14 @@ from signsplice.rig.roles import ROLES
 
 VRM_ANIMATION = "VRMC_vrm_animation"
 """The glTF extension of VRM animations."""
-FPS_EXTRA, FACE_EXTRA, ROLES_EXTRA, HUMANOID_EXTRA = "fps", "face", "roles", "humanoid"
-"""Names of our extras. Of an animation: its frame rate, and the coefficients of a face that stay at rest. Of the
-document: role -> joint name, the roles of a roles file, and all that were found, for viewers.
-"""
+FPS_EXTRA = "fps"
+"""Our extra of an animation: its frame rate."""
+FACE_EXTRA = "face"
+"""Our extra of an animation: the face coefficients that stay at rest."""
+ROLES_EXTRA = "roles"
+"""Our extra of the document: role -> joint name, from a roles file."""
+HUMANOID_EXTRA = "humanoid"
+"""Our extra of the document: role -> joint name of all known roles, for viewers."""
 GENERATOR = "signsplice"
 """What our files name as their program."""
 _KEEPS_JOINTS = re.compile(
@@ -43,9 +46,9 @@ _KEEPS_JOINTS = re.compile(
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 """Extensions of packed meshes, which are not read."""
 UNPACK = "`npx @gltf-transform/cli copy IN.glb OUT.glb` unpacks it"
-"""What a user can do about them; the command is free (MIT), and keeps no extensions of VRM."""
+"""Advice for users: the command is free (MIT), but drops the extensions of VRM."""
 _VALUE_BYTES = 50
-"""Memory that a value of a JSON document takes, about."""
+"""Approximate bytes of memory that a value of a JSON document takes."""
 _COMPONENTS: dict[int, type[np.generic]] = {
     5120: np.int8,
     5121: np.uint8,
@@ -62,12 +65,12 @@ Fields = dict[str, Any]
 
 
 class Document:
-    """The content of a glTF file. Raises ``FormatError`` where it is not valid, or the error that its content causes.
+    """The content of a glTF file. Raises ``FormatError`` if it is not valid, or the error that its content causes.
 
     file: its name, for messages.
-    folder: where the buffer files that it names lie; None where it may name none.
-    limits: of nodes, and of memory.
-    given_bytes: size of the file, and of the buffer files read so far.
+    folder: the folder of its buffer files; None if it may name none.
+    limits: of nodes and memory.
+    given_bytes: size of the file and of the buffer files read so far.
     json: the document.
     nodes: its nodes.
     parents: node -> parent node; roots are left out.
@@ -93,8 +96,8 @@ class Document:
         self.order = self._order_of_nodes()
 
     def _check_versions(self) -> None:
-        """Raise ``FormatError`` where the file is for readers of another version, or of an extension that changes it
-        (glTF 2.0, sections 3.2 and 3.12).
+        """Raise ``FormatError`` if the file needs another glTF version or an extension that is not read (glTF 2.0,
+        sections 3.2 and 3.12).
         """
         asset = self.json.get("asset") or {}
         version, least = str(asset.get("version") or ""), str(asset.get("minVersion") or "2.0")
@@ -117,7 +120,7 @@ class Document:
         return parents
 
     def _order_of_nodes(self) -> list[int]:
-        """All nodes, parents first. Raises ``FormatError`` where they are not trees."""
+        """Return all nodes, parents first. Raises ``FormatError`` if they are not trees."""
         order = [node for node in range(len(self.nodes)) if node not in self.parents]
         for parent in order:
             order += self.nodes[parent].get("children") or ()
@@ -127,8 +130,10 @@ class Document:
         return order
 
     def _field(self, fields: Fields, name: str, default: Any, where: str) -> Any:
-        """A property of an object; ``default`` where it is absent or null. Raises ``FormatError`` where it is not of
-        the default's type: true is no number, whole numbers begin at 0, a tuple stands for as many finite numbers.
+        """Return a property of an object, or ``default`` if it is absent or null.
+
+        Raises ``FormatError`` if it has not the default's type: true is not a number, whole numbers begin at 0, a tuple
+        stands for as many finite numbers.
         """
         value = fields.get(name)
         if value is None:
@@ -145,7 +150,7 @@ class Document:
         return value
 
     def _row(self, rows: Any, number: Any, what: str) -> Any:
-        """A row of a table of the document by its number. Raises ``FormatError`` where there is none."""
+        """Return a row of a table of the document. Raises ``FormatError`` if the number is out of range."""
         if type(number) is not int or not 0 <= number < len(rows or []):
             kind = "node" if what == "joint" else "such"
             raise self._error(f"{what} {number!r:.20} is no {kind}, of {len(rows or [])}")
@@ -153,20 +158,20 @@ class Document:
 
     def _subtree(self, node: int) -> list[int]:
         """A node and all its descendants, parents first."""
-        out = [node]
-        for parent in out:
-            out += self.nodes[parent].get("children") or ()
-        return out
+        nodes = [node]
+        for parent in nodes:
+            nodes += self.nodes[parent].get("children") or ()
+        return nodes
 
     def _path_to_root(self, node: int) -> list[int]:
         """A node and its ancestors, the root last."""
-        out = [node]
-        while out[-1] in self.parents:
-            out.append(self.parents[out[-1]])
-        return out
+        path = [node]
+        while path[-1] in self.parents:
+            path.append(self.parents[path[-1]])
+        return path
 
     def _values(self, number: int) -> FloatArray:
-        """The values (N, width) of an accessor; integers that are marked as normalized as -1..1 or 0..1."""
+        """Return the values (N, width) of an accessor; normalized integers become -1..1 or 0..1."""
         accessor = self._row(self.json.get("accessors"), number, "accessor")
         if number not in self._arrays:
             self._arrays[number] = self._read_values(accessor, number)
@@ -202,7 +207,7 @@ class Document:
         values[rows] = self._rows(sparse["values"], kind, values.shape[1], count, what)
 
     def _rows(self, place: Fields, kind: type[np.generic], width: int, count: int, what: str) -> NDArray[Any]:
-        """Rows (count, width) of numbers as they lie in a buffer, at the view and offset that ``place`` names."""
+        """Return a view of rows (count, width) of numbers in a buffer, at the view and offset that ``place`` names."""
         view, dtype = self._row(self.json.get("bufferViews"), place["bufferView"], "bufferView"), np.dtype(kind)
         where, size = f"bufferView {place['bufferView']}", width * dtype.itemsize
         data, first = self._buffer(view["buffer"]), self._field(view, "byteOffset", 0, where)
@@ -215,7 +220,7 @@ class Document:
         return np.ndarray((count, width), dtype.newbyteorder("<"), data, start, (stride, dtype.itemsize))
 
     def _buffer(self, number: int) -> bytes:
-        """The bytes of a buffer: the binary chunk, a data URI, or a file in the same folder."""
+        """Return the bytes of a buffer: the binary chunk, a data URI, or a file in the same folder."""
         uri = self._row(self.json.get("buffers"), number, "buffer").get("uri")
         if number not in self._buffers:
             if uri is None:
@@ -232,7 +237,7 @@ class Document:
         return self._buffers[number]
 
     def _buffer_file(self, number: int, name: str) -> bytes:
-        """The bytes of a file that lies in the document's own folder, and does not only seem to by a link."""
+        """Return the bytes of a file in the document's own folder; links that lead out of it are refused."""
         if self.folder is None:
             raise self._error(f"buffer {number} lies in another file, {name!r:.80}, expected all in one")
         if not name or Path(name).name != name or "\\" in name or "\0" in name:
@@ -250,7 +255,7 @@ class Document:
 
 
 def chunks(file: str, content: bytes) -> tuple[bytes, bytes]:
-    """The JSON chunk and the binary chunk of a .glb file, which come first and second; any others are extensions."""
+    """Return the JSON chunk and the binary chunk of a .glb file, its first two; further chunks are extensions."""
     if len(content) < 20:
         raise FormatError(f"{len(content)} bytes are no glTF file, expected 20 at least", file=file)
     version, length = struct.unpack_from("<II", content, 4)
@@ -258,25 +263,28 @@ def chunks(file: str, content: bytes) -> tuple[bytes, bytes]:
         raise FormatError(f"is glTF {version}, expected 2", file=file)
     if length > len(content):
         raise FormatError(f"has {len(content)} of its {length} bytes; it is cut short", file=file)
-    found = {b"JSON": b"", b"BIN\0": b""}
-    at = 12
-    for kind in found:
-        if at + 8 > length:
+    parts = {b"JSON": b"", b"BIN\0": b""}
+    position = 12
+    for kind in parts:
+        if position + 8 > length:
             break
-        (size,), found_kind = struct.unpack_from("<I", content, at), content[at + 4 : at + 8]
-        if at + 8 + size > length:
-            raise FormatError(f"a chunk of {size} bytes at {at} reaches beyond the file's end", file=file)
+        (size,), found_kind = struct.unpack_from("<I", content, position), content[position + 4 : position + 8]
+        if position + 8 + size > length:
+            raise FormatError(f"a chunk of {size} bytes at {position} reaches beyond the file's end", file=file)
         if found_kind == kind:
-            found[kind] = content[at + 8 : at + 8 + size]
+            parts[kind] = content[position + 8 : position + 8 + size]
         elif kind == b"JSON":
             raise FormatError("has no JSON chunk, expected one", file=file)
-        at += 8 + size
-    return found[b"JSON"], found[b"BIN\0"]
+        position += 8 + size
+    return parts[b"JSON"], parts[b"BIN\0"]
 
 
-LEAST_FPS, MOST_FPS = 10.0, 240.0
-"""Keys that are farther apart or closer together imply no frame rate: such files are sampled at ``USUAL_FPS``."""
+LEAST_FPS = 10.0
+"""Lowest frame rate that keys imply; files with sparser keys are sampled at ``USUAL_FPS``."""
+MOST_FPS = 240.0
+"""Highest frame rate that keys imply; files with denser keys are sampled at ``USUAL_FPS``."""
 USUAL_FPS = 30.0
+"""Frame rate of a file whose keys imply none."""
 DRIFT = 0.1
 """A rate is rounded to a whole number or an NTSC rate (k 1000 / 1001) if that moves no key by more frames than this."""
 INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
@@ -299,7 +307,7 @@ class Keys:
 
 
 def frame_rate(times: FloatArray) -> float:
-    """The frame rate that rising key times (K,) imply."""
+    """Return the frame rate that rising key times (K,) imply."""
     if len(times) < 2:
         return USUAL_FPS
     steps = np.diff(times)
@@ -315,29 +323,29 @@ def frame_rate(times: FloatArray) -> float:
 
 
 def sample(keys: Keys, times: FloatArray, fps: float, rotations: bool) -> FloatArray:
-    """Values of a channel at ``times`` (T,): (T, 3), or unit quaternions (T, 4) for ``rotations``.
+    """Sample a channel at ``times`` (T,): (T, 3), or unit quaternions (T, 4) for ``rotations``.
 
-    Between keys as the file's interpolation says; before the first and after the last key, the value there.
+    Interpolates between keys as the file says; before the first and after the last key, holds the value there.
     """
-    at = np.clip(times, keys.times[0], keys.times[-1])
-    low = np.clip(np.searchsorted(keys.times, at, side="right") - 1, 0, max(len(keys.times) - 2, 0))
+    clamped_times = np.clip(times, keys.times[0], keys.times[-1])
+    low = np.clip(np.searchsorted(keys.times, clamped_times, side="right") - 1, 0, max(len(keys.times) - 2, 0))
     high = np.minimum(low + 1, len(keys.times) - 1)
-    since, until = at - keys.times[low], keys.times[high] - at
+    since, until = clamped_times - keys.times[low], keys.times[high] - clamped_times
     span = keys.times[high] - keys.times[low]
-    weight = np.divide(since, span, out=np.zeros_like(at), where=span > 0.0)
+    weight = np.divide(since, span, out=np.zeros_like(clamped_times), where=span > 0.0)
     weight[since * fps < _NEAR] = 0.0
     weight[(until * fps < _NEAR) & (until < since)] = 1.0
     if keys.interpolation == "CUBICSPLINE":
         s, t = weight[:, None], span[:, None]
         a, out_tangent = keys.values[low, 1], t * keys.values[low, 2]
         b, in_tangent = keys.values[high, 1], t * keys.values[high, 0]
-        out = (
+        values = (
             (1 + 2 * s) * (1 - s) ** 2 * a
             + s * (1 - s) ** 2 * out_tangent
             + s**2 * (3 - 2 * s) * b
             + s**2 * (s - 1) * in_tangent
         )
-        return rotation.normalize(out) if rotations else np.asarray(out)
+        return rotation.normalize(values) if rotations else np.asarray(values)
     if keys.interpolation == "STEP":
         weight = np.where(weight >= 1.0, 1.0, 0.0)
     a, b = keys.values[low], keys.values[high]
@@ -347,15 +355,17 @@ def sample(keys: Keys, times: FloatArray, fps: float, rotations: bool) -> FloatA
 
 
 EVEN = 1e-3
-"""Scales along three axes, or over time, that differ by less than this fraction are equal."""
-VRM_0, VRM_1 = "VRM", "VRMC_vrm"
-"""The glTF extensions of VRM avatars, version 0.x and 1.0."""
-_LENGTH, _ROW = 0.05, 1e-5
-"""By how much the length of a stored rotation may differ from 1, which is below 0.02 in 8 bits, and the numbers of a
-matrix's last row from 0, 0, 0, 1.
-"""
+"""Scales that differ by less than this fraction, between axes or over time, are equal."""
+VRM_0 = "VRM"
+"""The glTF extension of VRM 0.x avatars."""
+VRM_1 = "VRMC_vrm"
+"""The glTF extension of VRM 1.0 avatars."""
+_LENGTH = 0.05
+"""By how much the length of a stored rotation may differ from 1; rounding to 8 bits changes it by less than 0.02."""
+_ROW = 1e-5
+"""By how much a matrix's last row may differ from 0, 0, 0, 1."""
 _NAMED = 5
-"""Most others that a note names."""
+"""Most items that a note names."""
 _THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}
 """Bones of a thumb in VRM 0.x -> their roles in VRM 1.0."""
 
@@ -363,8 +373,8 @@ _THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProxim
 class SkeletonDocument(Document):
     """A document whose skeleton is being read.
 
-    scales: node -> scale (3,), where an animation sets it.
-    skins: those of the document, whose joints are nodes.
+    scales: node -> scale (3,), of nodes whose scale an animation sets.
+    skins: the document's skins, whose joints are nodes.
     """
 
     def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
@@ -376,7 +386,7 @@ class SkeletonDocument(Document):
                 self._row(self.nodes, joint, "joint")
 
     def _humanoid(self) -> dict[str, int]:
-        """Role -> node of a VRM humanoid; empty where there is none."""
+        """Role -> node of the VRM humanoid; empty if the file has none."""
         extensions = self._field(self.json, "extensions", {}, "the document")
         name = next((name for name in (VRM_ANIMATION, VRM_1) if extensions.get(name) is not None), VRM_0)
         humanoid = self._field(self._field(extensions, name, {}, "extensions"), "humanoid", {}, name)
@@ -393,7 +403,7 @@ class SkeletonDocument(Document):
         return roles
 
     def _joint_order(self, joints: Set[int], animated: Collection[int] = ()) -> list[int]:
-        """The joints and the nodes between them, parents first. Raises ``LimitError`` where there are too many.
+        """Return the joints and the nodes between them, parents first. Raises ``LimitError`` if there are too many.
 
         The root is the nearest common ancestor of all joints, or the highest animated node above it.
         """
@@ -410,15 +420,15 @@ class SkeletonDocument(Document):
         return order
 
     def _tree(self, order: Sequence[int]) -> tuple[dict[int, int], NDArray[np.intp], list[str]]:
-        """Of joints J, parents first: node -> row, the row of each one's parent (J,), -1 for none, and names that
-        differ.
+        """Return, for J joints, parents first: node -> row, the row of each one's parent (J,), -1 for none, and unique
+        names.
         """
         rows = {node: k for k, node in enumerate(order)}
         parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])
         return rows, parents, unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
 
     def _bind_matrices(self, skin: Fields) -> FloatArray | None:
-        """The matrices (B, 4, 4) that take a skin's mesh to the axes of its joints; None where it has none."""
+        """Return a skin's inverse bind matrices (B, 4, 4), from mesh to joint axes; None if it has none."""
         if skin.get("inverseBindMatrices") is None:
             return None
         n_joints = len(skin["joints"])
@@ -428,7 +438,7 @@ class SkeletonDocument(Document):
         return matrices
 
     def _affine(self, columns: FloatArray, what: str) -> FloatArray:
-        """Matrices (N, 4, 4) that are stored by columns (N, 16). Raises ``FormatError`` where one projects."""
+        """Return matrices (N, 4, 4) stored by columns (N, 16). Raises ``FormatError`` if one is a projection."""
         matrices = columns.reshape(-1, 4, 4).transpose(0, 2, 1)
         wrong = matrices[np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > _ROW]
         if len(wrong):
@@ -436,7 +446,7 @@ class SkeletonDocument(Document):
         return matrices
 
     def _check_rotations(self, quats: FloatArray, what: str) -> None:
-        """Raise ``FormatError`` where quaternions (..., 4) are no rotations, for their length is not 1."""
+        """Raise ``FormatError`` if the length of a quaternion (..., 4) is not 1."""
         lengths = np.linalg.norm(quats, axis=-1)
         wrong = lengths[~(np.abs(lengths - 1.0) <= _LENGTH)]
         if len(wrong):
@@ -446,14 +456,14 @@ class SkeletonDocument(Document):
         return f"node {self.nodes[node].get('name') or node!r:.80}"
 
     def _node_matrix(self, node: int) -> FloatArray | None:
-        """The matrix (4, 4) of a node that is stored as one, else None."""
+        """Return a node's matrix (4, 4), or None if the node is stored without one."""
         if self.nodes[node].get("matrix") is None:
             return None
         columns = np.array(self._field(self.nodes[node], "matrix", (0.0,) * 16, self._node_label(node)), np.float64)
         return self._affine(columns, f"the matrix of {self._node_label(node)}").reshape(4, 4)
 
     def _node_trs(self, node: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position (3,), rotation (4,) and scale (3,) of a node that is stored without a matrix."""
+        """Return position (3,), rotation (4,) and scale (3,) of a node that is stored without a matrix."""
         defaults = (("translation", (0.0,) * 3), ("rotation", (0.0, 0.0, 0.0, 1.0)), ("scale", (1.0,) * 3))
         position, quat, scale = (
             np.array(self._field(self.nodes[node], name, default, self._node_label(node)), np.float64)
@@ -463,7 +473,7 @@ class SkeletonDocument(Document):
         return position, rotation.normalize(quat), scale
 
     def _local_pose(self, node: int) -> tuple[FloatArray, FloatArray, float]:
-        """A node's own position (3,), rotation (4,) and scale at rest, relative to its parent."""
+        """Return a node's position (3,), rotation (4,) and scale at rest, relative to its parent."""
         matrix, named = self._node_matrix(node), self._node_label(node)
         if matrix is not None:
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
@@ -479,7 +489,7 @@ class SkeletonDocument(Document):
         return position, quat, float(scale.mean())
 
     def _world_pose(self, node: int | None) -> tuple[FloatArray, FloatArray, float]:
-        """Position (3,), rotation (4,) and scale of a node in the world at rest; the identity for None."""
+        """Return a node's position (3,), rotation (4,) and scale in the world at rest; the identity for None."""
         position, quat, scale = np.zeros(3), rotation.IDENTITY, 1.0
         for ancestor in reversed([] if node is None else self._path_to_root(node)):
             local_position, local_quat, local_scale = self._local_pose(ancestor)
@@ -489,7 +499,7 @@ class SkeletonDocument(Document):
 
 
 def _role_of_vrm_0(bone: str) -> str:
-    """The role, a name of VRM 1.0, of a bone as VRM 0.x names it."""
+    """Translate a bone name of VRM 0.x into a role, which has VRM 1.0's name."""
     for old, new in _THUMBS.items():
         if bone.endswith(old):
             return bone.removesuffix(old) + new
@@ -497,8 +507,9 @@ def _role_of_vrm_0(bone: str) -> str:
 
 
 def to_rest_axes(quats: FloatArray, translations: FloatArray, bound: FloatArray, parent_bound: FloatArray) -> None:
-    """Turn local rotations (T, J, 4) and translations (T, J, 3), in place, into those of joints whose axes at rest are
-    the world's; ``bound``, ``parent_bound``: (J, 4) global rotations at rest of each joint and of that above it.
+    """Convert local rotations (T, J, 4) and translations (T, J, 3), in place, to joints with the world's axes at rest.
+
+    bound, parent_bound: (J, 4) global rest rotations of each joint and of its parent.
     """
     for k in range(len(bound)):  # joint by joint, to keep the memory of intermediate results small
         turned = rotation.multiply(rotation.multiply(parent_bound[k], quats[:, k]), rotation.inverse(bound[k]))
@@ -507,30 +518,30 @@ def to_rest_axes(quats: FloatArray, translations: FloatArray, bound: FloatArray,
 
 
 def others_left(what: str, others: Sequence[str]) -> tuple[str, ...]:
-    """A line that says what is read, and what is not; none where there is nothing else."""
+    """Return a line that says what is read and what is not; none if nothing is left out."""
     if not others:
         return ()
     names = ", ".join(f"{name!r:.80}" for name in others[:_NAMED])
-    more = f", nor {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-    return (f"{what} is read, not {names}{more}",)
+    suffix = f", nor {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+    return (f"{what} is read, not {names}{suffix}",)
 
 
 def printable(name: Any, otherwise: str) -> str:
-    """A name as text that can be written to any file."""
+    """Return a name as text that can be written to any file; ``otherwise`` if there is none."""
     return (name.encode("utf-8", "replace").decode() if isinstance(name, str) else "") or otherwise
 
 
 def unique(names: Sequence[str]) -> list[str]:
-    """The names; one that is already taken gets a number."""
-    out: list[str] = []
+    """Make names unique: a repeated name gets a number."""
+    unique_names: list[str] = []
     taken, used = set(names), set()
     numbers: dict[str, Iterator[int]] = {}
     for name in names:
-        unique = name
+        candidate = name
         if name in used:
             counter = numbers.setdefault(name, count(2))
-            unique = next(numbered for n in counter if (numbered := f"{name} {n}") not in taken)
-            taken.add(unique)
-        used.add(unique)
-        out.append(unique)
-    return out
+            candidate = next(numbered for n in counter if (numbered := f"{name} {n}") not in taken)
+            taken.add(candidate)
+        used.add(candidate)
+        unique_names.append(candidate)
+    return unique_names

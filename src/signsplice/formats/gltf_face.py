@@ -1,12 +1,11 @@
-"""Faces in glTF documents: what moves them on an avatar, and weights of morph targets, expressions of VRM and bones,
-there and back.
+"""Faces in glTF documents: an avatar's face controls, and reading and writing of morph target weights, VRM expressions
+and face bones.
 
-A target is known by its name (``motion.face``), from ``extras.targetNames``, which exporters write, or by the
-expression of a VRM avatar, 0.x or 1.0, that moves it alone. An avatar's face is moved by targets with the names of
-ARKit, else by expressions, else by other targets: by one kind alone, since expressions move the same targets. A gaze
-may also be bones of eyes or the look-at of a VRM animation, an open mouth the bone of a jaw. Of a clip's file, broken
-expressions are passed over, as joints do not depend on them.
-
+A target is recognised by its name (``motion.face``), from ``extras.targetNames``, which exporters write, or by the VRM
+expression, 0.x or 1.0, that moves it alone. An avatar's face is moved by targets with ARKit's names, else by
+expressions, else by other targets: by one kind only, since expressions move the same targets. Eye bones or the look-at
+of a VRM animation may also hold the gaze, and a jaw bone the open mouth. Broken expressions in a clip's file are
+skipped, since joints do not depend on them.
 """
 
 from __future__ import annotations
@@ -53,12 +52,12 @@ from signsplice.rig.info import rig_info
 
 _RANGES = ("HorizontalInner", "HorizontalOuter", "VerticalDown", "VerticalUp")
 _MOST_DEG = 180.0
-"""Ranges of look-at beyond this are not valid."""
+"""Largest valid range of a look-at, degrees."""
 
 
 def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict[int, int], tuple[str, ...]]:
-    """The controls of a face, node -> number of its morph targets, and VRM's names of expressions that move some; empty
-    where none has a known name.
+    """Return the face controls, node -> number of its morph targets, and VRM's names of expressions that move targets;
+    empty if none has a known name.
     """
     nodes_of: dict[int, list[int]] = {}
     counts: dict[int, int] = {}
@@ -87,8 +86,8 @@ def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict
 def bones_of(
     document: Fields, roles: Collection[str], controls: Sequence[FaceControl]
 ) -> tuple[tuple[FaceControl, ...], LookAt | None, bool]:
-    """The controls of a face that a player uses beside its bones, how its eyes turn, None where they do not, and
-    whether its jaw does. VRM's look-at moves either bones or its four presets.
+    """Return the face controls that a player uses beside bones, the look-at of eye bones, None without them, and
+    whether a jaw bone opens the mouth. VRM's look-at moves either bones or its four presets.
     """
     look_at, is_bones = look_at_of(document)
     eyes = is_bones is not False and "leftEye" in roles and "rightEye" in roles
@@ -99,8 +98,8 @@ def bones_of(
 
 
 def look_at_of(document: Fields) -> tuple[LookAt, bool | None]:
-    """The range maps of a VRM avatar's look-at, the usual ranges where it has none that are valid, and whether it moves
-    bones; None where the file does not say so.
+    """Return the range maps of a VRM avatar's look-at, by default the usual ranges, and whether it moves bones; None if
+    the file does not say.
     """
     extensions = as_object(document.get("extensions"))
     newer, older = as_object(extensions.get(VRM_1)).get("lookAt"), as_object(extensions.get(VRM_0)).get("firstPerson")
@@ -119,7 +118,7 @@ def look_at_of(document: Fields) -> tuple[LookAt, bool | None]:
 
 
 def _targets(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[FaceControl]:
-    """A control for every name of a morph target, which may be that of several meshes."""
+    """Yield a control for every name of a morph target; several meshes may share a name."""
     binds: dict[str, list[tuple[int, int, float]]] = {}
     for mesh, nodes in nodes_of.items():
         fields = document["meshes"][mesh]
@@ -135,22 +134,22 @@ def _expressions(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[F
     expressions = (extensions.get(VRM_1) or {}).get("expressions") or {}
     for kind in ("preset", "custom"):
         for name, row in (expressions.get(kind) or {}).items():
-            found = ((b["node"], b["index"], float(b.get("weight", 1.0))) for b in _rows(row.get("morphTargetBinds")))
-            yield FaceControl(name, tuple(found))
+            binds = ((b["node"], b["index"], float(b.get("weight", 1.0))) for b in _rows(row.get("morphTargetBinds")))
+            yield FaceControl(name, tuple(binds))
     groups = ((extensions.get(VRM_0) or {}).get("blendShapeMaster") or {}).get("blendShapeGroups")
     for row in _rows(groups) if VRM_1 not in extensions else ():
         preset = row.get("presetName")
         name = preset if preset not in (None, "", "unknown") else row.get("name")
-        found = (
+        binds = (
             (node, b["index"], float(b.get("weight", 100.0)) / 100.0)
             for b in _rows(row.get("binds"))
             for node in nodes_of.get(b["mesh"], ())
         )
-        yield FaceControl(str(name), tuple(found))
+        yield FaceControl(str(name), tuple(binds))
 
 
 def as_object(value: Any) -> Fields:
-    """A value of JSON, empty where it is no object."""
+    """Return a JSON value if it is an object, else an empty one."""
     return value if isinstance(value, dict) else {}
 
 
@@ -159,17 +158,17 @@ def _rows(value: Any) -> list[Fields]:
 
 
 _AT_MOST = "degreesAtMost"
-"""Name, in the extras of a look-at, of the degrees of a gaze inward, outward, down and up with its coefficient at 1."""
+"""Our extra of a look-at: degrees of a gaze inward, outward, down and up with its coefficient at 1."""
 _LIDS = {"eyeBlinkLeft": "blinkLeft", "eyeBlinkRight": "blinkRight"}
 _PRESETS = ("aa", "ih", "ou", "ee", "oh", *_LIDS.values())
-"""Presets of a VRM animation; look-at is none of its expressions, and no coefficient says what a person feels."""
+"""Presets of a VRM animation, without look-at, which is no expression, and emotions, which no coefficient shows."""
 
 
 class FaceReader(SkeletonDocument):
     """A document whose animated face is being read."""
 
     def _face(self, animation: Fields, times: FloatArray, fps: float) -> Face | None:
-        """The face that an animation shows at ``times`` (T,); None where it moves no target that is known. Raises
+        """Return the face that an animation shows at ``times`` (T,); None if it moves no known target. Raises
         ``FormatError`` for keys that do not fit.
         """
         tracks, n_bytes = dict[str, FloatArray](), 0
@@ -195,9 +194,9 @@ class FaceReader(SkeletonDocument):
         return face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
 
     def _look_at(self, animation: Fields, times: FloatArray, fps: float) -> dict[str, FloatArray]:
-        """Coefficient -> values (T,) of the gaze of a VRM animation; empty where it has none."""
+        """Return coefficient -> values (T,) of a VRM animation's gaze; empty if it has none."""
         fields = as_object(as_object(as_object(self.json.get("extensions")).get(VRM_ANIMATION)).get("lookAt"))
-        found: dict[str, FloatArray] = {}
+        coefficients: dict[str, FloatArray] = {}
         for channel in animation["channels"]:
             if channel["target"]["path"] == "rotation" and channel["target"].get("node") == fields.get("node", -1):
                 quats = self._weights(animation, channel["sampler"], times, fps)
@@ -207,11 +206,11 @@ class FaceReader(SkeletonDocument):
                 valid = isinstance(at_most, list) and len(at_most) == 4 and all(isinstance(v, float) for v in at_most)
                 degrees = tuple(at_most) if valid and at_most else LookAt().gaze
                 for side in SIDES:
-                    found |= eye_coefficients(rotation.normalize(quats), side, degrees)
-        return found
+                    coefficients |= eye_coefficients(rotation.normalize(quats), side, degrees)
+        return coefficients
 
     def _with_bones(self, clip: Clip) -> Clip:
-        """The clip with the gaze and the open mouth that its bones show, where its face has none of its own."""
+        """Return the clip with gaze and open mouth from its bones, if its face has none."""
         rig = rig_info(clip.skeleton)
         quats = {}
         for role in ("leftEye", "rightEye", "jaw"):
@@ -219,36 +218,40 @@ class FaceReader(SkeletonDocument):
                 upright = rig.t_pose.rotations[joint]
                 turned = rotation.multiply(upright, clip.local_rotations[:, joint])
                 quats[role] = rotation.multiply(turned, rotation.inverse(upright))
-        found = bone_coefficients(quats, look_at_of(self.json)[0])
+        coefficients = bone_coefficients(quats, look_at_of(self.json)[0])
         face = clip.face
-        found = {name: v for name, v in found.items() if face is None or not (
+        coefficients = {name: v for name, v in coefficients.items() if face is None or not (
             has_gaze(face) if name.startswith(LOOKS) else name in face.channels)}  # fmt: skip
-        if not found:
+        if not coefficients:
             return clip
-        values = np.stack(list(found.values()), axis=1)
+        values = np.stack(list(coefficients.values()), axis=1)
         if face is not None:
             values = np.concatenate([face.weights, values], axis=1)
-        names = (*(() if face is None else face.channels), *found)
+        names = (*(() if face is None else face.channels), *coefficients)
         order = sorted(range(len(names)), key=lambda k: ARKIT_CHANNELS.index(names[k]))
         return replace(clip, face=Face(tuple(names[k] for k in order), values[:, order]))
 
     def _weights(self, animation: Fields, number: int, times: FloatArray, fps: float) -> FloatArray:
-        """The values (T, N) of a sampler of N targets, or of a translation."""
+        """Sample the values (T, N) of N targets, or of a translation or rotation."""
         sampler = self._row(animation["samplers"], number, "sampler")
-        at, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
+        key_times, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
         interpolation = sampler.get("interpolation", INTERPOLATIONS[0])
         per_key = 3 if interpolation == "CUBICSPLINE" else 1
-        width, rest = divmod(values.size, max(1, per_key * len(at)))
+        width, rest = divmod(values.size, max(1, per_key * len(key_times)))
         fits = width and not rest and interpolation in INTERPOLATIONS
-        if not fits or np.any(np.diff(at) <= 0.0) or not (np.isfinite(at).all() and np.isfinite(values).all()):
-            raise self._error(f"a face has {values.size} weights for {len(at)} rising times")
+        if (
+            not fits
+            or np.any(np.diff(key_times) <= 0.0)
+            or not (np.isfinite(key_times).all() and np.isfinite(values).all())
+        ):
+            raise self._error(f"a face has {values.size} weights for {len(key_times)} rising times")
         self.limits.check_memory("weights of a face", 8.0 * len(times) * width, self.given_bytes, self.file)
-        values = values.reshape((len(at), 3, width) if per_key == 3 else (len(at), width))
-        return sample(Keys(at, values, interpolation), times, fps, rotations=False)
+        values = values.reshape((len(key_times), 3, width) if per_key == 3 else (len(key_times), width))
+        return sample(Keys(key_times, values, interpolation), times, fps, rotations=False)
 
 
 def vrm_expressions(document: Fields) -> Iterator[tuple[str, int]]:
-    """The name and the node of each expression of a VRM animation."""
+    """Yield the name and the node of each expression of a VRM animation."""
     vrm = as_object(as_object(document.get("extensions")).get(VRM_ANIMATION))
     for kind in ("preset", "custom"):
         for name, row in as_object(as_object(vrm.get("expressions")).get(kind)).items():
@@ -258,8 +261,8 @@ def vrm_expressions(document: Fields) -> Iterator[tuple[str, int]]:
 
 
 def target_names(document: Fields, node: Any) -> list[str]:
-    """The names of the morph targets of a node's mesh: ``targetNames``, or the VRM expression that moves one alone
-    where a name is not known. Empty where neither is there.
+    """Return the names of the morph targets of a node's mesh: ``targetNames``, or, for an unknown name, the VRM
+    expression that moves the target alone. Empty if there is neither.
     """
     nodes = document.get("nodes") or []
     number = as_object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
@@ -267,8 +270,8 @@ def target_names(document: Fields, node: Any) -> list[str]:
     mesh = as_object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
     parts = mesh.get("primitives")
     holders = (mesh, parts[0] if isinstance(parts, list) and parts else None)  # older exporters name them in a part
-    found = [as_object(as_object(holder).get("extras")).get("targetNames") for holder in holders]
-    named = next(([str(name) for name in names] for names in found if isinstance(names, list) and names), [])
+    name_lists = [as_object(as_object(holder).get("extras")).get("targetNames") for holder in holders]
+    named = next(([str(name) for name in names] for names in name_lists if isinstance(names, list) and names), [])
     if any(shape_of(name) is None for name in named) or not named:
         bound = {index: name for name, where, index in _binds(document) if where in (("mesh", number), ("node", node))}
         named += [""] * (max(bound, default=-1) + 1 - len(named))
@@ -277,7 +280,7 @@ def target_names(document: Fields, node: Any) -> list[str]:
 
 
 def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
-    """The name, the mesh or node, and the target of each expression of a VRM avatar that moves one target of it."""
+    """Yield name, mesh or node, and target of each VRM expression that moves one target of that mesh or node."""
     extensions = as_object(document.get("extensions"))
     groups = as_object(as_object(extensions.get(VRM_0)).get("blendShapeMaster")).get("blendShapeGroups")
     rows = [as_object(row) for row in groups] if isinstance(groups, list) else []
@@ -290,12 +293,12 @@ def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
         moved = [as_object(bind) for bind in binds] if isinstance(binds, list) else []
         targets = [(bind.get(key), bind.get("index")) for bind in moved]
         for where, index in targets:
-            if isinstance(index, int) and 0 <= index < 10_000 and [other for other, _ in targets].count(where) == 1:
+            if isinstance(index, int) and 0 <= index < 10_000 and [holder for holder, _ in targets].count(where) == 1:
                 yield str(name if preset in (None, "unknown") else preset), (key, where), index
 
 
 def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
-    """Animate the targets of every mesh that has some by name, and name the coefficients at rest, which have none."""
+    """Animate the named targets of every mesh, and list the coefficients at rest, which have no targets."""
     writer.gltf.animations[0].extras = {FACE_EXTRA: [name for name in face.channels if name not in face.moving]}
     for number, node in enumerate(writer.gltf.nodes):
         mesh = None if node.mesh is None else writer.gltf.meshes[node.mesh]
@@ -305,7 +308,7 @@ def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
 
 
 def write_look_at(writer: DocumentWriter, face: Face, times: int, look_at: LookAt) -> Fields:
-    """The look-at of a VRM animation: a node that turns as the gaze does, and what a gaze at its limit is."""
+    """Write the look-at of a VRM animation: a node that turns with the gaze, and the angles of a gaze at its limit."""
     node = writer.node("lookAt")
     writer.gltf.scenes[0].nodes.append(node)
     writer.channel(node, "rotation", times, rotation.continuous(gaze_quats(face, look_at)))
@@ -315,23 +318,23 @@ def write_look_at(writer: DocumentWriter, face: Face, times: int, look_at: LookA
 def write_expressions(
     writer: DocumentWriter, face: Face, times: int, avatar: Collection[str] = ()
 ) -> dict[str, dict[str, dict[str, int]]]:
-    """The expressions of a VRM animation: those of an avatar by their names, or for any avatar the presets of the lids,
-    which say the same as their coefficients, and a custom one for each other coefficient. No two move the same.
+    """Write the expressions of a VRM animation: those of an avatar by name, or, for any avatar, the presets of the
+    lids, which equal their coefficients, and a custom one for each other coefficient. No two move the same.
     """
     presets = (*_PRESETS, *(("blink",) if "blinkLeft" not in avatar else ()))
     names = [name for name in avatar if name in presets or channel_of(name)]
     names = names or [_LIDS.get(channel, channel) for channel in face.channels]
-    found: dict[str, dict[str, dict[str, int]]] = {"preset": {}, "custom": {}}
+    expressions: dict[str, dict[str, dict[str, int]]] = {"preset": {}, "custom": {}}
     for name, values in zip(names, target_weights(face, names)[0].T, strict=True):
         node = writer.node(name)
         writer.gltf.scenes[0].nodes.append(node)
-        found["preset" if name in presets else "custom"][name] = {"node": node}
+        expressions["preset" if name in presets else "custom"][name] = {"node": node}
         writer.channel(node, "translation", times, np.stack([values, 0 * values, 0 * values], axis=1))
-    return found
+    return expressions
 
 
 def lost_in(path: str | Path, clip: Clip) -> tuple[str, ...]:
-    """The coefficients of a clip's face that the targets of a .glb file, as written, cannot show."""
+    """Return the coefficients of a clip's face that the targets of a written .glb file cannot show."""
     if clip.face is None:
         return ()
     document = SkeletonDocument(str(path), Path(path).read_bytes(), NO_LIMITS, None)

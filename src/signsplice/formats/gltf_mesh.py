@@ -1,5 +1,5 @@
-"""Meshes of glTF files in the rest pose of their nodes, carried by the joints of a skeleton, and which vertices are
-skin rather than hair, skirts or accessories.
+"""Meshes of glTF files in the rest pose, carried by a skeleton's joints, and classification of vertices as skin or as
+hair, skirts or accessories.
 """
 
 from __future__ import annotations
@@ -20,18 +20,25 @@ from signsplice.formats.reading import ReadLimits
 from signsplice.motion import FloatArray, rotation
 
 _TRIANGLES = 4
+"""glTF's primitive mode for triangles."""
 _DRACO = "KHR_draco_mesh_compression"
-_VERTEX_BYTES, _INDEX_BYTES, _PART_BYTES, _JOINT_BYTES = 400, 64, 4000, 400
-"""Bytes of memory counted for a vertex, an index of a triangle's corner, a part and a joint of a skin. An index takes
-up to twice that while it is read; at this count dense meshes pass whose file holds no textures.
+_VERTEX_BYTES = 400
+"""Bytes of memory counted for a vertex."""
+_INDEX_BYTES = 64
+"""Bytes of memory counted for an index of a triangle's corner. Reading takes up to twice that; with this count, dense
+meshes in files without textures pass.
 """
+_PART_BYTES = 4000
+"""Bytes of memory counted for a mesh part."""
+_JOINT_BYTES = 400
+"""Bytes of memory counted for a joint of a skin."""
 _LOOSE = {
     *("hair", "ahoge", "bangs", "ponytail", "twintail", "braid", "wig", "eyelash", "eyelashes", "lash", "lashes"),
     *("skirt", "cape", "cloak", "coat", "scarf", "ribbon", "bow", "necktie", "tail", "wing", "horn", "outline"),
     *("hat", "cap", "hood", "helmet", "glasses", "goggles", "mask", "earring", "earrings", "necklace", "accessory"),
     *("accessories", "acc", "weapon", "bag", "backpack"),
 }
-"""Words in the names of what is no skin: of joints without a role, meshes, nodes and materials."""
+"""Words in names of joints without a role, meshes, nodes and materials that are not skin."""
 _CLOTH = {
     *("cloth", "clothes", "clothing", "tops", "top", "bottoms", "bottom", "outfit", "shirt", "tshirt", "blouse"),
     *("dress", "robe", "kimono", "yukata", "sleeve", "sleeves", "jacket", "sweater", "hoodie", "suit", "vest"),
@@ -43,29 +50,31 @@ _SOFT = {
     *("bust", "breast", "breasts", "boob", "boobs", "oppai", "mune", "chichi", "butt", "hip", "hips", "belly"),
     *("twist", "roll", "muscle", "helper"),
 }
-"""Words in the names of joints without a role that carry skin, though a spring may move them."""
-_LOOSE_SIGNS, _SOFT_SIGNS = ("髪", "スカート", "リボン", "帽", "眼鏡"), ("胸", "乳")
+"""Words in names of joints without a role that carry skin even if a spring moves them."""
+_LOOSE_SIGNS = ("髪", "スカート", "リボン", "帽", "眼鏡")
+"""Japanese words with the meaning of ``_LOOSE``."""
+_SOFT_SIGNS = ("胸", "乳")
+"""Japanese words with the meaning of ``_SOFT``."""
 _WORD = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 
 
 def words(name: str) -> frozenset[str]:
-    """The words of a name in lower case: "J_Sec_HairBack1" has j, sec, hair and back."""
+    """Split a name into words in lower case: "J_Sec_HairBack1" has j, sec, hair and back."""
     return frozenset(word.lower() for word in _WORD.findall(name))
 
 
 def is_cloth(name: str) -> bool:
-    """Whether a name is that of clothing."""
+    """Whether a name denotes clothing."""
     return bool(words(name) & _CLOTH)
 
 
 def is_loose(name: str) -> bool:
-    """Whether a name is that of hair, clothing that hangs, or an accessory."""
+    """Whether a name denotes hair, hanging clothing, or an accessory."""
     return bool(words(name) & _LOOSE) or any(sign in name for sign in _LOOSE_SIGNS)
 
 
 _Bones = tuple[FloatArray, NDArray[np.int64], NDArray[np.bool_]]
-"""Of joints that carry a mesh: matrices (B, 4, 4) to the rest pose, rows of the skeleton (B,), and whether they carry
-skin (B,).
+"""Joints that carry a mesh: matrices (B, 4, 4) to the rest pose, skeleton rows (B,), and whether they carry skin (B,).
 """
 
 
@@ -79,14 +88,14 @@ class MeshReader(SkeletonDocument):
         self._skins: dict[int, _Bones] = {}
 
     def world(self, node: int) -> FloatArray:
-        """The matrix (4, 4) of a node in the world at rest."""
+        """Return the world matrix (4, 4) of a node at rest."""
         path = [node]
         while path[-1] not in self._worlds and path[-1] in self.parents:
             path.append(self.parents[path[-1]])
-        for each in reversed(path):
-            if each not in self._worlds:
-                above = self.parents.get(each)
-                self._worlds[each] = (np.eye(4) if above is None else self._worlds[above]) @ self._matrix(each)
+        for ancestor in reversed(path):
+            if ancestor not in self._worlds:
+                above = self.parents.get(ancestor)
+                self._worlds[ancestor] = (np.eye(4) if above is None else self._worlds[above]) @ self._matrix(ancestor)
         return self._worlds[node]
 
     def _matrix(self, node: int) -> FloatArray:
@@ -102,11 +111,11 @@ class MeshReader(SkeletonDocument):
     def skin(
         self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray, named: Sequence[str] = ()
     ) -> tuple[tuple[MeshPart, ...], SkinPoints | None]:
-        """The meshes that joints carry, and their vertices that are skin, None where there are none.
+        """Return the meshes that joints carry, and their skin vertices, None if there are none.
 
         rows: joint node -> row of the skeleton. Positions are turned by ``turn`` (3, 3), and relative to ``origin``.
-        named: meshes, nodes and materials that are skin, and all others cloth; where there are none, names decide, that
-        of the material first. Raises ``InputError`` for a name that is none of them.
+        named: meshes, nodes and materials that are skin, and all others cloth; if empty, names decide, the material's
+        first. Raises ``InputError`` for a name that matches none.
         """
         self._carriers = self._carriers_of(rows)
         self._mesh_bytes = 0
@@ -134,8 +143,8 @@ class MeshReader(SkeletonDocument):
             raise InputError(
                 f"{self.file}: {unknown[0]!r} is no mesh, node or material that joints carry: {known:.300}"
             )
-        kept = [mask for mask in skin if mask.any()]
-        if not kept:
+        skin_masks = [mask for mask in skin if mask.any()]
+        if not skin_masks:
             return tuple(parts), None
         counts = np.concatenate([[0], np.cumsum([len(part.vertices) for part in parts])])
         row = np.cumsum(np.concatenate(skin)) - 1
@@ -146,11 +155,11 @@ class MeshReader(SkeletonDocument):
             np.concatenate([getattr(part, name)[mask] for part, mask in masked]) for name in ("vertices", "weights")
         )
         joints = np.concatenate([part.joints[mask] for part, mask in masked])
-        is_clothing = np.concatenate([np.full(mask.sum(), one) for mask, one in zip(skin, cloth, strict=True)])
+        is_clothing = np.concatenate([np.full(mask.sum(), covers) for mask, covers in zip(skin, cloth, strict=True)])
         return tuple(parts), SkinPoints(vertices, joints, weights, triangles, is_clothing)
 
     def _triangle_primitives(self, mesh: int) -> list[Fields]:
-        """The primitives of a mesh that are triangles."""
+        """Return the primitives of a mesh that are indexed triangles."""
         if mesh not in self._triangles_of:
             self._triangles_of[mesh] = [
                 primitive
@@ -160,7 +169,7 @@ class MeshReader(SkeletonDocument):
         return self._triangles_of[mesh]
 
     def _bones(self, node: int) -> _Bones | None:
-        """Of the joints that carry a node's mesh; None for a mesh that hangs on no joint."""
+        """Return the joints that carry a node's mesh; None for a mesh without a joint."""
         number = self.nodes[node].get("skin")
         if number is None:
             row, is_skin = self._carriers[node]
@@ -181,35 +190,33 @@ class MeshReader(SkeletonDocument):
         return matrices if bind is None else matrices @ bind, rows, is_skin
 
     def _count(self, what: str, n_bytes: int) -> None:
-        """Count memory that meshes take. Raises ``LimitError`` where all that is counted is too much."""
+        """Count memory of meshes. Raises ``LimitError`` if the total is too large."""
         self._mesh_bytes += n_bytes
         self.limits.check_memory(f"meshes up to {what}", self._mesh_bytes, self.given_bytes, self.file)
 
     def _carriers_of(self, rows: Mapping[int, int]) -> dict[int, tuple[int, bool]]:
-        """Node -> the row of the skeleton's joint at or above it, -1 where there is none, and whether it carries
-        skin.
-        """
-        found: dict[int, tuple[int, bool]] = {}
+        """Return node -> the skeleton row of the joint at or above it, -1 for none, and whether it carries skin."""
+        carriers: dict[int, tuple[int, bool]] = {}
         for node in self.order:
-            row, is_skin = (rows[node], True) if node in rows else found.get(self.parents.get(node, -1), (-1, False))
+            row, is_skin = (rows[node], True) if node in rows else carriers.get(self.parents.get(node, -1), (-1, False))
             if is_skin and node not in rows:
                 name = str(self.nodes[node].get("name"))
                 is_soft = bool(words(name) & _SOFT) or any(sign in name for sign in _SOFT_SIGNS)
                 is_skin = is_soft or not (is_loose(name) or node in self._springs)
-            found[node] = row, is_skin
-        return found
+            carriers[node] = row, is_skin
+        return carriers
 
     @cached_property
     def _springs(self) -> set[int]:
-        """The nodes that springs move."""
+        """The nodes moved by springs."""
         extensions = self.json.get("extensions") or {}
         springs = (extensions.get("VRMC_springBone") or {}).get("springs") or ()
-        found = {joint["node"] for spring in springs for joint in spring.get("joints") or ()}
+        nodes = {joint["node"] for spring in springs for joint in spring.get("joints") or ()}
         groups = ((extensions.get(VRM_0) or {}).get("secondaryAnimation") or {}).get("boneGroups") or ()
-        return found | {bone for group in groups for bone in group.get("bones") or ()}
+        return nodes | {bone for group in groups for bone in group.get("bones") or ()}
 
     def _material(self, primitive: Fields) -> tuple[str, tuple[float, float, float]]:
-        """Name and colour, sRGB 0 to 1, of a primitive's material."""
+        """Return name and colour, sRGB 0 to 1, of a primitive's material."""
         number = primitive.get("material")
         material = {} if number is None else self._row(self.json.get("materials"), number, "material")
         factor = (material.get("pbrMetallicRoughness") or {}).get("baseColorFactor") or [1.0] * 4
@@ -220,11 +227,11 @@ class MeshReader(SkeletonDocument):
     def _part(
         self, primitive: Fields, bones: _Bones, turn: FloatArray, origin: FloatArray
     ) -> tuple[MeshPart, NDArray[np.bool_]]:
-        """A primitive in the rest pose, and which of its vertices are skin (V,)."""
+        """Return a primitive in the rest pose, and the mask (V,) of its skin vertices."""
         if _DRACO in (primitive.get("extensions") or {}):
             raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; {UNPACK}")
         attributes, (matrices, rows, is_skin) = primitive["attributes"], bones
-        # Counted for each part, also where parts share an accessor, or nodes a mesh.
+        # Counted for each part, even if parts share an accessor, or nodes a mesh.
         indices = self._values(primitive["indices"])[:, 0]
         self._count(f"{len(indices):,} indices", _PART_BYTES + _INDEX_BYTES * len(indices))
         used, triangles = np.unique(indices[: len(indices) // 3 * 3].astype(np.int64), return_inverse=True)
@@ -233,10 +240,10 @@ class MeshReader(SkeletonDocument):
         if not len(used) or used[0] < 0 or used[-1] >= len(positions) or positions.shape[1] != 3:
             raise self._error(f"a mesh of {len(positions)} vertices has triangles of others")
         joints, weights = self._read_skinning(attributes, used, len(rows))
-        at = np.concatenate([positions[used], np.ones((len(used), 1))], axis=1)
+        homogeneous = np.concatenate([positions[used], np.ones((len(used), 1))], axis=1)
         placed = np.zeros((len(used), 3))
         for k in range(joints.shape[1]):
-            placed += weights[:, k, None] * np.einsum("vab,vb->va", matrices[joints[:, k], :3], at)
+            placed += weights[:, k, None] * np.einsum("vab,vb->va", matrices[joints[:, k], :3], homogeneous)
         if not np.isfinite(placed).all():
             raise self._error("a vertex is not finite")
         loose = (weights * ~is_skin[joints]).sum(axis=1)
@@ -248,7 +255,7 @@ class MeshReader(SkeletonDocument):
     def _read_skinning(
         self, attributes: Fields, used: NDArray[np.int64], n_bones: int
     ) -> tuple[NDArray[np.int64], FloatArray]:
-        """Rows of bones and weights (V, 4) of the vertices ``used``: the four that carry most."""
+        """Return bone rows and weights (V, 4) of the vertices ``used``: the four largest weights."""
         sets = [n for n in range(4) if f"JOINTS_{n}" in attributes and f"WEIGHTS_{n}" in attributes]
         if not sets:
             return np.zeros((len(used), N_JOINTS), np.int64), np.tile([1.0, 0.0, 0.0, 0.0], (len(used), 1))
@@ -268,11 +275,11 @@ class MeshReader(SkeletonDocument):
 
 
 def normals(vertices: FloatArray, triangles: NDArray[np.int64]) -> FloatArray:
-    """Unit normals (V, 3) of vertices: of the triangles around them, by their area."""
+    """Return unit normals (V, 3) of vertices, averaged over adjacent triangles by area."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    across = np.cross(b - a, c - a)
-    out = np.zeros_like(vertices)
+    area_normals = np.cross(b - a, c - a)
+    vertex_normals = np.zeros_like(vertices)
     for k in range(3):
-        np.add.at(out, triangles[:, k], across)
-    length = np.linalg.norm(out, axis=1, keepdims=True)
-    return np.where(length > 0.0, out / np.where(length > 0.0, length, 1.0), [0.0, 1.0, 0.0])
+        np.add.at(vertex_normals, triangles[:, k], area_normals)
+    length = np.linalg.norm(vertex_normals, axis=1, keepdims=True)
+    return np.where(length > 0.0, vertex_normals / np.where(length > 0.0, length, 1.0), [0.0, 1.0, 0.0])

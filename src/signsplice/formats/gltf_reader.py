@@ -1,9 +1,8 @@
-"""Skeletal animation read from glTF 2.0 files: ``.glb``, ``.gltf``, and VRM's ``.vrma``.
+"""Reading of skeletal animation from glTF 2.0 files: ``.glb``, ``.gltf``, and VRM's ``.vrma``.
 
-Joints keep their hierarchy and names. The pose in which the skin is bound (the file's rest pose, if there is no skin)
-becomes the clip's rest pose: with B a joint's global rotation in that pose and L its local rotation in the file, the
-clip's local rotation is B_parent L B^-1. Keys may be at any times; they are sampled at an even rate, that of the
-densest keys.
+Joints keep their hierarchy and names. The skin's bind pose (the file's rest pose, if there is no skin) becomes the
+clip's rest pose: with B a joint's global rotation in that pose and L its local rotation in the file, the clip's local
+rotation is B_parent L B^-1. Keys may have any times; they are sampled at an even rate, that of the densest keys.
 """
 
 from __future__ import annotations
@@ -41,17 +40,16 @@ from signsplice.rig.roles import ROLES
 
 _AVATAR = "a figure to put signing on is no clip: `signsplice convert` puts clips onto avatars"
 _PATHS = ("translation", "rotation", "scale", "weights", "pointer")
-"""What a channel may animate; ``pointer`` by an extension."""
+"""Paths that a channel may animate; ``pointer`` by an extension."""
 _HELD = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS, folder: Path | None = None) -> Clip:
-    """The clip of the first animation in the bytes of a file named ``file``; in metres, the unit of glTF.
+    """Parse the first animation in the bytes of a file named ``file`` into a clip in metres, the unit of glTF.
 
-    ``folder``: where the buffer files that it names lie; where it is None, no other file is opened. Raises
-    ``FormatError`` where there is no animation or joints are scaled unevenly, and what its content causes where it is
-    not valid glTF.
+    ``folder``: the folder of its buffer files; if None, no other file is opened. Raises ``FormatError`` if there is no
+    animation or joints are scaled unevenly, and the error that its content causes if it is not valid glTF.
     """
     return _AnimationReader(file, content, limits, folder).clip()
 
@@ -66,14 +64,14 @@ class _AnimationReader(FaceReader):
         targets = self._targets(animation)
         joints, roles = self._joints(targets)
         order = self._joint_order(joints, {node for node, _ in targets})
-        wanted = {*order}
-        channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in wanted})
+        joint_nodes = {*order}
+        channels = self._channels(animation, {key: n for key, n in targets.items() if key[0] in joint_nodes})
         return self._sample_animation(order, roles, channels, animation)
 
     def _sample_animation(
         self, order: list[int], roles: Mapping[str, int], channels: Mapping[tuple[int, str], Keys], animation: Fields
     ) -> Clip:
-        """The clip of joint nodes ``order`` (J), parents first, that an animation moves."""
+        """Build the clip of joint nodes ``order`` (J), parents first, that an animation moves."""
         times, fps = self._times(channels, animation, len(order))
         rows, parents, names = self._tree(order)
         local_quats, translations = np.empty((len(times), len(order), 4)), np.empty((len(times), len(order), 3))
@@ -89,7 +87,7 @@ class _AnimationReader(FaceReader):
             moved = position if moving is None else sample(moving, times, fps, rotations=False)
             translations[:, k] = parent_scale * moved
             offsets[k] = translations[0, k]  # the animation's first key counts, not the node's own translation
-        # What is above the skeleton, such as an armature's axes, goes into the root.
+        # The pose of nodes above the skeleton, such as an armature's axes, is applied to the root.
         roots = world_position + rotation.rotate(world_quat, translations[:, 0])
         local_quats[:, 0] = rotation.multiply(world_quat, local_quats[:, 0])
         rest_quats[0] = rotation.multiply(world_quat, rest_quats[0])
@@ -117,15 +115,15 @@ class _AnimationReader(FaceReader):
         return self._with_bones(clip)
 
     def _roles_from_extras(self, names: Sequence[str]) -> dict[str, str]:
-        """Role -> joint name from the extras of a file that we wrote, for joints that exist."""
+        """Return role -> joint name from the extras of a file that we wrote, for existing joints."""
         extras = self.json.get("extras")
         stored = extras.get(ROLES_EXTRA) if isinstance(extras, dict) else None
         pairs = stored.items() if isinstance(stored, dict) else ()
         return {role: name for role, name in pairs if role in ROLES and name in names}
 
     def _targets(self, animation: Fields) -> dict[tuple[int, str], int]:
-        """(node, "rotation", "translation" or "scale") -> number of the sampler that animates it."""
-        found: dict[tuple[int, str], int] = {}
+        """Return (node, "rotation", "translation" or "scale") -> number of its sampler."""
+        samplers: dict[tuple[int, str], int] = {}
         for number, channel in enumerate(animation["channels"]):
             node, path = channel["target"].get("node"), channel["target"]["path"]
             if path not in _PATHS:
@@ -133,20 +131,20 @@ class _AnimationReader(FaceReader):
                 raise self._error(f"channel {number}: target.path is {shorten_json(path)}, expected one of {expected}")
             if node is not None and path in ("rotation", "translation", "scale"):
                 self._row(self.nodes, node, "joint")
-                if (node, path) in found:
+                if (node, path) in samplers:
                     raise self._error(f"channel {number}: {path} of node {node} is animated twice; leave one out")
-                found[node, path] = channel["sampler"]
-        if not any(path != "scale" for _, path in found):
+                samplers[node, path] = channel["sampler"]
+        if not any(path != "scale" for _, path in samplers):
             raise self._error(f"animates no node's rotation or position, expected an animated skeleton; {_AVATAR}")
-        return found
+        return samplers
 
     def _channels(self, animation: Fields, targets: Mapping[tuple[int, str], int]) -> dict[tuple[int, str], Keys]:
-        """The keys of rotations and translations. A scale that does not change over time goes to ``scales``."""
-        found, total = {}, 0
+        """Return the keys of rotations and translations; stores constant scales in ``scales``."""
+        channels, total = {}, 0
         for (node, path), number in targets.items():
             sampler = self._row(animation["samplers"], number, "sampler")
             times, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
-            total += values.nbytes  # counted for each channel, also where channels share them
+            total += values.nbytes  # counted for each channel, even if channels share them
             self.limits.check_memory("keys", total, self.given_bytes, self.file)
             interpolation = self._field(sampler, "interpolation", "LINEAR", f"{path} of node {node}")
             if interpolation not in INTERPOLATIONS:
@@ -169,15 +167,15 @@ class _AnimationReader(FaceReader):
                     raise self._error(f"node {node} changes its size over time, expected rotations and positions only")
                 self.scales[node] = at_keys[0]
                 continue
-            found[node, path] = Keys(times, values, interpolation)
-        if not found:
+            channels[node, path] = Keys(times, values, interpolation)
+        if not channels:
             raise self._error("animates none of its joints, expected an animated skeleton")
-        return found
+        return channels
 
     def _joints(self, targets: Mapping[tuple[int, str], int]) -> tuple[set[int], dict[str, int]]:
-        """The nodes that are joints, and role -> node of a VRM humanoid.
+        """Return the joint nodes, and role -> node of a VRM humanoid.
 
-        Joints are those of the skins, else of the humanoid, else all animated nodes with their descendants.
+        Joints are those of the skins, else of the humanoid, else all animated nodes and their descendants.
         """
         roles = self._humanoid()
         skinned = {joint for skin in self.skins for joint in skin["joints"]}
@@ -185,16 +183,16 @@ class _AnimationReader(FaceReader):
         return joints, {role: node for role, node in roles.items() if node in joints}
 
     def _with_descendants(self, nodes: set[int]) -> set[int]:
-        found = set(nodes)
+        reached = set(nodes)
         for node in self.order:
-            if self.parents.get(node) in found:
-                found.add(node)
-        return found
+            if self.parents.get(node) in reached:
+                reached.add(node)
+        return reached
 
     def _times(
         self, channels: Mapping[tuple[int, str], Keys], animation: Fields, n_joints: int
     ) -> tuple[FloatArray, float]:
-        """Times (T,) from the first to the last key, and the frame rate: that of our extras, else of the densest
+        """Return times (T,) from the first to the last key, and the frame rate: from our extras, else of the densest
         keys.
         """
         start = min(float(keys.times[0]) for keys in channels.values())
@@ -204,14 +202,14 @@ class _AnimationReader(FaceReader):
             fps = frame_rate(max((keys.times for keys in channels.values()), key=len))
         steps = (end - start) * fps
         self.limits.check_clip(steps, n_joints, fps, steps * n_joints * FRAME_BYTES, self.given_bytes, self.file)
-        # The last frame shows the last key, wherever it lies within a frame; one that is less than DRIFT off, in place.
+        # The last frame shows the last key, at any fraction of a frame; a key less than DRIFT late adds no frame.
         times = start + np.arange(int(np.ceil(steps - 1.01 * DRIFT)) + 1) / fps
         times[-1] = end
         return times, fps
 
     def _fps_from_extras(self, animation: Fields, times: Sequence[FloatArray]) -> float | None:
-        """The frame rate in the extras of an animation with keys at ``times``, seconds from the first; None where there
-        is none, or where it is not ours and a key lies between its frames.
+        """Return the frame rate in the extras of an animation with keys at ``times``, seconds from the first; None if
+        there is none, or if the file is not ours and a key lies between its frames.
         """
         extras = animation.get("extras")
         fps = extras.get(FPS_EXTRA) if isinstance(extras, dict) else None
@@ -219,38 +217,40 @@ class _AnimationReader(FaceReader):
             return None
         is_ours = (self.json.get("asset") or {}).get("generator") == GENERATOR
         is_usual = LEAST_FPS <= fps <= MOST_FPS
-        if is_ours or (is_usual and all(np.abs(at * fps - np.rint(at * fps)).max() < DRIFT for at in times)):
+        if is_ours or (
+            is_usual and all(np.abs(seconds * fps - np.rint(seconds * fps)).max() < DRIFT for seconds in times)
+        ):
             return float(fps)
         return None
 
     def _bind_rotations(self, order: Sequence[int], parents: NDArray[np.intp], rest_quats: FloatArray) -> FloatArray:
-        """Global rotations (J, 4) of the pose in which the skin is bound; of the rest pose for joints without skin."""
+        """Return global rotations (J, 4) of the bind pose; of the rest pose for joints without skin."""
         bound: dict[int, FloatArray] = {}
-        wanted = {*order}
+        joint_nodes = {*order}
         for skin in self.skins:
             matrices = self._bind_matrices(skin)
             for joint, matrix in () if matrices is None else zip(skin["joints"], matrices, strict=True):
-                if joint in wanted and joint not in bound:
+                if joint in joint_nodes and joint not in bound:
                     bound[joint] = rotation.nearest(np.linalg.inv(matrix)[:3, :3])
-        out = np.empty_like(rest_quats)
+        rotations = np.empty_like(rest_quats)
         for k, node in enumerate(order):
-            parent_quat = rotation.IDENTITY if parents[k] < 0 else out[parents[k]]
-            out[k] = bound[node] if node in bound else rotation.multiply(parent_quat, rest_quats[k])
-        return out
+            parent_quat = rotation.IDENTITY if parents[k] < 0 else rotations[parents[k]]
+            rotations[k] = bound[node] if node in bound else rotation.multiply(parent_quat, rest_quats[k])
+        return rotations
 
 
 _POINTER = "KHR_animation_pointer"
 
 
 def _notes(animations: Sequence[Fields]) -> tuple[str, ...]:
-    """A line that names the animation that is read and the others; none where it is the only one."""
-    first, *others = (printable(as_object(row).get("name"), f"animation {n}") for n, row in enumerate(animations))
-    return others_left(f"the file's first animation, {first!r:.80},", others)
+    """Return a line that names the animation read and the others; none if it is the only one."""
+    first, *other_names = (printable(as_object(row).get("name"), f"animation {n}") for n, row in enumerate(animations))
+    return others_left(f"the file's first animation, {first!r:.80},", other_names)
 
 
 def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
-    """What an animation moves besides joints and a face, by name, which a clip does not hold: other expressions of a
-    VRM animation, other morph targets, properties that a pointer animates, and what has no node.
+    """Return names of what an animation moves but a clip does not hold: VRM expressions and morph targets that show no
+    face, properties that a pointer animates, and channels without a node.
     """
     targets = [channel["target"] for channel in animation["channels"]]
     animated = {target.get("node") for target in targets}
@@ -267,14 +267,14 @@ def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
 
 
 def _vrm(document: Fields, animated: set[Any]) -> Iterator[str]:
-    """The expressions that are none of a face, of a VRM animation whose nodes are animated."""
+    """Yield the animated expressions of a VRM animation that show no face."""
     for name, node in vrm_expressions(document):
         if node in animated and shape_of(name) is None:
             yield f"expression {name}"
 
 
 def _morph_targets(document: Fields, node: Any) -> list[str]:
-    """The names of the morph targets of a node's mesh that are none of a face, or of the node where they have none."""
+    """Return names of a node's morph targets that show no face, or the node's name if the targets have none."""
     nodes = document.get("nodes") or []
     fields = as_object(nodes[node]) if isinstance(node, int) and 0 <= node < len(nodes) else {}
     if names := target_names(document, node):

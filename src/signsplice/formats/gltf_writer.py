@@ -1,4 +1,4 @@
-"""What the writers of ``.glb`` and ``.vrma`` share: a glTF 2.0 document under construction, and the signer's placement.
+"""Shared by the writers of ``.glb`` and ``.vrma``: a glTF 2.0 document under construction, and the signer's placement.
 
 Lengths are metres, up is +Y; the signer stands at the origin, soles at height 0, and faces +Z.
 """
@@ -22,20 +22,29 @@ from signsplice.rig.info import rig_info
 
 Array = NDArray[Any]
 
-_FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125
+_FLOAT = 5126
+"""glTF component type: 32-bit float."""
+_UBYTE = 5121
+"""glTF component type: unsigned 8-bit integer."""
+_USHORT = 5123
+"""glTF component type: unsigned 16-bit integer."""
+_UINT = 5125
+"""glTF component type: unsigned 32-bit integer."""
 _TYPES = {_FLOAT: np.float32, _UBYTE: np.uint8, _USHORT: np.uint16, _UINT: np.uint32}
-_VERTICES, _INDICES = 34962, 34963
-"""Targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
+_VERTICES = 34962
+"""Target of buffer views of vertices: ARRAY_BUFFER."""
+_INDICES = 34963
+"""Target of buffer views of indices: ELEMENT_ARRAY_BUFFER."""
 
 
 def in_front(clip: Clip) -> Clip:
-    """The clip moved as one rigid whole so that its signer stands at the origin, soles at 0, up +Y, and faces +Z."""
+    """Move the clip rigidly so that its signer stands at the origin, soles at 0, up +Y, and faces +Z."""
     ankles = np.array([0.0, sole_depth(clip.skeleton), 0.0])
     return place(clip, Placement(ankles, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])))
 
 
 def sole_depth(skeleton: Skeleton) -> float:
-    """How far the mannequin's soles are below the foot joints, clip units; 0 where no feet are known."""
+    """Return how far the mannequin's soles are below the foot joints, clip units; 0 if no feet are known."""
     joints = rig_info(skeleton).roles.joints
     feet = [joints[role] for role in ("leftFoot", "rightFoot") if role in joints]
     shape = body_capsules(skeleton)
@@ -67,16 +76,16 @@ class DocumentWriter:
     content: bytearray = field(default_factory=bytearray)
 
     def node(self, name: str) -> int:
-        """The number of a node that was added."""
+        """Add a node; returns its number."""
         self.gltf.nodes.append(pygltflib.Node(name=name, children=[]))
         return len(self.gltf.nodes) - 1
 
     def scene(self, root: int) -> None:
-        """Make one scene that shows a node and all below it."""
+        """Create the only scene, which shows a node and its descendants."""
         self.gltf.scenes, self.gltf.scene = [pygltflib.Scene(nodes=[root])], 0
 
     def array(self, values: Array, kind: str, component: int, target: int | None = None, **bounds: Any) -> int:
-        """The number of the accessor of an array that was added to the buffer.
+        """Add an array to the buffer; returns the number of its accessor.
 
         kind: "SCALAR", "VEC3", ... component: glTF's number of the component type. bounds: further fields of the
         accessor, such as ``min`` and ``max``.
@@ -89,7 +98,7 @@ class DocumentWriter:
         return len(self.gltf.accessors) - 1
 
     def view(self, values: Array, target: int | None = None) -> int:
-        """The number of the view of an array that was added to the buffer."""
+        """Add an array to the buffer; returns the number of its view."""
         self.content += b"\0" * (-len(self.content) % 4)
         view = pygltflib.BufferView(buffer=0, byteOffset=len(self.content), byteLength=values.nbytes, target=target)
         self.gltf.bufferViews.append(view)
@@ -97,8 +106,8 @@ class DocumentWriter:
         return len(self.gltf.bufferViews) - 1
 
     def skin(self, joints: Sequence[int], to_joint: FloatArray, positions: FloatArray, root: int | None) -> None:
-        """Add a skin of joint nodes, bound where they are at ``positions`` (J, 3) and the matrices ``to_joint``
-        (J, 3, 3) turn the world's axes to theirs.
+        """Add a skin of joint nodes, bound at ``positions`` (J, 3), with matrices ``to_joint`` (J, 3, 3) from the
+        world's axes to theirs.
         """
         inverse_bind = np.tile(np.eye(4), (len(positions), 1, 1))
         inverse_bind[:, :3, :3] = to_joint
@@ -107,21 +116,21 @@ class DocumentWriter:
         self.gltf.skins = [pygltflib.Skin(joints=list(joints), inverseBindMatrices=matrices, skeleton=root)]
 
     def mesh(self, parts: Sequence[MeshPart], metres: float, morphs: Collection[str] = ()) -> None:
-        """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit. The parts
-        with morphs are a mesh of their own where some of these are wanted, which alone are its targets.
+        """Add a mesh that the skin moves, one primitive for each colour; ``metres``: length of one clip unit. Parts
+        that have some of ``morphs`` form a separate mesh, with only these as targets.
         """
         moved = [part for part in parts if not part.morphs.keys().isdisjoint(morphs)]
-        for name, own in (("mannequin", [part for part in parts if part not in moved]), ("face", moved)):
-            if not own:
+        for name, mesh_parts in (("mannequin", [part for part in parts if part not in moved]), ("face", moved)):
+            if not mesh_parts:
                 continue
-            colours = dict.fromkeys(part.colour for part in own)
-            names = tuple(name for name in morphs if own is moved and any(name in part.morphs for part in moved))
-            grouped = [[part for part in own if part.colour == colour] for colour in colours]
+            colours = dict.fromkeys(part.colour for part in mesh_parts)
+            names = tuple(name for name in morphs if mesh_parts is moved and any(name in part.morphs for part in moved))
+            grouped = [[part for part in mesh_parts if part.colour == colour] for colour in colours]
             primitives = [self.primitive(parts, metres, names, self._material(parts[0])) for parts in grouped]
             self.add_mesh(name, primitives, names)
 
     def add_mesh(self, name: str, primitives: Sequence[pygltflib.Primitive], targets: Sequence[str] = ()) -> None:
-        """Add a mesh that the skin moves, with morph targets of these names."""
+        """Add a mesh that the skin moves, with named morph targets."""
         self.gltf.meshes.append(pygltflib.Mesh(name=name, primitives=list(primitives)))
         if targets:
             self.gltf.meshes[-1].extras, self.gltf.meshes[-1].weights = {"targetNames": targets}, [0.0] * len(targets)
@@ -129,7 +138,7 @@ class DocumentWriter:
         self.gltf.scenes[0].nodes.append(len(self.gltf.nodes) - 1)
 
     def _material(self, part: MeshPart) -> int:
-        """The number of a material in a part's colour."""
+        """Add a material in a part's colour; returns its number."""
         surface = pygltflib.PbrMetallicRoughness(
             baseColorFactor=[*_linear(part.colour), 1.0], metallicFactor=0.0, roughnessFactor=0.8
         )
@@ -139,7 +148,7 @@ class DocumentWriter:
     def primitive(
         self, parts: Sequence[MeshPart], metres: float, targets: Sequence[str], material: int
     ) -> pygltflib.Primitive:
-        """Parts of one material, with morph targets of these names."""
+        """Add a primitive of parts of one material, with named morph targets."""
         starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         positions = np.concatenate([part.vertices for part in parts]).astype(np.float32) * np.float32(metres)
         joints = np.concatenate([part.joints for part in parts])
@@ -158,12 +167,14 @@ class DocumentWriter:
         still = self.moves(len(positions), np.zeros(0, np.int64), np.zeros((0, 3))) if targets else 0
         moved: list[pygltflib.Attributes] = []
         for name in targets:
-            own = [(part.morphs[name], k) for part, k in zip(parts, starts[:-1], strict=True) if name in part.morphs]
-            if not own:
+            part_morphs = [
+                (part.morphs[name], k) for part, k in zip(parts, starts[:-1], strict=True) if name in part.morphs
+            ]
+            if not part_morphs:
                 moved.append(pygltflib.Attributes(POSITION=still))
                 continue
-            rows = np.concatenate([rows + k for (rows, _), k in own])
-            moves = metres * np.concatenate([moves for (_, moves), _ in own])
+            rows = np.concatenate([rows + k for (rows, _), k in part_morphs])
+            moves = metres * np.concatenate([moves for (_, moves), _ in part_morphs])
             moved.append(pygltflib.Attributes(POSITION=self.moves(len(positions), rows, moves)))
         return pygltflib.Primitive(
             attributes=attributes,
@@ -173,7 +184,7 @@ class DocumentWriter:
         )
 
     def moves(self, count: int, rows: NDArray[np.int64], moves: FloatArray) -> int:
-        """The accessor of displacements (count, 3) that are zero but in some rows."""
+        """Add displacements (count, 3) that are zero except in some rows; returns their accessor."""
         values = np.concatenate([np.zeros((min(1, count - len(rows)), 3)), moves]).astype(np.float32)
         corners = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
         accessor = pygltflib.Accessor(byteOffset=None, componentType=_FLOAT, count=count, type="VEC3", **corners)
@@ -192,7 +203,7 @@ class DocumentWriter:
         return len(self.gltf.accessors) - 1
 
     def times(self, clip: Clip) -> int:
-        """The accessor of the times of a clip's frames, in seconds from the first."""
+        """Add the times of a clip's frames, seconds from the first; returns their accessor."""
         seconds = (np.arange(len(clip)) / clip.fps).astype(np.float32)
         return self.array(seconds, "SCALAR", _FLOAT, min=[float(seconds[0])], max=[float(seconds[-1])])
 
@@ -207,7 +218,7 @@ class DocumentWriter:
         animation.channels.append(pygltflib.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
     def finish(self, name: str, fps: float) -> pygltflib.GLTF2:
-        """The document, complete; its animation has a name and a frame rate."""
+        """Return the complete document; its animation gets a name and a frame rate."""
         self.gltf.animations[0].name = name or "signing"
         self.gltf.animations[0].extras = {**(self.gltf.animations[0].extras or {}), FPS_EXTRA: fps}
         self.content += b"\0" * (-len(self.content) % 4)
@@ -217,12 +228,12 @@ class DocumentWriter:
 
 
 def _to_bytes(weights: FloatArray) -> NDArray[np.uint8]:
-    """Weights (V, 4) as bytes that sum to 255."""
-    out = np.floor(255.0 * weights).astype(np.int64)
-    out[:, 0] += 255 - out.sum(axis=1)
-    return out.astype(np.uint8)
+    """Convert weights (V, 4) to bytes that sum to 255."""
+    quantized = np.floor(255.0 * weights).astype(np.int64)
+    quantized[:, 0] += 255 - quantized.sum(axis=1)
+    return quantized.astype(np.uint8)
 
 
 def _linear(colour: Sequence[float]) -> list[float]:
-    """An sRGB colour in linear light, as glTF requires (IEC 61966-2-1)."""
+    """Convert an sRGB colour to linear light, as glTF requires (IEC 61966-2-1)."""
     return [round(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4, 6) for c in colour]

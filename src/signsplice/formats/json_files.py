@@ -1,4 +1,4 @@
-"""JSON that others wrote: read with one kind of error for whatever is wrong with it."""
+"""Reading of foreign JSON, with one kind of error for anything wrong with it."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from signsplice.errors import FormatError
 from signsplice.formats.reading import read_bytes
 
 MOST_BYTES = 16 << 20
-"""Size of the largest JSON file that is read: small values take up to 24 times their text in memory."""
+"""Largest JSON file that is read, bytes: small values take up to 24 times their text in memory."""
 
 
 def read_json(path: str | Path, expected: str) -> Any:
-    """The values of a JSON file; ``expected`` says in messages what it should hold.
+    """Read the values of a JSON file; ``expected`` describes its content in messages.
 
-    Raises ``InputError`` where it cannot be read or is too large, otherwise as ``parse_json`` does.
+    Raises ``InputError`` if it cannot be read or is too large, otherwise as ``parse_json`` does.
     """
     return parse_json(read_bytes(path, MOST_BYTES), str(path), expected)
 
 
 def parse_json(content: bytes, file: str, expected: str) -> Any:
-    """The values of a JSON text in UTF-8. Raises ``FormatError`` where it is none, where it nests too deeply, and where
-    it holds what no other program could read: NaN, infinity, whole numbers of thousands of digits, half characters.
+    """Parse JSON text in UTF-8. Raises ``FormatError`` if it is not JSON, nests too deeply, or holds values that no
+    other program could read: NaN, infinity, whole numbers of thousands of digits, lone surrogates.
     """
     try:
         values = json.loads(content.decode("utf-8-sig"), parse_constant=_reject_constant)
@@ -52,31 +52,31 @@ def _reject_constant(constant: str) -> None:
 
 
 def shorten_json(value: Any) -> str:
-    """A JSON value for a message, of at most 120 characters."""
+    """Shorten a JSON value to at most 120 characters, for a message."""
     text = abridged(value)
     return text if len(text) <= 120 else f"{text[:117]}..."
 
 
 def check_type(value: Any, kind: Any, where: str) -> None:
-    """Raise ``TypeError`` where a JSON value is not of a type: a plain one, a union, a ``Literal``, a list, a mapping
-    of names, a tuple, which JSON holds as a list, or a dataclass, which it holds as an object with all its fields.
+    """Raise ``TypeError`` if a JSON value has not a type: a plain one, a union, a ``Literal``, a list, a mapping of
+    names, a tuple (in JSON a list), or a dataclass (in JSON an object with all its fields).
 
-    Numbers are finite, and whole numbers fit into 64 bits; true is no number. Null stands for NaN where a float is
+    Numbers must be finite, and whole numbers fit into 64 bits; true is no number. Null stands for NaN if a float is
     ``Annotated``.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return check_type(value, inner[0] | None, where)
     if origin in (UnionType, Union):
-        fits = any(_is_of(value, one, where) for one in inner)
+        fits = any(_is_of(value, option, where) for option in inner)
     elif origin is Literal:
         fits = isinstance(value, str) and value in inner
     elif origin is tuple and inner[-1] is not Ellipsis:
         fits = isinstance(value, list) and len(value) == len(inner) and all(map(_is_of, value, inner, repeat(where)))
     elif origin in (list, tuple):
-        fits = isinstance(value, list) and all(_is_of(one, inner[0], where) for one in value)
+        fits = isinstance(value, list) and all(_is_of(item, inner[0], where) for item in value)
     elif origin in (dict, Mapping):
-        fits = isinstance(value, dict) and all(_is_of(one, inner[1], where) for one in value.values())
+        fits = isinstance(value, dict) and all(_is_of(item, inner[1], where) for item in value.values())
     elif isinstance(kind, type) and is_dataclass(kind):
         hints = get_type_hints(kind, include_extras=True)
         fits = isinstance(value, dict) and all(

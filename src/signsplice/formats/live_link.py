@@ -1,7 +1,7 @@
 """Faces as CSV: the 52 coefficients and 9 rotations of Live Link Face (Epic Games), or some columns that ARKit names.
 
 A header line names the columns in any order and case. ``Timecode`` is HH:MM:SS:FF.sss with 60 frames a second, or as
-many as its frame numbers reach; without one, rows are a frame each where a clip has as many frames, else 60 a second.
+many as its frame numbers imply; without one, rows are a frame each if the clip has as many frames, else 60 a second.
 Rotations of head and eyes are not read: the body's clip has the head, and eyeLook* has the gaze.
 """
 
@@ -19,45 +19,49 @@ from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, format_errors
 from signsplice.motion import Clip, FloatArray, copy_unchecked
 from signsplice.motion.face import ARKIT_CHANNELS, Face
 
-_TIME, _COUNT = "timecode", "blendshapecount"
+_TIME = "timecode"
+"""Live Link's first column, in lower case."""
+_COUNT = "blendshapecount"
+"""Live Link's second column, in lower case; 0 in rows without a face."""
 ROTATIONS = tuple(f"{part}{axis}" for part in ("Head", "LeftEye", "RightEye") for axis in ("Yaw", "Pitch", "Roll"))
 _CHANNELS = {name.lower(): name for name in ARKIT_CHANNELS}
 _OTHERS = {_TIME, _COUNT, *(name.lower() for name in ROTATIONS)}
 _LEAST_NAMES = 5
-"""A table with fewer of ARKit's names, and without Live Link's first two, beside a clip is of something else."""
+"""A table beside a clip with fewer of ARKit's names, and without Live Link's first two columns, holds no face."""
 _FPS = 60.0
 _RATES = (24, 25, 30, 48, 50, 60, 100, 120)
 _CODE = re.compile(r"(\d+):(\d+):(\d+)[:;](\d+(?:\.\d+)?)", re.ASCII)
 _NEAR_S = 1e-5
-"""Timecodes have three decimals of a frame."""
+"""A time within this many seconds of a row is that row's: timecodes have three decimals of a frame."""
 _ROWS_OF_FRAMES = 10
 """A face may have a tenth as many rows as a clip may have frames."""
 _FAR = (-0.5, 2.0)
-"""Weights outside 0 to 1 are brought to its nearer end; those beyond these are of another unit."""
+"""Weights outside 0 to 1 are clipped; weights outside this range are errors of unit."""
 _UNCOVERED_S = 0.1
+"""Seconds of a clip's ends that a face may leave uncovered without a note."""
 _SPOILT = 0.02
-"""A capture may have so many rows of its number with a time that is no later than the one before."""
+"""Largest fraction of a capture's rows with a time no later than the row before."""
 
 
 def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
-    """A clip with the face in a CSV file, whose first row is shown ``offset_s`` seconds after the clip's first frame;
-    before its first row and after its last one, the face is held as it is there.
+    """Return a clip with the face in a CSV file, whose first row is shown ``offset_s`` seconds after the clip's first
+    frame; before the first row and after the last one, the face is held.
 
-    Raises ``InputError`` for a file that cannot be read, ``FormatError`` with the line for what is wrong in it, and
-    ``LimitError`` for more rows than a clip may have frames.
+    Raises ``InputError`` for a file that cannot be read, ``FormatError`` with the line if its content is not valid, and
+    ``LimitError`` for too many rows.
     """
     if not np.isfinite(offset_s):
         raise InputError(f"face offset {offset_s}, expected seconds")
     content = read_bytes(path, limits.file_bytes)
-    n_lines, most = content.count(b"\n"), limits.frames / _ROWS_OF_FRAMES
-    if n_lines > most + 1:
-        raise LimitError(f"about {n_lines:,} rows, expected at most {most:,.0f}", file=str(path))
+    n_lines, max_rows = content.count(b"\n"), limits.frames / _ROWS_OF_FRAMES
+    if n_lines > max_rows + 1:
+        raise LimitError(f"about {n_lines:,} rows, expected at most {max_rows:,.0f}", file=str(path))
     with format_errors(str(path), "face in CSV"):
         return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s)
 
 
 def sidecar(path: Path) -> Path | None:
-    """NAME.csv beside a clip's NAME.bvh, where its first line names coefficients of a face; else None."""
+    """Return NAME.csv beside a clip's NAME.bvh if its first line names face coefficients, else None."""
     file = path.with_suffix(".csv")
     if path.suffix.lower() == ".csv" or not file.is_file():
         return None
@@ -104,30 +108,30 @@ def _on_clip(clip: Clip, text: str, file: str, offset_s: float) -> Clip:
 
 
 def with_face_of(clip: Clip, other: Clip, file: str, offset_s: float = 0.0) -> Clip:
-    """A clip with the face of another one, from ``file``, likewise. Raises ``InputError`` where that has none."""
+    """Return a clip with the face of another one, from ``file``, likewise. Raises ``InputError`` if that has none."""
     if other.face is None:
         raise InputError(f"{file}: holds no face, expected one for {clip.name!r}")
     return _attach_face(clip, other.face, np.arange(len(other)) / other.fps + offset_s, Path(file).name, [])
 
 
 def _attach_face(clip: Clip, face: Face, times: FloatArray, name: str, notes: Sequence[str]) -> Clip:
-    """A clip with a face whose frames are shown at ``times``, seconds, and notes on it."""
-    at, end = np.arange(len(clip)) / clip.fps, (len(clip) - 1) / clip.fps
+    """Return a clip with a face whose frames are shown at ``times``, seconds, and with notes on it."""
+    frame_times, end = np.arange(len(clip)) / clip.fps, (len(clip) - 1) / clip.fps
     if times[0] > _UNCOVERED_S or times[-1] < end - _UNCOVERED_S:
         line = f"{name} has a face from {times[0]:.2f} to {times[-1]:.2f} s of {end:.2f} s; it is held beyond"
         notes = [*notes, line]
-    sampled = np.stack([_between(at, times, column) for column in face.weights.T], axis=1)
+    sampled = np.stack([_between(frame_times, times, column) for column in face.weights.T], axis=1)
     return copy_unchecked(clip, face=Face(face.channels, sampled), notes=(*clip.notes, *notes))
 
 
 def _between(at: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Values at times ``at``: linear between rows, and a row's own, exactly, near it."""
+    """Interpolate values at times ``at`` linearly between rows; near a row, exactly that row's."""
     nearest = np.clip(np.searchsorted(times, at - _NEAR_S), 0, len(times) - 1)
     return np.where(np.abs(times[nearest] - at) < _NEAR_S, values[nearest], np.interp(at, times, values))
 
 
 def _weights(cells: Sequence[str], file: str, line: int) -> FloatArray:
-    """The weights (C,) of a row, before they are brought into 0 to 1."""
+    """Parse the weights (C,) of a row, before clipping to 0 to 1."""
     try:
         values = np.array([float(cell) for cell in cells])
     except ValueError as error:
@@ -139,15 +143,15 @@ def _weights(cells: Sequence[str], file: str, line: int) -> FloatArray:
 
 
 def _parts(code: str, file: str, line: int) -> FloatArray:
-    """Hours, minutes, seconds and frames (4,) of a timecode."""
-    found = _CODE.fullmatch(code.strip())
-    if found is None:
+    """Parse hours, minutes, seconds and frames (4,) of a timecode."""
+    match = _CODE.fullmatch(code.strip())
+    if match is None:
         raise FormatError(f"timecode {code!r:.40}, expected HH:MM:SS:FF.sss", file=file, line=line)
-    return np.array([float(part) for part in found.groups()])
+    return np.array([float(part) for part in match.groups()])
 
 
 def _times(parts: FloatArray, file: str) -> FloatArray:
-    """Seconds (N,) of timecodes (N, 4) from the first."""
+    """Convert timecodes (N, 4) to seconds (N,) from the first."""
     highest, wraps = int(parts[:, 3].max()), bool(np.any(np.diff(parts[:, 3]) < 0.0))
     if highest >= _RATES[-1]:
         raise FormatError(f"a timecode has frame {highest}, expected below {_RATES[-1]}", file=file)
@@ -158,7 +162,7 @@ def _times(parts: FloatArray, file: str) -> FloatArray:
 
 
 def _notes(channels: Sequence[str], names: Sequence[str], weights: FloatArray, n_unseen: int, name: str) -> list[str]:
-    """Lines about what a face lacks, or has otherwise than its file."""
+    """Return lines about missing coefficients and differences from the file."""
     lines = []
     missing = [channel for channel in ARKIT_CHANNELS if channel not in channels]
     if 0 < len(missing) < len(channels):  # else the file is not meant to have them all
@@ -175,8 +179,8 @@ def _notes(channels: Sequence[str], names: Sequence[str], weights: FloatArray, n
 
 
 def encode(clip: Clip) -> bytes:
-    """The bytes of a clip's face: as Live Link Face has it, or, where coefficients are missing, those there are. Raises
-    ``InputError`` for a clip without one.
+    """Encode a clip's face as Live Link Face does, or, if coefficients are missing, only the present ones. Raises
+    ``InputError`` for a clip without a face.
     """
     if clip.face is None:
         raise InputError(f"clip {clip.name!r} has no face")

@@ -19,23 +19,29 @@ from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
 
 VERSION = 1
+"""Version of the archives that ``encode`` writes."""
 _ENTRY = b"PK\x01\x02"
-"""Begins the entry of each member in an archive's directory."""
+"""First bytes of each member's entry in an archive's directory."""
 _LEAST_ALLOWED = 64 << 20
-"""An archive may unpack to so many bytes, however small it is."""
-_HEAD, _INTEGERS = "head", "parents"
+"""Bytes that any archive may unpack to, however small it is."""
+_HEAD = "head"
+"""Name of the array with the description, as JSON text."""
+_INTEGERS = "parents"
+"""Name of the only array of whole numbers."""
 _ARRAYS = {
     "parents": 1, "offsets": 2, "end_offsets": 2, "local_rotations": 3, "root_positions": 2,
     "translations": 3, "channel_values": 2, "channel_offsets": 2, "face_weights": 2,
 }  # fmt: skip
 """Names of arrays -> number of their dimensions."""
-_OF_FRAMES, _ROUNDED_TO = ("local_rotations", "root_positions", "translations", "face_weights"), 2.0**-16
+_OF_FRAMES = ("local_rotations", "root_positions", "translations", "face_weights")
+"""Names of the arrays that are rounded."""
+_ROUNDED_TO = 2.0**-16
+"""Rounded values are multiples of this, in each array's own unit."""
 
 
 def encode(clip: Clip, rounded: bool = False) -> bytes:
-    """The bytes of an archive with every array of a clip. ``rounded``: what frames hold is a multiple of
-    ``_ROUNDED_TO`` in 32 bits, which takes about a third of the bytes; without the channels of the file that it came
-    from.
+    """Encode every array of a clip in an archive. ``rounded``: values of frames become multiples of ``_ROUNDED_TO`` in
+    32 bits, about a third of the bytes, and the channels of the clip's file are left out.
     """
     skeleton = clip.skeleton
     channels = None if clip.channels is None or rounded else clip.channels.mask_moved_root()
@@ -70,16 +76,16 @@ def encode(clip: Clip, rounded: bool = False) -> bytes:
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
-    """The clip in the bytes of an archive that ``encode`` made, or that holds poses of SMPL-X. Raises
-    ``InputError``, or what numpy and zipfile raise, for any other.
+    """Parse an archive that ``encode`` made, or that holds SMPL-X poses, into a clip. Raises ``InputError``, or errors
+    of numpy and zipfile, for any other.
     """
     check_most(content.count(_ENTRY), "members", limits.members, file)  # before zipfile makes an object of each
     with zipfile.ZipFile(BytesIO(content)) as archive:
         unpacked = sum(member.file_size for member in archive.infolist())
-        most = min(limits.unpacked_bytes, max(_LEAST_ALLOWED, limits.expansion * len(content)))
-        if unpacked > most:
+        max_bytes = min(limits.unpacked_bytes, max(_LEAST_ALLOWED, limits.expansion * len(content)))
+        if unpacked > max_bytes:
             what = f"unpacks to {unpacked >> 20:,} MiB, far more than a clip does"
-            raise LimitError(f"{what}; expected at most {most / 2**20:,.0f} MiB", file=file)
+            raise LimitError(f"{what}; expected at most {max_bytes / 2**20:,.0f} MiB", file=file)
         members = {name.removesuffix(".npy") for name in archive.NameToInfo}
         is_ours = _HEAD in members
         if not is_ours and not smplx.is_smplx(members):
@@ -95,7 +101,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
 
 
 def _check_member(archive: zipfile.ZipFile, name: str, is_ours: bool) -> None:
-    """Raise ``InputError`` where an array is of another type, or larger than its bytes, before memory is taken."""
+    """Raise ``InputError`` if an array has a wrong type or does not match its bytes, before memory is allocated."""
     member = archive.getinfo(f"{name}.npy")
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise InputError(f"{name} is compressed by method {member.compress_type}, expected deflate or none")
@@ -116,10 +122,10 @@ _KINDS = {"U": "text", "i": "whole numbers", "f": "numbers of 32 or 64 bits"}
 
 
 def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
-    """The clip of an archive's description and arrays. Raises ``InputError`` where they are not as ``encode`` makes."""
+    """Build the clip from an archive's description and arrays. Raises ``InputError`` if they are not valid."""
     if not isinstance(head, dict) or head.get("version") != VERSION:
-        found = head.get("version") if isinstance(head, dict) else None
-        raise InputError(f"version {found!r:.40}, expected {VERSION}")
+        version = head.get("version") if isinstance(head, dict) else None
+        raise InputError(f"version {version!r:.40}, expected {VERSION}")
     if not _are(head["names"], str) or not _are(head["end_joints"], int):
         raise InputError("names, end_joints: expected lists of joint names and joint numbers")
     if len(head["end_joints"]) != len(arrays["end_offsets"]):
@@ -141,7 +147,7 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
 
 
 def _unit(quats: FloatArray) -> FloatArray:
-    """Quaternions (T, J, 4); in 32 bits, those that rounding has made longer or shorter are unit again."""
+    """Return quaternions (T, J, 4); in 32 bits, scaled to unit length if their length differs only by rounding."""
     if quats.dtype.itemsize != 4:
         return quats
     wide = quats.astype(np.float64)
@@ -177,5 +183,5 @@ def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:
 
 
 def _are(values: Any, *kinds: type) -> bool:
-    """Whether something is a list whose items are exactly of these types; True is no number."""
+    """Whether a value is a list whose items have exactly these types; True is no number."""
     return isinstance(values, list) and all(type(value) in kinds for value in values)

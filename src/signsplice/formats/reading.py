@@ -1,6 +1,5 @@
-"""Bytes of files that are safe to read, how much a file may ask for, so that a small or broken one never costs
-unbounded time or memory, and one kind of error for whatever goes wrong in a parser.
-
+"""Safe reading of files, limits that keep small or broken files from costing unbounded time or memory, and one kind of
+error for any failure of a parser.
 """
 
 from __future__ import annotations
@@ -21,20 +20,20 @@ if TYPE_CHECKING:
 
 
 FRAME_BYTES = 80
-"""Memory that a joint takes in a frame while its clip is made: a rotation, a translation, and checks of both."""
+"""Bytes of memory for a joint in a frame while its clip is created: rotation, translation, and checks of both."""
 
 
 def check_most(count: float, noun: str, most: float, file: str) -> None:
-    """Raise ``LimitError`` where a file holds more of something than it may."""
+    """Raise ``LimitError`` if a file holds more of something than allowed."""
     if count > most:
         raise LimitError(f"{count:,} {noun}, expected at most {most:,.0f}", file=file)
 
 
 @dataclass(frozen=True)
 class ReadLimits:
-    """The limits of everything that reads clips. The defaults pass two hours of 75 joints at 120 fps, 1.8 GB of BVH.
+    """Limits for reading clips. The defaults allow two hours of 75 joints at 120 fps, 1.8 GB of BVH.
 
-    file_bytes: size of a file, with the buffer files that it names.
+    file_bytes: size of a file, including its buffer files.
     unpacked_bytes: size of an archive's members, unpacked.
     expansion: how many times its own size an archive may unpack to, beyond 64 MiB.
     members: members of an archive.
@@ -42,8 +41,8 @@ class ReadLimits:
     nodes: nodes of a glTF document.
     frames: frames of a clip, as read and at the output's rate.
     seconds, fps: duration and frame rate of a clip.
-    free_bytes, growth: a clip's arrays, and what they are decoded from, may take ``free_bytes`` of memory and
-        ``growth`` times the file's own size besides. A clip that is resampled may grow by as much.
+    free_bytes, growth: a clip's arrays, and the data they are decoded from, may take ``free_bytes`` of memory plus
+        ``growth`` times the file's size. Resampling may grow a clip by as much.
     """
 
     file_bytes: float = 2 << 30
@@ -62,34 +61,32 @@ class ReadLimits:
     def check_clip(
         self, n_frames: float, n_joints: int, fps: float, n_bytes: float, given_bytes: float, file: str = ""
     ) -> None:
-        """Raise ``LimitError`` where a clip is larger than allowed; its arrays take ``n_bytes`` and come from
+        """Raise ``LimitError`` if a clip is larger than allowed; its arrays take ``n_bytes`` and come from
         ``given_bytes``.
         """
         what = f"{n_frames / fps:,.0f} s of {n_joints:,} joints at {fps:g} fps, {n_frames:,.0f} frames"
-        for most, value, unit in (
+        for limit, value, unit in (
             (self.joints, n_joints, "joints"),
             (self.fps, fps, "fps"),
             (self.seconds, n_frames / fps, "seconds"),
             (self.frames, n_frames, "frames"),
         ):
-            if not value <= most:  # True for NaN too
-                raise LimitError(f"{what}, expected at most {most:,.0f} {unit}", file=file)
+            if not value <= limit:  # True for NaN too
+                raise LimitError(f"{what}, expected at most {limit:,.0f} {unit}", file=file)
         self.check_memory(what, n_bytes, given_bytes, file)
 
     def check_resampling(self, clip: Clip, fps: float, speed: float = 1.0) -> None:
-        """Raise ``LimitError`` where ``resample`` would make more frames than allowed, or far more than there are."""
+        """Raise ``LimitError`` if ``resample`` would make more frames than allowed, or far more than the clip has."""
         n_given, n_joints, _ = clip.local_rotations.shape
         n_frames, frame_bytes = n_given / clip.fps / speed * fps, n_joints * FRAME_BYTES
         self.check_clip(n_frames, n_joints, fps, n_frames * frame_bytes, n_given * frame_bytes, clip.name)
 
     def check_memory(self, what: str, n_bytes: float, given_bytes: float, file: str = "") -> None:
-        """Raise ``LimitError`` where ``what`` takes ``n_bytes`` of memory, far more than the ``given_bytes`` that it
-        comes from.
-        """
-        most = self.free_bytes + self.growth * given_bytes
-        if n_bytes > most:
+        """Raise ``LimitError`` if ``what`` takes ``n_bytes`` of memory, far more than its source of ``given_bytes``."""
+        max_bytes = self.free_bytes + self.growth * given_bytes
+        if n_bytes > max_bytes:
             raise LimitError(
-                f"{what} take {n_bytes / 1e6:,.0f} MB of memory, expected at most {most / 1e6:,.0f} MB from "
+                f"{what} take {n_bytes / 1e6:,.0f} MB of memory, expected at most {max_bytes / 1e6:,.0f} MB from "
                 f"{given_bytes:,.0f} bytes",
                 file=file,
             )
@@ -97,7 +94,7 @@ class ReadLimits:
 
 DEFAULT_LIMITS = ReadLimits()
 NO_LIMITS = ReadLimits(**{limit.name: math.inf for limit in fields(ReadLimits)})
-"""No limit at all: for files that you trust."""
+"""No limits: for trusted files."""
 
 
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
@@ -106,10 +103,10 @@ _FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NO
 
 
 def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) -> bytes:
-    """The bytes of a regular file, or of one that a link leads to.
+    """Read the bytes of a regular file, or of one that a link leads to.
 
-    Raises ``InputError`` with one line where it is missing, a folder, a pipe, a device, or not readable, and
-    ``LimitError`` where it is larger than ``most_bytes``.
+    Raises ``InputError`` with one line if it is missing, a folder, a pipe, a device, or not readable, and
+    ``LimitError`` if it is larger than ``most_bytes``.
     """
     with open_file(path) as (file, size):
         check_most(size, "bytes", most_bytes, str(path))
@@ -121,9 +118,9 @@ def read_bytes(path: str | Path, most_bytes: float = DEFAULT_LIMITS.file_bytes) 
 
 @contextmanager
 def open_file(path: str | Path) -> Iterator[tuple[BinaryIO, int]]:
-    """A regular file, or one that a link leads to, open for reading, and its size in bytes.
+    """Open a regular file, or one that a link leads to, for reading; yields it and its size in bytes.
 
-    Raises ``InputError`` with one line where it is missing, a folder, a pipe, a device, or not readable, in the block
+    Raises ``InputError`` with one line if it is missing, a folder, a pipe, a device, or not readable, in the block
     too.
     """
     path = Path(path)
@@ -131,7 +128,7 @@ def open_file(path: str | Path) -> Iterator[tuple[BinaryIO, int]]:
         if path.is_dir():
             raise InputError(f"{path}: is a folder, expected a file")
         with open(os.open(path, _FLAGS), "rb") as file:
-            status = os.fstat(file.fileno())  # of the file that is open, whatever its name leads to by now
+            status = os.fstat(file.fileno())  # of the open file, even if its name has changed meanwhile
             if not stat.S_ISREG(status.st_mode):
                 kind = _KINDS.get(stat.S_IFMT(status.st_mode), "no file")
                 raise InputError(f"{path}: is {kind}, expected a regular file; save what it holds to one first")
@@ -146,10 +143,10 @@ def open_file(path: str | Path) -> Iterator[tuple[BinaryIO, int]]:
 
 @contextmanager
 def format_errors(file: str, kind: str) -> Iterator[None]:
-    """Turns whatever a parser raises within the block into a ``FormatError`` that names ``file`` and says that it is no
-    valid ``kind``; the original error is its ``__cause__``.
+    """Turn any error within the block into a ``FormatError`` that names ``file`` and says that it is no valid ``kind``;
+    the original error is its ``__cause__``.
 
-    Parsers and the libraries under them fail in many ways on broken files, and no list of these was ever complete.
+    Parsers and their libraries fail on broken files in more ways than any list of errors covers.
     """
     try:
         yield
@@ -160,7 +157,7 @@ def format_errors(file: str, kind: str) -> Iterator[None]:
 
 
 def as_format_error(error: Exception, file: str, kind: str) -> FormatError:
-    """What ``format_errors`` makes of an error; a ``FormatError`` itself."""
+    """Convert an error as ``format_errors`` does; returns a ``FormatError`` unchanged."""
     if isinstance(error, FormatError):
         return error
     if isinstance(error, InputError):
@@ -172,5 +169,5 @@ def as_format_error(error: Exception, file: str, kind: str) -> FormatError:
 
 
 def stem(file: str) -> str:
-    """The name of a file without folder and suffix, as text that can be written anywhere."""
+    """Return the name of a file without folder and suffix, as text that can be written anywhere."""
     return Path(file).stem.encode("utf-8", "replace").decode("utf-8")

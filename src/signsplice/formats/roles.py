@@ -17,10 +17,10 @@ _SHAPE = 'an object {"role": "joint name", ...}'
 
 
 def read(path: str | Path) -> dict[str, str]:
-    """Role -> joint name from a JSON file, such as ``{"hips": "Root", "leftHand": "wrist_l"}``.
+    """Read role -> joint name from a JSON file, such as ``{"hips": "Root", "leftHand": "wrist_l"}``.
 
-    Raises ``InputError`` where the file cannot be read, ``FormatError`` where it is no JSON object, or has an unknown
-    role or a joint name that is not a string.
+    Raises ``InputError`` if the file cannot be read, ``FormatError`` if it is no JSON object, or has an unknown role or
+    a joint name that is not a string.
     """
     file = str(path)
     loaded = read_json(path, _SHAPE)
@@ -35,13 +35,13 @@ def read(path: str | Path) -> dict[str, str]:
 
 
 def with_roles(clip: Clip, roles: Mapping[str, str]) -> Clip:
-    """The clip with ``roles`` (role -> joint name) on its skeleton.
+    """Return the clip with ``roles`` (role -> joint name) on its skeleton.
 
-    A clip that has none of those joints, but whose rig is recognised by its joint names, is returned unchanged: one
-    roles file may serve clips of several rigs. Raises ``InputError`` where only some of the joints are missing.
+    A clip without any of those joints, whose rig is recognised by its joint names, is returned unchanged: one roles
+    file may serve clips of several rigs. Raises ``InputError`` if only some of the joints are missing.
     """
     if not set(roles.values()) & set(clip.skeleton.names) and rig_info(clip.skeleton).roles.rig != "unknown":
         return clip
     clip = replace(clip, skeleton=replace(clip.skeleton, roles=roles))
-    _ = rig_info(clip.skeleton).roles  # raises where a role's joint is missing
+    _ = rig_info(clip.skeleton).roles  # raises if a role's joint is missing
     return clip

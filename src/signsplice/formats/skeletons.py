@@ -1,4 +1,4 @@
-"""Skeletons in JSON: numbers are read back unchanged."""
+"""Skeletons in JSON; numbers are read back unchanged."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _KINDS = {
 
 
 def as_json(skeleton: Skeleton) -> dict[str, Any]:
-    """What ``from_json`` reads. Raises ``InputError`` for more joints than are read."""
+    """Return JSON that ``from_json`` reads. Raises ``InputError`` for more joints than ``from_json`` accepts."""
     if len(skeleton) > DEFAULT_LIMITS.joints:
         raise InputError(f"skeleton: {len(skeleton)} joints, expected at most {DEFAULT_LIMITS.joints:g}")
     return {
@@ -34,8 +34,8 @@ def as_json(skeleton: Skeleton) -> dict[str, Any]:
 
 
 def from_json(fields: Any) -> Skeleton:
-    """The skeleton of ``as_json``. Raises ``InputError``, ``KeyError``, ``TypeError`` or ``ValueError`` for anything
-    else.
+    """Build the skeleton from JSON of ``as_json``. Raises ``InputError``, ``KeyError``, ``TypeError`` or ``ValueError``
+    for anything else.
     """
     check_type(fields, dict[str, Any], "description")
     for name, kind in _KINDS.items():

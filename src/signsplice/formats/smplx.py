@@ -1,4 +1,4 @@
-"""SMPL-X and SMPL-H poses (``.npz``): rotation vectors of 55 or 52 joints, as AMASS and the sets of signing have them.
+"""SMPL-X and SMPL-H poses (``.npz``): rotation vectors of 55 or 52 joints, as in AMASS and signing data sets.
 
 Bones have the lengths of this project's signer: the model's own shapes are licensed, and ``betas`` need them. The
 joints' axes are the world's in the T-pose, X to the signer's left, Y up, Z ahead; ``trans`` is the pelvis' position.
@@ -18,7 +18,7 @@ from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.rig.align import copy_rotations, reference
 
 _USUAL_FPS = 30.0
-# Joint, number of the joint above, and where it is in the T-pose, cm from the pelvis; limbs of the left side.
+# Joint, number of its parent, and its position in the T-pose, cm from the pelvis.
 _TRUNK = (
     ("pelvis", -1, 0, 0, 0), ("left_hip", 0, 9, -4, 0), ("right_hip", 0, -9, -4, 0), ("spine1", 0, 0, 10, -1),
     ("left_knee", 1, 9, -45, 0.5), ("right_knee", 2, -9, -45, 0.5), ("spine2", 3, 0, 22, -1.5),
@@ -36,6 +36,7 @@ _FINGERS = {
     "ring": ((81, 47, -2.4), (85.5, 47, -2.4), (88.4, 47, -2.4)),
     "thumb": ((74.9, 45.8, 1.2), (78, 44.6, 3.9), (80.5, 43.6, 6.1)),
 }
+"""Finger -> positions of its left joints in the T-pose, cm from the pelvis."""
 _PARTS = (
     (3, ("root_orient", "global_orient", "smplx_root_pose")),
     (63, ("pose_body", "body_pose", "smplx_body_pose")),
@@ -45,40 +46,45 @@ _PARTS = (
     (45, ("left_hand_pose", "smplx_lhand_pose")),
     (45, ("right_hand_pose", "smplx_rhand_pose")),
 )
-"""Parts of a pose in the order of the joints: how many numbers, and what files call them. One name may hold two parts:
+"""Parts of a pose in the order of the joints: count of numbers, and array names. Some names hold two parts:
 ``_JOINED``.
 """
 _JOINED = {"pose_eye": (3, 5), "pose_hand": (5, 7)}
-"""Name -> the parts that it holds."""
-_POSES, _TRANS = ("poses", "fullpose"), ("trans", "transl", "smplx_transl")
+"""Name -> range of parts that it holds."""
+_POSES = ("poses", "fullpose")
+"""Names of an array of whole poses."""
+_TRANS = ("trans", "transl", "smplx_transl")
+"""Names of the array of root positions."""
 _RATES = ("mocap_frame_rate", "mocap_framerate", "fps")
+"""Names of the frame rate."""
 _NOT_READ = ("betas", "expression", "smplx_shape", "smplx_expr", "dmpls")
+"""Arrays that a clip does not hold."""
 NAMES = (*_POSES, *(name for _, names in _PARTS for name in names), *_JOINED, *_TRANS, *_RATES, *_NOT_READ)
-"""Arrays that are looked at."""
+"""Names of all arrays that are read from an archive."""
 N_NUMBERS = {165: 55, 156: 52}
-"""Numbers of a whole pose -> joints: with a face, and without."""
+"""Numbers of a whole pose -> joints, with and without a face."""
 
 
 def is_smplx(names: Collection[str]) -> bool:
-    """Whether an archive with arrays of these names holds poses."""
+    """Whether an archive with arrays of these names holds SMPL-X poses."""
     return any(name in names for name in (*_POSES, *_PARTS[1][1]))
 
 
 def skeleton(n_joints: int) -> Skeleton:
-    """The signer's bones as SMPL-X (55 joints) or SMPL-H (52) has them, in metres."""
+    """Return the signer's skeleton with the joints of SMPL-X (55) or SMPL-H (52), in metres."""
     rows = [*_TRUNK, *(_FACE if n_joints == 55 else ())]
     for side, sign, wrist in (("left", 1, 20), ("right", -1, 21)):
         for finger, places in _FINGERS.items():
             for k, (x, y, z) in enumerate(places):
                 rows.append((f"{side}_{finger}{k + 1}", len(rows) - 1 if k else wrist, sign * x, y, z))
     parents = np.array([row[1] for row in rows])
-    at = 0.01 * np.array([row[2:] for row in rows], np.float64)  # (J, 3)
-    offsets = at - np.where((parents >= 0)[:, None], at[parents], 0.0)
+    positions = 0.01 * np.array([row[2:] for row in rows], np.float64)  # (J, 3)
+    offsets = positions - np.where((parents >= 0)[:, None], positions[parents], 0.0)
     return Skeleton(tuple(row[0] for row in rows), parents, offsets)
 
 
 def from_arrays(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
-    """The clip of an archive's arrays. Raises ``InputError`` where they are no poses."""
+    """Build the clip from an archive's arrays. Raises ``InputError`` if they are no poses."""
     poses = _whole_poses(arrays)
     bones = skeleton(N_NUMBERS[poses.shape[1]])
     roots = next((arrays[key] for key in _TRANS if key in arrays), np.zeros((len(poses), 3)))
@@ -97,8 +103,8 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
 
 
 def encode(clip: Clip) -> bytes:
-    """The bytes of an archive with the arrays of AMASS' SMPL-X files; hands as rotations from the flat hand. A clip of
-    another rig is carried over by its joints' roles. Raises ``RigMismatchError`` where that is no person.
+    """Encode a clip in an archive with the arrays of AMASS' SMPL-X files; hands as rotations from the flat hand. A clip
+    of another rig is converted by its joints' roles. Raises ``RigMismatchError`` if that is no person.
     """
     bones = skeleton(55)
     if clip.skeleton.names != bones.names:
@@ -124,7 +130,7 @@ def encode(clip: Clip) -> bytes:
 
 
 def _whole_poses(arrays: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-    """Poses (T, 165 or 156) of an archive that holds them whole or in parts; parts that it lacks are at rest."""
+    """Return poses (T, 165 or 156) of an archive that holds them whole or in parts; missing parts are at rest."""
     for key in _POSES:
         if key in arrays:
             if arrays[key].ndim != 2 or arrays[key].shape[1] not in N_NUMBERS:
@@ -133,19 +139,19 @@ def _whole_poses(arrays: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
                 )
             return arrays[key]
     n_frames = len(next(arrays[name] for name in _PARTS[1][1] if name in arrays))
-    found: list[NDArray[Any]] = []
+    parts: list[NDArray[Any]] = []
     for number, (size, names) in enumerate(_PARTS):
         key = next((name for name in names if name in arrays), "")
         joined = next((name for name, (a, b) in _JOINED.items() if a <= number < b and name in arrays), "")
         if key:
-            found.append(_check_array(key, arrays[key].reshape(n_frames, -1), (n_frames, size)))
+            parts.append(_check_array(key, arrays[key].reshape(n_frames, -1), (n_frames, size)))
         elif joined:
             first, stop = _JOINED[joined]
-            whole = _check_array(joined, arrays[joined].reshape(n_frames, -1), (n_frames, size * (stop - first)))
-            found.append(whole[:, size * (number - first) : size * (number - first + 1)])
+            joined_poses = _check_array(joined, arrays[joined].reshape(n_frames, -1), (n_frames, size * (stop - first)))
+            parts.append(joined_poses[:, size * (number - first) : size * (number - first + 1)])
         else:
-            found.append(np.zeros((n_frames, size)))
-    return np.concatenate(found, axis=1)
+            parts.append(np.zeros((n_frames, size)))
+    return np.concatenate(parts, axis=1)
 
 
 def _check_array(name: str, values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:

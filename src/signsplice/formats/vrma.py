@@ -1,7 +1,7 @@
 """VRM animations (``.vrma``, VRMC_vrm_animation 1.0): rotations of the humanoid's bones from a T-pose, for any avatar.
 
-The file holds no mesh and no eyes, which the format leaves to look-at; a face is its expressions and that.
-``gltf_reader`` says what is read.
+The file holds no mesh and no eye bones, which the format replaces by look-at; a face is stored as expressions and
+look-at. ``gltf_reader`` describes reading.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ _HIPS_HEIGHT = 0.53
 
 
 def encode(clip: Clip) -> bytes:
-    """The bytes of a clip's .vrma file. Raises ``InputError`` where the rig has no known hips."""
+    """Encode a clip as a .vrma file. Raises ``InputError`` if the rig has no known hips."""
     return b"".join(document(clip).save_to_bytes())
 
 
 def document(clip: Clip) -> GLTF2:
-    """A clip as a VRM animation: the humanoid's bones alone, at rest in a T-pose with axes parallel to the world's.
+    """Build a VRM animation of a clip: the humanoid's bones alone, at rest in a T-pose with the world's axes.
 
-    With G a joint's global rotation and C that of the T-pose, K = G C^-1, and a bone's rotation is K_parent^-1 K. Of a
-    VRM avatar, the T-pose is the pose in which its file has it, since players rotate its bones from there.
-    Raises ``InputError`` where the rig has no known hips.
+    With G a joint's global rotation and C that of the T-pose, K = G C^-1, and a bone's rotation is K_parent^-1 K. A VRM
+    avatar's T-pose is the rest pose of its file, since players rotate its bones from there. Raises ``InputError`` if
+    the rig has no known hips.
     """
     rig = rig_info(clip.skeleton)
     if "hips" not in rig.roles.joints:

@@ -1,6 +1,6 @@
 """Lexicons: gloss -> clip. Built once from clips, opened in milliseconds; one ships with the package.
 
-Names are imported when first used, since a splice needs only ``gloss`` of this room.
+Names are imported on first use, since a splice needs only the module ``gloss``.
 """
 
 TYPE_CHECKING = False

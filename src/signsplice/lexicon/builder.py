@@ -1,4 +1,4 @@
-"""Lexicons written word by word, whole or not at all: in a hidden temporary folder that takes its place at the end."""
+"""Writes lexicons word by word and atomically: a hidden temporary folder replaces the target at the end."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class PreparedWord:
     """A clip as a lexicon stores it.
 
     name, fps, n_frames, has_translations: of the clip.
-    skeleton: as the index describes it.
+    skeleton: its description in the index.
     rest_before, rest_after: as in ``Entry``.
-    block: its frames, encoded.
-    warnings: what a user should know of the clip.
+    block: its encoded frames.
+    warnings: warnings about the clip.
     """
 
     name: str
@@ -47,17 +47,17 @@ class PreparedWord:
     def entry(
         self, gloss: str, kind: str, synonyms: tuple[str, ...], signer: str, source: str, checked: bool = False
     ) -> Entry:
-        """The word's entry under a gloss."""
+        """Return the word's entry under a gloss."""
         digest = fingerprint(self.block, store.sha256(self.skeleton), self.fps, self.n_frames)
         rests = self.rest_before, self.rest_after
         return Entry(gloss, kind, synonyms, self.fps, self.n_frames, signer, source, checked, *rests, digest)
 
 
 def prepare(clip: Clip, form: str, warns: bool = False) -> PreparedWord:
-    """A clip made ready. Raises ``InputError`` where it has too many joints, or a position exceeds float32."""
+    """Prepare a clip. Raises ``InputError`` if it has too many joints or a position exceeds float32."""
     lines: tuple[str, ...] = ()
     if warns:
-        with suppress(InputError):  # its roles do not fit, which ``splice`` says
+        with suppress(InputError):  # ``splice`` reports roles that do not fit
             lines = clip_warnings(clip)
     described, has_translations = store.describe(clip.skeleton), clip.translations is not None
     rests = _rest_frames(clip)
@@ -65,8 +65,8 @@ def prepare(clip: Clip, form: str, warns: bool = False) -> PreparedWord:
 
 
 def _rest_frames(clip: Clip) -> tuple[int | None, int | None]:
-    """Numbers of frames before and after the sign, of rest or left out by splices; None where the rig's arms are not
-    known.
+    """Return the numbers of frames before and after the sign, which are rest or dropped by splices; None if the rig's
+    arms are unknown.
     """
     try:
         clip = with_rest_pose(clip)
@@ -78,21 +78,21 @@ def _rest_frames(clip: Clip) -> tuple[int | None, int | None]:
 
 
 class SharedSkeletons:
-    """The first of equal skeletons, of which each file has a copy of its own: finding roles and sizes of a rig takes
-    longer than reading a clip.
+    """Shares one object among equal skeletons of different files: finding roles and sizes of a rig takes longer than
+    reading a clip.
     """
 
     def __init__(self) -> None:
         self._by_description: dict[str, Skeleton] = {}
 
     def of(self, clip: Clip) -> Clip:
-        """The clip on the first skeleton that equals its own. Raises ``InputError`` for more joints than are read."""
+        """Return the clip on the first skeleton equal to its own. Raises ``InputError`` if it has too many joints."""
         first = self._by_description.setdefault(store.describe(clip.skeleton), clip.skeleton)
         return clip if first is clip.skeleton else copy_unchecked(clip, skeleton=first)
 
 
 class Builder:
-    """A lexicon under construction, made by ``building``. Memory does not grow with the frames added.
+    """A lexicon under construction, made by ``building``. Its memory does not grow with the number of frames.
 
     form: how rotations are stored, one of ``FORMS``.
     n_words: number of words added so far.
@@ -121,11 +121,11 @@ class Builder:
         checked: bool = False,
         extensions: Mapping[str, bytes] | None = None,
     ) -> Entry:
-        """Add a clip, or one made ready in the lexicon's form, and return its entry. Defaults: gloss from the clip's
-        name, kind from the gloss.
+        """Add a clip, or one prepared in the lexicon's form, and return its entry. By default the gloss follows from
+        the clip's name and the kind from the gloss.
 
-        extensions: named bytes that are kept with the word. Raises ``InputError`` where a gloss or synonym is taken or
-        invalid; more words can be added after that.
+        extensions: named bytes stored with the word. Raises ``InputError`` if a gloss or synonym is taken or invalid;
+        more words can be added afterwards.
         """
         word = clip if isinstance(clip, PreparedWord) else prepare(self._shared.of(clip), self.form)
         gloss = gloss_of(gloss or word.name)
@@ -156,7 +156,7 @@ class Builder:
         return entry
 
     def free(self, gloss: str) -> str:
-        """The gloss, or the first of GLOSS#2, GLOSS#3 and so on that no word has."""
+        """Return the gloss, or the first free one of GLOSS#2, GLOSS#3 and so on."""
         base, number = re.sub(r"#\d+$", "", gloss), 1
         while fold(gloss) in self._names:
             number += 1
@@ -164,7 +164,7 @@ class Builder:
         return gloss
 
     def finish(self) -> None:
-        """Write both heads."""
+        """Write the heads of both files."""
         if not self.n_words:
             raise InputError("no word was added, expected at least one")
         self._frames.seek(0)
@@ -174,7 +174,7 @@ class Builder:
         self._index.commit()
 
     def _skeleton(self, description: str) -> int:
-        """Number of a skeleton; a new one is written to the index."""
+        """Return the number of a skeleton; writes a new one to the index."""
         if description not in self._skeletons:
             self._skeletons[description] = len(self._skeletons) + 1
             row = self._skeletons[description], store.sha256(description), description
@@ -187,10 +187,10 @@ class Builder:
 
 @contextmanager
 def building(path: str | Path, *, compact: bool = False) -> Iterator[Builder]:
-    """A builder whose lexicon is at ``path`` when the block succeeds; when it fails, nothing has changed there.
+    """Yield a builder whose lexicon is put at ``path`` if the block succeeds; if it fails, nothing changes there.
 
-    An existing lexicon is replaced. compact: int16 rotations, half the size. Raises ``InputError`` where something else
-    is at ``path``, or it cannot be written, e.g. because the disk is full.
+    An existing lexicon is replaced. compact: int16 rotations, half the size. Raises ``InputError`` if something else
+    is at ``path`` or it cannot be written, e.g. because the disk is full.
     """
     check_target(path)
     with replacing_folder(path) as folder:
@@ -205,8 +205,8 @@ def building(path: str | Path, *, compact: bool = False) -> Iterator[Builder]:
 
 
 def check_target(path: str | Path) -> None:
-    """Raise ``InputError`` where no lexicon can be written to ``path``, as ``check_place`` does, or where something
-    that is not a lexicon would be lost.
+    """Raise ``InputError`` if no lexicon can be written to ``path``, as ``check_place`` does, or if the lexicon would
+    overwrite something else.
     """
     check_place(path)
     target = Path(path).resolve()

@@ -1,4 +1,4 @@
-"""Lexicons built from folders of clips and from written signs, by any number of processes; faults of such folders."""
+"""Builds lexicons from folders of clips and from written signs, in any number of processes; checks such folders."""
 
 from __future__ import annotations
 
@@ -33,9 +33,11 @@ if TYPE_CHECKING:
 
 
 _VERSION = 2
-"""Of what a stopped build has prepared."""
-_FILES_A_PROCESS, _SIGNS_A_PROCESS = 50, 40
-"""A process takes as long to start as so many files to read, or so many signs to sign."""
+"""Version of the words that a stopped build has prepared."""
+_FILES_A_PROCESS = 50
+"""Files that can be read in the time that a process takes to start."""
+_SIGNS_A_PROCESS = 40
+"""Signs that can be animated in the time that a process takes to start."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +48,9 @@ class Built:
     n_letters: number of letters.
     n_bytes: size of the frames file.
     form: how rotations are stored.
-    warnings: what a user should know, one line each.
-    left_out: words and files that are not in it, one line each, which are among the warnings.
-    unread: what else an archive holds of its words, a line for each kind of file.
+    warnings: one line each.
+    left_out: words and files left out, one line each; also among the warnings.
+    unread: further data of words in an archive, a line for each kind of file.
     """
 
     n_words: int
@@ -62,11 +64,11 @@ class Built:
 
 @dataclass(frozen=True)
 class Checked:
-    """What is found in the clips of a folder.
+    """The result of a check of a folder of clips.
 
     n_clips: number of clips.
     faults: everything that prevents a build, one line each.
-    warnings: what a user should know besides, one line each.
+    warnings: further warnings, one line each.
     """
 
     n_clips: int
@@ -78,11 +80,11 @@ class Checked:
 class FileTask:
     """The words of one file.
 
-    paths: the file, and others of the same recording that are read where it is broken.
-    spans: start and end of each word in seconds; None where it begins or ends with the file.
-    face: a file with its face; by default one beside it is looked for.
-    form: as in ``FORMS``. roles, limits: as of ``build``.
-    store: a folder that keeps what is prepared.
+    paths: the file, and others of the same recording, which are read if it is broken.
+    spans: start and end of each word, seconds; None if it begins or ends with the file.
+    face: a file with its face; by default the one beside the clip, if any.
+    form: one of ``FORMS``. roles, limits: as in ``build``.
+    store: a folder that keeps prepared words.
     """
 
     paths: tuple[Path, ...]
@@ -113,12 +115,12 @@ def build(
 
     compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each. recipe: of
-    an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: what does not fit is left out, and a build
-    that was stopped goes on. lenient: leave out what is not understood of a written sign, with a warning. jobs:
-    processes; None: one a core. limits: of each clip.
+    an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: files that do not fit are left out, and a
+    stopped build resumes. lenient: leave out unknown parts of a written sign, with a warning. jobs: number of
+    processes; None: one per core. limits: of each clip.
 
-    A written sign that is refused is left out, with a line; one whose gloss is taken gets the next number, GLOSS#2.
-    Raises ``InputError``, also where one of the folders lies in the other; then nothing has changed at ``output``.
+    Refused written signs are left out, with a line each; one whose gloss is taken gets the next number, GLOSS#2.
+    Raises ``InputError``, also if input and output lie in each other; then ``output`` is unchanged.
     """
     check_target(output)
     folders, written = _folders_and_written(inputs)
@@ -169,12 +171,12 @@ def build(
 
 
 def _folders_and_written(inputs: str | Path | Sequence[str | Path]) -> tuple[list[str | Path], list[str | Path]]:
-    """The inputs that may hold clips, and those that hold written signs; a folder may be both."""
-    given = [inputs] if isinstance(inputs, (str, Path)) else [*inputs]
-    written = [path for path in given if is_written(path)]
+    """Return the inputs that may hold clips, and those that hold written signs; a folder may be both."""
+    paths = [inputs] if isinstance(inputs, (str, Path)) else [*inputs]
+    written = [path for path in paths if is_written(path)]
     folders = [
         path
-        for path in given
+        for path in paths
         if path not in written or any(file.suffix.lower() in READ_SUFFIXES for file in Path(path).rglob("*"))
     ]
     return folders, written
@@ -186,7 +188,7 @@ def check(
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
 ) -> Checked:
-    """What is found in the clips below a folder. Raises ``InputError`` where there is no clip."""
+    """Check the clips below a folder. Raises ``InputError`` if there is no clip."""
     files, faults = find_word_files(folder)
     warnings: list[str] = []
     for _, word in _prepare_files(files, FileTask((), (), "float32", roles, limits), None, progress):
@@ -198,21 +200,21 @@ def check(
 
 
 def reasons(lines: Iterable[str]) -> list[tuple[int, str, str]]:
-    """How many of the lines that begin with a file, and perhaps a gloss, give a reason, the reason, and the first file;
-    the most frequent first.
+    """Group lines that begin with a file, and perhaps a gloss, by reason: (number of lines, reason, first file), the
+    most frequent first.
     """
     seen: dict[str, list[str]] = {}
     for line in lines:
         file, _, rest = line.partition(": ")
         reason = re.sub(r"^\S+: ", "", rest)
         seen.setdefault(re.sub(r"'[^']*'|\b\d[\d,.]*", "...", reason), []).append(file)
-    return sorted(((len(files), reason, files[0]) for reason, files in seen.items()), key=lambda one: -one[0])
+    return sorted(((len(files), reason, files[0]) for reason, files in seen.items()), key=lambda row: -row[0])
 
 
 def _prepare_files(
     files: Sequence[WordFile], task: FileTask, jobs: int | None, progress: Progress | None
 ) -> Iterator[tuple[WordFile, PreparedWord | str]]:
-    """Each file with its word ready, or what is wrong with it; a file of several words is read once."""
+    """Yield each file with its prepared word or an error line; a file of several words is read once."""
     groups = [list(words) for _, words in groupby(files, key=lambda word: (word.paths, word.face))]
     tasks = [
         replace(task, paths=words[0].paths, spans=tuple(word.row.span for word in words), face=words[0].face)
@@ -233,7 +235,7 @@ def _prepare_files(
 
 
 def is_written(path: str | Path) -> bool:
-    """Whether a path is that of a file of written signs, or of a folder of SiGML."""
+    """Return whether a path is a file of written signs or a folder of SiGML."""
     path = Path(path)
     if path.is_dir():
         return any(path.rglob("*.sigml"))
@@ -243,7 +245,7 @@ def is_written(path: str | Path) -> bool:
 
 
 def _read_written_signs(paths: Sequence[str | Path], lenient: bool) -> tuple[list[WrittenSign], list[str]]:
-    """The signs of files and folders of written signs, and a line for each that is refused."""
+    """Return the signs of files and folders of written signs, and a line for each refused sign."""
     if not paths:
         return [], []
     from signsplice.written import files
@@ -255,7 +257,7 @@ def _read_written_signs(paths: Sequence[str | Path], lenient: bool) -> tuple[lis
 def _prepare_signs(
     signs: Sequence[WrittenSign], form: str, lenient: bool, jobs: int | None, progress: Progress | None
 ) -> Iterator[tuple[WrittenSign, PreparedWord | str]]:
-    """Each sign with its word ready, or a line that refuses it."""
+    """Yield each sign with its prepared word, or a line with the reason why it is refused."""
     workers = min(cores(), len(signs) // _SIGNS_A_PROCESS) if jobs is None else jobs
     words = in_order(partial(_prepare_sign, form=form, lenient=lenient), signs, max(workers, 1))
     for done, (sign, word) in enumerate(zip(signs, words, strict=True), 1):
@@ -276,7 +278,7 @@ def _prepare_sign(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord |
 
 
 def _prepare_file(task: FileTask) -> tuple[PreparedWord | str, ...]:
-    """The words of a file, each ready or a line that says what is wrong with it."""
+    """Return the words of a file, each prepared or an error line."""
     stored = None if task.store is None else task.store / _key(task)
     if stored is not None and stored.exists():
         return _unpack(stored.read_bytes())
@@ -299,19 +301,19 @@ def _read_words(task: FileTask) -> tuple[PreparedWord | str, ...]:
 
 
 def _with_face(clip: Clip, path: Path, task: FileTask) -> Clip:
-    """A clip with the face of a file of its name in another format, where it has none of its own."""
-    for other in task.paths:
-        is_same = other.with_suffix("") == path.with_suffix("") and other != path
-        if clip.face is None and is_same and FORMATS[other.suffix.lower()].holds_faces:
+    """Return the clip; if it has no face, with that of a file of the same name in another format."""
+    for face_path in task.paths:
+        is_same = face_path.with_suffix("") == path.with_suffix("") and face_path != path
+        if clip.face is None and is_same and FORMATS[face_path.suffix.lower()].holds_faces:
             with suppress(InputError):  # broken, or without a face
-                clip = with_face_of(clip, load(other, task.limits), str(other))
+                clip = with_face_of(clip, load(face_path, task.limits), str(face_path))
     return clip
 
 
 def _word(
     task: FileTask, path: Path, clip: Clip, span: tuple[float | None, float | None], faults: list[str]
 ) -> PreparedWord | str:
-    """A word of a file that was read; ``faults``: of files that would have been better."""
+    """Return a word of a file; ``faults``: of preferred files that could not be read."""
     try:
         clip = clip if task.roles is None else with_roles(clip, task.roles)
         clip = CACHE.recent(SharedSkeletons, most=1).of(_trim_clip(clip, span))
@@ -323,7 +325,7 @@ def _word(
 
 
 def _trim_clip(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
-    """The frames of a clip between two times."""
+    """Return the frames of a clip between two times, seconds."""
     start, end = span
     if start is None and end is None:
         return clip
@@ -337,11 +339,11 @@ def _trim_clip(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
     return clip[first : min(last, len(clip))]
 
 
-# --- what a build that was stopped has prepared: of each word a line of JSON, then its frames
+# --- the store of a stopped build: for each word a line of JSON, then its frames
 
 
 def _key(task: FileTask) -> str:
-    """The name under which a file's words are kept: another where the file or how it is read has changed."""
+    """Return the name under which a file's words are stored; it changes with the file and the options of reading."""
     paths = [task.face, *task.paths, *(path.with_suffix(".csv") for path in task.paths)]
     states = []
     for path in filter(None, paths):

@@ -1,14 +1,14 @@
-"""A clip to the bytes it takes in a lexicon's frames file, and back.
+"""Encodes clips as bytes of a lexicon's frames file, and decodes them.
 
 Values that are constant over a word are stored once. The layout, little-endian:
 
-1. one byte, 0 or 1, for each joint: whether its rotation changes; one for the root position; where bone lengths change,
+1. one byte, 0 or 1, for each joint: whether its rotation changes; one for the root position; if bone lengths change,
    one more for each joint: whether its translation changes; zeros up to a multiple of 8;
 2. for each of rotations, root position and bone translations: the constant values, then the changing ones frame by
    frame;
 3. zeros up to a multiple of 8;
-4. where the word has a face: eight bytes, a bit for each of ARKit's 52 coefficients that it has, lowest first, then its
-   weights frame by frame in float32, and zeros up to a multiple of 8.
+4. if the word has a face: eight bytes with a bit for each of ARKit's 52 coefficients that it has, lowest first, then
+   its weights frame by frame in float32, and zeros up to a multiple of 8.
 
 Rotations are quaternions x y z w in float32, or in int16 with a unit of 1/32767 (an error below 1e-4 rad). All else is
 float32. Changing int16 rotations are compressed to about a quarter: a uint32 with the number of compressed bytes, then
@@ -34,19 +34,21 @@ Buffer = bytes | memoryview
 
 FRAMES = "frames.bin"
 MAGIC = b"signsplice frames 2\n".ljust(32, b"\0")
-"""The first 32 bytes of the file; the lexicon's SHA-256, 32 bytes, follows."""
+"""First 32 bytes of the file; the 32 bytes of the lexicon's SHA-256 follow."""
 HEAD_BYTES = len(MAGIC) + 32
 FORMS = ("float32", "int16")
 _UNIT = 32767.0
 _ALIGN = 8
-_FREE_BYTES, _GROWTH = 64 << 20, 10
-"""Memory that a clip may take: so much, and so many times the numbers that change."""
+_FREE_BYTES = 64 << 20
+"""Memory that any clip may take, bytes."""
+_GROWTH = 10
+"""Memory that a clip may take beyond that, as a multiple of the size of its changing numbers."""
 _LENGTH_TOLERANCE = 2e-4
-"""Rounding changes a quaternion's length by less than this; a larger change is damage."""
+"""Rounding changes a quaternion's length by less than this; a larger change means damage."""
 
 
 def encode(clip: Clip, form: str) -> bytes:
-    """The bytes of a clip's motion in one of ``FORMS``. Raises ``InputError`` where a position exceeds float32."""
+    """Encode a clip's motion in one of ``FORMS``. Raises ``InputError`` if a position exceeds float32."""
     rotations = clip.local_rotations / np.linalg.norm(clip.local_rotations, axis=-1, keepdims=True)
     tracks: list[NDArray[Any]] = [
         np.rint(rotations * _UNIT).astype("<i2") if form == "int16" else rotations.astype("<f4"),
@@ -70,7 +72,7 @@ def encode(clip: Clip, form: str) -> bytes:
 
 
 def _face(block: Buffer, n_frames: int, at: int) -> Face | None:
-    """The face that begins at a byte; None where the block ends there."""
+    """Decode the face that begins at a byte; None if the block ends there."""
     if at == len(block):
         return None
     (bits,) = struct.unpack("<Q", bytes(_numbers(block, np.dtype(np.uint8), 8, at)))
@@ -83,8 +85,8 @@ def _face(block: Buffer, n_frames: int, at: int) -> Face | None:
 
 
 def decode(block: Buffer, form: str, has_translations: bool, skeleton: Skeleton, entry: Entry) -> Clip:
-    """The clip of an entry that was encoded in these bytes in one of ``FORMS``; ``has_translations``: whether bone
-    lengths change. Raises ``InputError`` where they are damaged or of another shape.
+    """Decode the clip of an entry from bytes in one of ``FORMS``; ``has_translations``: whether bone lengths change.
+    Raises ``InputError`` if the bytes are damaged or have another shape.
     """
     n_frames = entry.n_frames
     widths = [len(skeleton), 1, len(skeleton)][: 3 if has_translations else 2]
@@ -96,31 +98,31 @@ def decode(block: Buffer, form: str, has_translations: bool, skeleton: Skeleton,
     changing = np.split(marks.astype(bool), np.cumsum(widths)[:-1])
     _check_memory(n_frames, changing, len(block))
     types = [np.dtype("<i2" if form == "int16" else "<f4"), np.dtype("<f4"), np.dtype("<f4")]
-    at = _align_up(sum(widths))
+    offset = _align_up(sum(widths))
     tracks: list[FloatArray] = []
     for changes, n_parts, dtype in zip(changing, (4, 3, 3), types, strict=False):
         n_changing = int(changes.sum())
         n_constant = len(changes) - n_changing
-        constant = _dequantize(_numbers(block, dtype, n_parts * n_constant, at).reshape(n_constant, n_parts))
-        at += constant.size * dtype.itemsize
+        constant = _dequantize(_numbers(block, dtype, n_parts * n_constant, offset).reshape(n_constant, n_parts))
+        offset += constant.size * dtype.itemsize
         count = n_frames * n_changing * n_parts
         if dtype.kind == "i":
-            numbers, size = _decompress_rotations(block, n_frames, count, at)
+            numbers, size = _decompress_rotations(block, n_frames, count, offset)
         else:
-            numbers, size = _numbers(block, dtype, count, at), count * dtype.itemsize
+            numbers, size = _numbers(block, dtype, count, offset), count * dtype.itemsize
         varying = _dequantize(numbers.reshape(n_frames, n_changing, n_parts))
-        at += size
+        offset += size
         track = np.empty((n_frames, len(changes), n_parts))
         track[:, ~changes] = constant
         track[:, changes] = varying
         tracks.append(track)
-    face, bones = _face(block, n_frames, _align_up(at)), tracks[2] if has_translations else None
+    face, bones = _face(block, n_frames, _align_up(offset)), tracks[2] if has_translations else None
     return Clip(skeleton, tracks[0], tracks[1][:, 0], entry.fps, entry.gloss, bones, face=face)
 
 
 def _check_memory(n_frames: int, changing: list[NDArray[np.bool_]], n_bytes: int) -> None:
-    """Raise ``InputError`` where a clip would take far more memory than its numbers that change: what stands still
-    takes no bytes, whatever the number of frames.
+    """Raise ``InputError`` if a clip would take far more memory than its changing numbers: constant values take no
+    bytes in the file, however many frames there are.
     """
     needed, unpacked = 0, n_bytes
     for changes, n_parts in zip(changing, (4, 3, 3), strict=False):
@@ -137,7 +139,7 @@ def _numbers(block: Buffer, dtype: np.dtype[Any], count: int, at: int) -> NDArra
 
 
 def _compress_rotations(rotations: NDArray[np.int16]) -> bytes:
-    """Rotations (T, K, 4) in int16, compressed. Differences may overflow, which their sum undoes."""
+    """Compress rotations (T, K, 4) in int16. Differences may overflow; their cumulative sum undoes that."""
     steps = np.diff(rotations.reshape(len(rotations), -1), axis=0, prepend=np.int16(0)).astype("<i2")
     split = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 2).T
     packed = zlib.compress(np.ascontiguousarray(split).tobytes(), 9)
@@ -145,8 +147,8 @@ def _compress_rotations(rotations: NDArray[np.int16]) -> bytes:
 
 
 def _decompress_rotations(block: Buffer, n_frames: int, count: int, at: int) -> tuple[NDArray[np.int16], int]:
-    """The numbers (count,) that ``_compress_rotations`` stored, and how many bytes they took. Expands to ``count`` at
-    most.
+    """Return the numbers (count,) that ``_compress_rotations`` stored, and their size in bytes. Decompresses at most
+    ``count`` numbers.
     """
     (size,) = struct.unpack("<I", bytes(_numbers(block, np.dtype(np.uint8), 4, at)))
     packed = bytes(_numbers(block, np.dtype(np.uint8), size, at + 4))
@@ -162,14 +164,14 @@ def _decompress_rotations(block: Buffer, n_frames: int, count: int, at: int) -> 
 
 
 def fingerprint(block: Buffer, skeleton_sha256: str, fps: float, n_frames: int) -> str:
-    """The SHA-256 of a word: its skeleton's, its rate and length, its bytes."""
+    """Return the SHA-256 of a word: of its skeleton's hash, its frame rate, its length and its bytes."""
     digest = hashlib.sha256(bytes.fromhex(skeleton_sha256) + struct.pack("<dq", fps, n_frames))
     digest.update(block)
     return digest.hexdigest()
 
 
 def _dequantize(numbers: NDArray[Any]) -> NDArray[Any]:
-    """Numbers as stored; int16 rotations as unit quaternions in float64."""
+    """Return stored numbers unchanged, but int16 rotations as unit quaternions in float64."""
     if numbers.dtype.kind != "i":
         return numbers
     values = numbers.astype(np.float64)

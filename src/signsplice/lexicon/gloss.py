@@ -1,6 +1,6 @@
-"""Glosses: how they are written, what an entry says of one, and which are most like a word that is none.
+"""Glosses: their spelling, their entries, and suggestions for unknown words.
 
-It opens no file and loads no database, so that a splice may ask what a letter is.
+This module opens no file and loads no database, so that a splice can use it to recognise letters.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ KINDS = ("sign", "letter")
 LETTER_MARK = "fs-"
 """Prefix of the glosses of letters: fs-A."""
 _TIES = 4
-"""How many times as many names are compared for ties as are suggested."""
+"""Number of names compared for ties, as a multiple of the number of suggestions."""
 
 
 @dataclass(frozen=True)
 class Entry:
     """The entry of a word in a lexicon.
 
-    gloss: its label, which is not a translation.
+    gloss: its label; not a translation.
     kind: "sign", or "letter" of the finger alphabet.
-    synonyms: other glosses by which it is found.
+    synonyms: other glosses that name it.
     fps: frame rate of its clip.
     n_frames: length of its clip.
     signer: who signs.
-    source: where the sign's description or recording comes from.
+    source: origin of the sign's description or recording.
     checked: whether a signer has confirmed that the clip shows this sign.
-    rest_before: frames before the sign, of rest or left out by splices; None where the rig's arms are not known.
+    rest_before: frames before the sign, which are rest or dropped by splices; None if the rig's arms are unknown.
     rest_after: frames after the sign, likewise.
     sha256: hash of the motion and its skeleton.
     """
@@ -50,14 +50,14 @@ class Entry:
 
     @property
     def seconds(self) -> float:
-        """Duration of the clip, rest included."""
+        """Duration of the clip, including rest."""
         return self.n_frames / self.fps
 
 
 def gloss_of(text: str) -> str:
-    """The gloss that a text stands for: upper case, ``-`` for white space, ``fs-`` before a letter, composed (NFC).
+    """Return the gloss for a text: upper case, ``-`` for white space, ``fs-`` before a letter, composed (NFC).
 
-    Raises ``InputError`` where nothing is left or a character is not printable.
+    Raises ``InputError`` if the gloss would be empty or a character is not printable.
     """
     words = "-".join(unicodedata.normalize("NFC", text).split())
     if not words.isprintable() or not words:
@@ -67,17 +67,17 @@ def gloss_of(text: str) -> str:
 
 
 def letter_gloss(character: str) -> str:
-    """The gloss of a letter or digit of the finger alphabet."""
+    """Return the gloss of a letter or digit of the finger alphabet."""
     return gloss_of(LETTER_MARK + character)
 
 
 def is_letter(gloss: str) -> bool:
-    """Whether a gloss is ``fs-`` and one character, in any case."""
+    """Return whether a gloss is ``fs-`` and one character, in any case."""
     return gloss.lower().startswith(LETTER_MARK) and len(gloss) == len(LETTER_MARK) + 1
 
 
 def kind_of(gloss: str, kind: str = "") -> str:
-    """The given kind, or the one that follows from the gloss.
+    """Return the given kind, or the one that follows from the gloss.
 
     Raises ``InputError`` for an unknown kind, or for a letter whose gloss is not ``fs-`` and one character.
     """
@@ -89,14 +89,14 @@ def kind_of(gloss: str, kind: str = "") -> str:
 
 
 def fold(text: str) -> str:
-    """The key by which a gloss is looked up: case, outer white space and the encoding of accents do not matter."""
+    """Return the lookup key of a gloss, which ignores case, outer white space and the encoding of accents."""
     return unicodedata.normalize("NFC", "-".join(text.split())).casefold()
 
 
 class Suggestions:
-    """Finds the names in a lexicon most like a word that it lacks.
+    """Finds the names in a lexicon that are most similar to a word that it lacks.
 
-    names: all glosses and synonyms, folded; of those that are equally like a word, the first ones come first.
+    names: all glosses and synonyms, folded; equally similar ones keep this order.
     """
 
     def __init__(self, names: Iterable[str]) -> None:
@@ -109,14 +109,14 @@ class Suggestions:
                     self._with_part[part].append(name)
 
     def nearest(self, word: str, n: int, similarity: float) -> list[str]:
-        """Up to ``n`` names most like a folded word, as ``Lexicon.nearest`` says."""
-        from rapidfuzz.distance import OSA, Indel  # 30 ms, which only unknown words cost
+        """Return up to ``n`` names most similar to a folded word, as described for ``Lexicon.nearest``."""
+        from rapidfuzz.distance import OSA, Indel  # takes 30 ms, needed only for unknown words
         from rapidfuzz.process import extract
 
         spells = word.startswith(LETTER_MARK)
         parts = self._with_part.get(word.replace("'", ""), ())
-        whole = [name for name in parts if spells or not name.startswith(LETTER_MARK)]
+        part_matches = [name for name in parts if spells or not name.startswith(LETTER_MARK)]
         names, scorer = self._all if spells else self._signs, Indel.normalized_similarity
         similar = extract(word, names, scorer=scorer, score_cutoff=similarity, limit=_TIES * n)
         similar.sort(key=lambda match: (-match[1], OSA.distance(word, match[0])))
-        return list(dict.fromkeys([*whole, *(name for name, _, _ in similar)]))[:n]
+        return list(dict.fromkeys([*part_matches, *(name for name, _, _ in similar)]))[:n]

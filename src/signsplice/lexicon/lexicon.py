@@ -1,8 +1,7 @@
-"""Lexicons open for reading: gloss -> clip, of one source of words or of several, in which the first that has a word
-counts.
+"""Lexicons open for reading: gloss -> clip, from one or several sources of words; the first that has a word wins.
 
-Sources are folders that ``builder`` has written (``store``), forms of the signs that ship, written signs, and other
-lexicons. What the synthetic signer makes is imported when a word is asked for that no folder has.
+Sources are folders written by ``builder`` (``store``), forms of the shipped signs, written signs, and other lexicons.
+The synthetic signer is imported only for words that no folder has.
 """
 
 from __future__ import annotations
@@ -27,20 +26,20 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parent / "words"
 DEFAULT = "default"
-"""The name by which the words that ship are opened."""
+"""Name of the shipped lexicon."""
 _MIN_SIMILARITY = 0.55
-"""Least similarity of the glosses that ``nearest`` suggests."""
+"""Minimum similarity of the glosses that ``nearest`` suggests."""
 _N_KEPT = 64
-"""Signs that are kept once signed: one takes a quarter of a second."""
+"""Animated signs kept in memory: animating one takes a quarter of a second."""
 
 
 class Source(Protocol):
-    """What a lexicon asks of a source of words. Those that inherit from it list no words, and store nothing.
+    """Interface of a source of words. By default a source lists no words and stores nothing.
 
     path: its folder or file.
-    where: as messages name it; empty where they do not.
-    form: how rotations are stored; empty where nothing is.
-    n_bytes: size of what is stored of frames.
+    where: its name in messages; empty if they do not name it.
+    form: how rotations are stored; empty if nothing is stored.
+    n_bytes: size of the stored frames.
     """
 
     path: Path
@@ -49,47 +48,47 @@ class Source(Protocol):
     n_bytes: int
 
     def find(self, name: str) -> SourceWord | None:
-        """The word with this gloss or synonym, None where there is none."""
+        """Return the word with this gloss or synonym, or None."""
 
     def lists(self, name: str) -> bool:
-        """Whether it is the gloss or a synonym of a word in ``entries``."""
+        """Return whether ``name`` is a gloss or synonym of a word in ``entries``."""
         return False
 
     def names(self) -> list[tuple[str, str, bool]]:
-        """(folded, shown, is a gloss) of every gloss and synonym in ``entries``."""
+        """Return (folded, shown, is a gloss) for every gloss and synonym in ``entries``."""
         return []
 
     def entries(self) -> Iterator[Entry]:
-        """The entries of the words that are listed, sorted by gloss."""
+        """Return the entries of the listed words, sorted by gloss."""
         return iter(())
 
     def faults(self, progress: Progress | None = None) -> Iterator[str]:
-        """What is damaged, one line each."""
+        """Return faults of the words, one line each."""
         return iter(())
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
-        """What a user should know about the words, one line each."""
+        """Return warnings about the words, one line each."""
         return iter(())
 
     def verify(self) -> None:
-        """Raise ``InputError`` where something is damaged."""
+        """Raise ``InputError`` if something is damaged."""
         return
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close open files."""
         return
 
 
 class Lexicon:
-    """A lexicon open for reading: a mapping of glosses to clips, for any number of threads.
+    """A lexicon open for reading: a thread-safe mapping of glosses to clips.
 
-    It is made of folders of lexicons and of other sources. A name stands for the word of the first source that has it
-    as a gloss or synonym; a word whose gloss an earlier source has cannot be found. Look-up accepts names in any case;
-    ``len`` and iteration cover the glosses that are listed. A context manager that closes its sources; clips remain
-    valid after that. Raises ``InputError`` where a folder holds no valid lexicon of this version or an earlier one.
+    It combines folders of lexicons and other sources. A name stands for the word of the first source that has it as a
+    gloss or synonym; an earlier source's gloss hides the same gloss of later sources. Look-up ignores case; ``len`` and
+    iteration cover the listed glosses. As a context manager it closes its sources; clips remain valid afterwards.
+    Raises ``InputError`` if a folder holds no valid lexicon of this version or an earlier one.
 
-    sources: in the order in which they are asked.
-    path: of the first source. where, form, n_bytes: as of ``Source``, of all.
+    sources: in order of look-up.
+    path: of the first source. where, form, n_bytes: as in ``Source``, for all sources.
     """
 
     def __init__(self, first: str | Path | Source, *others: str | Path | Source) -> None:
@@ -125,46 +124,46 @@ class Lexicon:
         return isinstance(gloss, str) and self.find(gloss) is not None
 
     def lists(self, name: object) -> bool:
-        """Whether it is the gloss or a synonym of a word that is listed."""
+        """Return whether ``name`` is a gloss or synonym of a listed word."""
         return isinstance(name, str) and any(source.lists(name) for source in self.sources)
 
     def names(self) -> list[tuple[str, str, bool]]:
-        """(folded, shown, is a gloss) of every gloss and synonym that is listed."""
+        """Return (folded, shown, is a gloss) for every listed gloss and synonym."""
         rows = {row[0]: row for source in reversed(self.sources) for row in source.names()}
         return list(rows.values())
 
     @cached_property
     def glosses(self) -> tuple[str, ...]:
-        """The glosses of all words that are listed, sorted; without synonyms."""
+        """Glosses of all listed words, sorted, without synonyms."""
         return tuple(sorted(shown for _, shown, is_gloss in self.names() if is_gloss))
 
     def entries(self) -> Iterator[Entry]:
-        """The entries of all words that are listed, in the order of ``glosses``."""
+        """Return the entries of all listed words, in the order of ``glosses``."""
         return (entry for entry, _ in self._entry_names)
 
     def search(self, text: str) -> list[Entry]:
-        """Entries with ``text`` in their gloss or a synonym, in any case; those that begin with it come first."""
-        wanted = fold(text)
-        matches = [(entry, names) for entry, names in self._entry_names if any(wanted in name for name in names)]
-        matches.sort(key=lambda match: not any(name.startswith(wanted) for name in match[1]))
+        """Return entries with ``text`` in their gloss or a synonym, in any case; prefix matches come first."""
+        folded = fold(text)
+        matches = [(entry, names) for entry, names in self._entry_names if any(folded in name for name in names)]
+        matches.sort(key=lambda match: not any(name.startswith(folded) for name in match[1]))
         return [entry for entry, _ in matches]
 
     def find(self, name: str) -> SourceWord | None:
-        """The word that a name stands for, None where no source has it."""
+        """Return the word that a name stands for, or None if no source has it."""
         for n, source in enumerate(self.sources):
             word = source.find(name)
             if word is not None:
-                # A synonym of a word whose gloss an earlier source has: the sign of that name is the earlier one's.
+                # If this is a synonym of a word whose gloss an earlier source has, the earlier word wins.
                 is_hidden = any(earlier.find(word.gloss) for earlier in self.sources[:n])
                 return self.find(word.gloss) if is_hidden else word
         return None
 
     def entry(self, gloss: str) -> Entry:
-        """The entry of the word with this gloss or synonym. Raises ``UnknownGlossError``, which names similar ones."""
+        """Return the entry for a gloss or synonym. Raises ``UnknownGlossError``, which names similar glosses."""
         return self._word(gloss).entry()
 
     def clip(self, gloss: str) -> Clip:
-        """The clip of the word with this gloss or synonym, named by its gloss.
+        """Return the clip for a gloss or synonym, named by its gloss.
 
         Clips of one rig in one folder share one skeleton object; clips of several sources may differ in rig and rate.
         Raises ``UnknownGlossError``, or ``InputError`` for a damaged word.
@@ -172,39 +171,38 @@ class Lexicon:
         return self._word(gloss).clip()
 
     def extensions(self, gloss: str) -> dict[str, bytes]:
-        """What is stored with the word with this gloss or synonym by other names than this version reads, or writes by
-        ``Builder.add``: name -> bytes. Raises ``UnknownGlossError``.
+        """Return the extensions stored with the word for a gloss or synonym, e.g. by ``Builder.add``: name -> bytes.
+        Raises ``UnknownGlossError``.
         """
         return self._word(gloss).extensions()
 
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
-        """Up to ``n`` glosses and synonyms most like ``gloss``: those that have it between hyphens, then those of at
-        least that ``similarity``, best first. Letters only for what begins as they do.
+        """Return up to ``n`` glosses and synonyms most similar to ``gloss``: first those that contain it between
+        hyphens, then those of at least ``similarity``, best first; letters only if ``gloss`` begins as they do.
 
-        The similarity of two words is twice the number of letters that both have in the same order, over the number of
-        letters of both. Of words equally like, those come first that fewer edits lead to; two neighbours that change
-        places are one edit.
+        The similarity of two words is twice the length of their longest common subsequence, divided by the sum of
+        their lengths. Ties are ordered by edit distance, in which a swap of two neighbours is one edit.
         """
         return tuple(self._display_names[name] for name in self._suggestions.nearest(fold(gloss), n, similarity))
 
     def find_hyphenated_gloss(self, word: str) -> str | None:
-        """The gloss that ``word`` is without its hyphens (THANKYOU: THANK-YOU), None where there is none."""
+        """Return the gloss that equals ``word`` without its hyphens (THANKYOU: THANK-YOU), or None."""
         shown = self._without_hyphens.get(fold(word))
         return None if shown is None else self.entry(shown).gloss
 
     def faults(self, progress: Progress | None = None) -> Iterator[str]:
-        """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
+        """Yield faults of the words, one line each: checks bytes, hashes and names against the index. Reads all."""
         return (line for source in self.sources for line in source.faults(progress))
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
-        """What a user should know about words that can be read, one line each."""
+        """Yield warnings about readable words, one line each."""
         return (line for source in self.sources for line in source.warnings(progress))
 
     def verify(self) -> None:
-        """Compare every entry, and the bytes of every word, with their SHA-256. Raises ``InputError`` at the first that
-        is another.
+        """Compare every entry, and the bytes of every word, with their SHA-256. Raises ``InputError`` at the first
+        mismatch.
 
-        Quicker than ``faults``, which decodes the words too: about a second for each GB.
+        Faster than ``faults``, which also decodes the words: about one second per GB.
         """
         for source in self.sources:
             source.verify()
@@ -217,7 +215,7 @@ class Lexicon:
 
     @cached_property
     def _entry_names(self) -> list[tuple[Entry, list[str]]]:
-        """Every entry that is listed and its names, folded, in the order of ``glosses``."""
+        """Every listed entry and its folded names, in the order of ``glosses``."""
         rows, seen = list[tuple[Entry, list[str]]](), set[str]()
         for source in self.sources:
             named = [(entry, [fold(name) for name in (entry.gloss, *entry.synonyms)]) for entry in source.entries()]
@@ -246,9 +244,9 @@ SignT = TypeVar("SignT", bound="Sign | WrittenSign")
 
 
 class SignedWords(Source, Generic[SignT]):
-    """A source whose words the synthetic signer makes when they are asked for. It lists none and stores nothing.
+    """A source whose words the synthetic signer makes on demand. It lists no words and stores nothing.
 
-    path, where, form, n_bytes: as of ``Source``.
+    path, where, form, n_bytes: as in ``Source``.
     """
 
     where = form = ""
@@ -260,14 +258,14 @@ class SignedWords(Source, Generic[SignT]):
 
     @abstractmethod
     def find_sign(self, name: str) -> SignT | None:
-        """The sign that a name stands for, None where there is none."""
+        """Return the sign that a name stands for, or None."""
 
     @abstractmethod
     def make_clip(self, sign: SignT) -> tuple[Clip, str, str]:
-        """The clip of a sign, who signs it, and where it comes from."""
+        """Return the clip of a sign, its signer and its source."""
 
     def find(self, name: str) -> SourceWord | None:
-        """The word that a name stands for, None where there is none."""
+        """Return the word that a name stands for, or None."""
         sign = self._find_sign(name)
         if sign is None:
             return None
@@ -281,9 +279,9 @@ class SignedWords(Source, Generic[SignT]):
 
 
 class FormsOfSigns(SignedWords["Sign"]):
-    """Every form of the signs that ship that ``signer.inflection`` makes: I-GIVE-YOU, 2-GIVE-1, BOOK-PLURAL.
+    """All forms that ``signer.inflection`` makes of the shipped signs: I-GIVE-YOU, 2-GIVE-1, BOOK-PLURAL.
 
-    words: those that ship, whose skeleton the clips of forms share.
+    words: the shipped words, whose skeleton the clips of forms share.
     """
 
     def __init__(self, words: StoredWords) -> None:
@@ -295,13 +293,13 @@ class FormsOfSigns(SignedWords["Sign"]):
 
     @cached_property
     def _signs(self) -> dict[str, Sign]:
-        """The signs of the words that ship, by gloss and synonym."""
+        """The shipped signs by gloss and synonym."""
         from signsplice.signer import notation
 
         return {name: sign for sign in notation.everyday().values() for name in (*sign.synonyms, sign.gloss)}
 
     def find_sign(self, name: str) -> Sign | None:
-        """The form that a gloss names, None where there is none."""
+        """Return the form that a gloss names, or None."""
         if "-" not in name:
             return None
         from signsplice.signer import inflection
@@ -311,12 +309,12 @@ class FormsOfSigns(SignedWords["Sign"]):
         return None
 
     def make_clip(self, sign: Sign) -> tuple[Clip, str, str]:
-        """The clip of a form, named by its gloss (2-GIVE-1)."""
+        """Return the clip of a form, named by its gloss (2-GIVE-1)."""
         from signsplice.signer import planner
 
-        words, made = Lexicon(self._words), planner.synthesize_word(sign)
-        clip = copy_unchecked(made.clip, skeleton=words.clip(words.glosses[0]).skeleton)
-        return clip, made.signer.name, sign.source
+        words, signed_word = Lexicon(self._words), planner.synthesize_word(sign)
+        clip = copy_unchecked(signed_word.clip, skeleton=words.clip(words.glosses[0]).skeleton)
+        return clip, signed_word.signer.name, sign.source
 
 
 class WrittenWords(SignedWords["WrittenSign"]):
@@ -332,11 +330,11 @@ class WrittenWords(SignedWords["WrittenSign"]):
         return type(self), (self.path,)
 
     def find_sign(self, name: str) -> WrittenSign | None:
-        """The sign with this gloss, None where there is none."""
+        """Return the sign with this gloss, or None."""
         return self._signs.get(fold(name))
 
     def make_clip(self, sign: WrittenSign) -> tuple[Clip, str, str]:
-        """The clip of a sign, of no named signer."""
+        """Return the clip of a sign, without a named signer."""
         from signsplice.written import signing
 
         return signing.animate_sign(sign), "", str(self.path)
@@ -345,11 +343,11 @@ class WrittenWords(SignedWords["WrittenSign"]):
 def open_lexicon(
     path: str | Path | None = None, *others: str | Path | None, fallback: str | Path | None = None
 ) -> Lexicon:
-    """Open the lexicon in a folder; without one, by the name ``default`` or in that of the words that ship, those with
-    the forms of their signs. With ``others`` they are opened as one, in which the first that has a word counts.
+    """Open the lexicon in a folder. Without a folder, with the name ``default`` or with the shipped folder, open the
+    shipped words with the forms of their signs. ``others`` are added to it; the first lexicon that has a word wins.
 
-    fallback: file or folder of written signs for the glosses that all of them lack. Raises ``InputError`` where there
-    is no such folder or file, or it is damaged or newer than this version of signsplice.
+    fallback: file or folder of written signs for glosses that all of them lack. Raises ``InputError`` if a folder or
+    file is missing, damaged or newer than this version of signsplice.
     """
     sources = list[Source]()
     with ExitStack() as stack:
@@ -363,12 +361,12 @@ def open_lexicon(
 
 
 def open_shipped_lexicon() -> Lexicon:
-    """Open the words that ship with the package, without forms. Raises ``InputError`` where this build has none."""
+    """Open the shipped words without forms. Raises ``InputError`` if this build has none."""
     return Lexicon(_open_stored_words(SHIPPED))
 
 
 def lexicon_folder(path: str | Path | None) -> Path:
-    """The folder of a lexicon as ``open_lexicon`` takes it."""
+    """Return the folder that ``open_lexicon`` opens for ``path``."""
     return SHIPPED if path is None or str(path) == DEFAULT else Path(path)
 
 

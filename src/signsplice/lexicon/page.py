@@ -1,5 +1,5 @@
-"""A page about a lexicon: how long its words are and rest, how tall its signers are, how fast joints turn, and which
-words are doubtful, with pictures.
+"""A page about a lexicon: lengths and rest of its words, stature of its signers, joint speeds, and doubtful words with
+pictures.
 """
 
 from __future__ import annotations
@@ -24,21 +24,29 @@ from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
 
 _PERCENTILES = (0, 5, 50, 95, 100)
-_MOST_SHOWN, _N_PICTURES = 30, 8
-_LEAST_S, _MOST_S, _MOST_DEG_S = 0.3, 8.0, 3000.0
-"""Words that are shorter or longer are doubtful, and those in which a joint turns faster."""
+_MOST_SHOWN = 30
+"""Maximum number of doubtful words with pictures."""
+_N_PICTURES = 8
+"""Frames shown of each doubtful word."""
+_LEAST_S = 0.3
+"""Shorter words are doubtful, seconds."""
+_MOST_S = 8.0
+"""Longer words are doubtful, seconds."""
+_MOST_DEG_S = 3000.0
+"""Words in which a joint turns faster are doubtful, degrees/s."""
 _STYLE = "body{font:15px sans-serif;margin:2em}td,th{padding:2px 10px;text-align:left}img{max-width:100%}"
 
 
 @dataclass(frozen=True)
 class WordFacts:
-    """What the page says of a word.
+    """Facts about a word on the page.
 
     gloss: its gloss.
-    seconds, rest_before_s, rest_after_s: its length, and how much of that is rest; NaN where the arms are not known.
-    stature_m: how tall its signer is.
-    fastest_deg_s: the fastest turn of a joint from frame to frame.
-    doubts: what may be wrong, a line each.
+    seconds: its length.
+    rest_before_s, rest_after_s: rest within that length, seconds; NaN if the arms are unknown.
+    stature_m: stature of its signer, metres.
+    fastest_deg_s: highest angular speed of a joint between two frames, degrees/s.
+    doubts: possible faults, one line each.
     """
 
     gloss: str
@@ -51,24 +59,24 @@ class WordFacts:
 
 
 def write(words: Lexicon, page: Path, progress: Progress | None = None) -> list[WordFacts]:
-    """Write the page as one HTML file with its pictures inside; returns what it says of each word, the most doubtful
-    first. Words that cannot be read are doubtful; what is true of most words is said once, of their rig.
+    """Write the page as one HTML file with embedded pictures. Returns the facts about each word, the most doubtful
+    first. Unreadable words are doubtful; doubts that most words share are listed once.
     """
     facts = [_facts(words, gloss) for gloss in track_progress([*words.glosses], progress)]
-    counts = Counter(line for one in facts for line in one.doubts)
+    counts = Counter(line for fact in facts for line in fact.doubts)
     of_the_rig = [line for line, count in counts.items() if count > max(1, len(facts) // 2)]
-    facts = [replace(one, doubts=tuple(line for line in one.doubts if line not in of_the_rig)) for one in facts]
-    facts.sort(key=lambda one: (-len(one.doubts), one.gloss))
-    doubtful = [one for one in facts if one.doubts]
+    facts = [replace(fact, doubts=tuple(line for line in fact.doubts if line not in of_the_rig)) for fact in facts]
+    facts.sort(key=lambda fact: (-len(fact.doubts), fact.gloss))
+    doubtful = [fact for fact in facts if fact.doubts]
     parts = [f"<h1>{escape(words.path.name)}: {len(facts)} words, {len(doubtful)} of them doubtful</h1>"]
     parts += [f"<p>Of most words: {escape(line)}</p>" for line in of_the_rig]
     head = ("", *(f"{percent} %" for percent in _PERCENTILES))
     parts += _table(head, [(name, *_percentiles(facts, field)) for name, field in _MEASURES.items()])
     if doubtful:
         parts += ["<h2>Doubtful words</h2>", _pictures(words, doubtful[:_MOST_SHOWN])]
-        parts += _table(("gloss", "what may be wrong"), [(one.gloss, "; ".join(one.doubts)) for one in doubtful])
+        parts += _table(("gloss", "what may be wrong"), [(fact.gloss, "; ".join(fact.doubts)) for fact in doubtful])
     parts.append("<h2>All words</h2>")
-    rows = [(one.gloss, *(f"{getattr(one, field):.2f}" for field in _MEASURES.values())) for one in facts]
+    rows = [(fact.gloss, *(f"{getattr(fact, field):.2f}" for field in _MEASURES.values())) for fact in facts]
     parts += _table(("gloss", *_MEASURES), sorted(rows))
     head_ = f'<!doctype html><meta charset="utf-8"><title>{escape(words.path.name)}</title><style>{_STYLE}</style>'
     atomic.write(page, "\n".join([head_, *parts]) + "\n")
@@ -102,7 +110,7 @@ def _facts(words: Lexicon, gloss: str) -> WordFacts:
 
 
 def _fastest(clip: Clip) -> float:
-    """The fastest turn of a joint, degrees/s."""
+    """Return the highest angular speed of a joint, degrees/s."""
     if len(clip) < 2:
         return 0.0
     steps = rotation.angle_between(clip.local_rotations[:-1], clip.local_rotations[1:])
@@ -110,22 +118,22 @@ def _fastest(clip: Clip) -> float:
 
 
 def _percentiles(facts: list[WordFacts], field: str) -> list[str]:
-    values = np.array([getattr(one, field) for one in facts])
+    values = np.array([getattr(fact, field) for fact in facts])
     known = values[np.isfinite(values)]
     return [f"{value:.2f}" for value in np.percentile(known, _PERCENTILES)] if len(known) else []
 
 
 def _pictures(words: Lexicon, doubtful: list[WordFacts]) -> str:
-    """One picture with a row of frames for each word that can be drawn."""
+    """Return one HTML image with a row of frames for each word that can be drawn."""
     strips = []
-    for one in doubtful:
+    for fact in doubtful:
         try:
-            clip = with_rest_pose(words.clip(one.gloss))
+            clip = with_rest_pose(words.clip(fact.gloss))
             _ = rig_info(clip.skeleton).arm_joints
         except InputError:
             continue
         frames = np.linspace(0, len(clip) - 1, min(_N_PICTURES, len(clip))).round().astype(int).tolist()
-        strips.append(Strip(clip, f"{one.gloss}: {one.doubts[0]}", frames))
+        strips.append(Strip(clip, f"{fact.gloss}: {fact.doubts[0]}", frames))
     if not strips:
         return ""
     with TemporaryDirectory() as folder:

@@ -1,7 +1,7 @@
-"""Which file of a folder is which word: by its name, by the table ``glosses.csv``, or by the recipe of an archive.
+"""Maps files of a folder to words: by name, by the table ``glosses.csv``, or by the recipe of an archive.
 
-A recipe is a pattern of paths. Its group ``gloss`` is needed; ``variant``, ``alt`` and ``spelled`` tell recordings of
-one gloss apart; of those that are left, the newest ``date`` wins, then the highest ``take``, then the first ``kind``.
+A recipe is a pattern of paths. Its group ``gloss`` is required; ``variant``, ``alt`` and ``spelled`` distinguish
+recordings of one gloss; among the rest the newest ``date`` wins, then the highest ``take``, then the first ``kind``.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 @dataclass(frozen=True)
 class GlossRow:
-    """A row of the table, checked; fields that the table leaves out are empty.
+    """A checked row of the table; missing fields are empty.
 
     file: path of the clip, relative to the folder.
     gloss, synonyms, signer, source, checked, kind: as in ``Entry``.
-    line: number of the row in the table, 0 without one.
-    span: start and end of the word in seconds; None where it begins or ends with the clip.
+    line: line number in the table, 0 without a table.
+    span: start and end of the word, seconds; None if it begins or ends with the clip.
     face: path of the clip's face, relative to the folder.
     """
 
@@ -54,11 +54,11 @@ class GlossRow:
 
 
 def read_table(path: str | Path) -> tuple[list[GlossRow], list[str]]:
-    """The rows, and every fault of the table as a line ``FILE:LINE: what, expected what``.
+    """Read the rows of a table, and its faults as lines ``FILE:LINE: actual, expected``.
 
     The table is UTF-8 with commas and a header of ``file`` and any other of ``COLUMNS``; synonyms are separated by
-    ``;``; checked is yes or no; a file has several rows where start or end tells its
-    words apart. Raises ``InputError`` where the file cannot be read, ``FormatError`` where its header is wrong.
+    ``;``; checked is yes or no; a file may have several rows with different start or end. Raises ``InputError`` if the
+    file cannot be read, ``FormatError`` if its header is wrong.
     """
     file = str(path)
     try:
@@ -126,12 +126,12 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
 
 
 def _path(cell: str) -> str:
-    """A path relative to the folder, as it is named everywhere."""
+    """Return a path relative to the folder, with forward slashes."""
     return cell.replace("\\", "/").removeprefix("./")
 
 
 def _seconds(cell: str) -> float | None:
-    """A time in seconds; None where the cell is empty."""
+    """Return a time in seconds; None if the cell is empty."""
     try:
         time = float(cell) if cell else None
     except ValueError:
@@ -145,9 +145,9 @@ def _seconds(cell: str) -> float | None:
 class WordFile:
     """A clip's file and the metadata of its word.
 
-    paths: the file, and others of the same recording that are read where it is broken.
-    where: where its gloss comes from, for messages.
-    row: gloss, synonyms and the rest, whether the table has them or not; kind is empty where it follows from the gloss.
+    paths: the file, and others of the same recording, which are read if it is broken.
+    where: source of its gloss, for messages.
+    row: gloss, synonyms and the rest, from the table or by default; kind is empty if it follows from the gloss.
     face: the file with its face that the table names.
     """
 
@@ -158,7 +158,7 @@ class WordFile:
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """The preferred file."""
         return self.paths[0]
 
     @property
@@ -173,11 +173,11 @@ _SHAPE = 'an object such as {"pattern": "(?P<gloss>[^/]+)_v(?P<variant>[0-9]+)",
 
 @dataclass(frozen=True)
 class ArchiveRecipe:
-    """How an archive names its files.
+    """Naming scheme of the files of an archive.
 
-    pattern: matches the end of a file's path in the archive, without its suffix, by some of ``_GROUPS``.
-    kinds: what the group ``kind`` may be, best first: other forms of one recording.
-    unread: how the names of files end that hold more of a word and are not read, and why not.
+    pattern: matches the end of a file's path in the archive, without its suffix; has some of ``_GROUPS``.
+    kinds: values of the group ``kind``, best first: forms of one recording.
+    unread: suffix of the names of further files of a word that are not read, and the reason.
     """
 
     pattern: re.Pattern[str]
@@ -199,11 +199,11 @@ RECIPES = {
         unread=("ShapeKeys.txt", "no source names their numbers; they stay beside the recordings"),
     ),
 }  # fmt: skip
-"""The recipes that ship: NAME; NAME-A_241127_1; and folders such as ``SG ASL Abhor 2 2023-2-4 Upload``."""
+"""Shipped recipes: NAME; NAME-A_241127_1; and folders such as ``SG ASL Abhor 2 2023-2-4 Upload``."""
 
 
 def find_recipe(name: str) -> ArchiveRecipe:
-    """The recipe of a name in ``RECIPES``, or in a file. Raises ``InputError`` where there is none."""
+    """Return the recipe with a name in ``RECIPES``, or from a file. Raises ``InputError`` if there is none."""
     if name in RECIPES:
         return RECIPES[name]
     if Path(name).suffix.lower() != ".json":
@@ -229,7 +229,7 @@ def find_recipe(name: str) -> ArchiveRecipe:
 def _recordings(
     folder: Path, files: Iterable[Path], recipe: ArchiveRecipe, signer: str
 ) -> tuple[list[WordFile], list[str]]:
-    """The words of an archive by gloss, and a line for each file and folder that gives none."""
+    """Return the words of an archive by gloss, and a line for each file and folder without a word."""
     ranked: defaultdict[tuple[str, str], list[tuple[Any, Path]]] = defaultdict(list)
     used, left_out = set(), []
     for path in files:
@@ -252,7 +252,7 @@ def _recordings(
     for gloss, variant in sorted(ranked, key=lambda key: (key[0], len(key[1]), key[1])):
         paths = [path for _, path in sorted(ranked[gloss, variant], key=lambda row: row[0], reverse=True)]
         synonyms = (gloss,) if gloss not in glosses else ()
-        glosses.add(gloss)  # the first variant of a gloss is found by the gloss alone
+        glosses.add(gloss)  # the gloss alone names its first variant
         source = paths[0].relative_to(folder).as_posix()
         row = GlossRow(source, f"{gloss}-{variant}" if variant else gloss, synonyms, signer, source)
         words.append(WordFile(tuple(paths), str(paths[0]), row))
@@ -260,27 +260,27 @@ def _recordings(
 
 
 def _preference(groups: dict[str, str | None], kinds: Sequence[str]) -> tuple[list[int], int, int]:
-    """What a better recording of a word has more of: a later date, a higher take, an earlier kind."""
+    """Return a sort key, greater for better recordings of a word: later date, higher take, earlier kind."""
     date = [int(number) for number in re.findall(r"\d+", groups.get("date") or "")]
     kind = groups.get("kind")
     return date, int(groups.get("take") or 0), -kinds.index(kind) if kind in kinds else -len(kinds)
 
 
 def _leaves(folder: Path) -> set[Path]:
-    """The folders below one that hold files; without hidden ones."""
-    found = set()
+    """Return the folders below ``folder`` that hold files, except hidden ones."""
+    leaves = set()
     for parent, subfolders, names in os.walk(folder):
         subfolders[:] = [name for name in subfolders if not name.startswith(".")]
         if names and Path(parent) != folder:
-            found.add(Path(parent))
-    return found
+            leaves.add(Path(parent))
+    return leaves
 
 
 def find_word_files(folder: str | Path, signer: str = "", table: str | Path = "") -> tuple[list[WordFile], list[str]]:
-    """Every clip below a folder, sorted by name, and the faults of file names and table, one line each.
+    """Return every clip below a folder, sorted by name, and the faults of file names and table, one line each.
 
-    table: names the clips that are meant, in place of ``glosses.csv``, which names some. Subfolders are searched,
-    except hidden ones and links. Raises ``InputError`` where there is no clip or a folder cannot be read.
+    table: restricts the clips to those that it names; ``glosses.csv``, read otherwise, need not name all. Searches
+    subfolders, except hidden ones and links. Raises ``InputError`` if there is no clip or a folder cannot be read.
     """
     folder = Path(folder)
     files = {unicodedata.normalize("NFC", path.relative_to(folder).as_posix()): path for path in _files(folder)}
@@ -314,8 +314,8 @@ def find_word_files(folder: str | Path, signer: str = "", table: str | Path = ""
 def gather(
     folders: Sequence[str | Path], output: str | Path, recipe: str, signer: str
 ) -> tuple[list[WordFile], list[str]]:
-    """The words of all folders, each gloss once, and a line for each fault or, by a recipe, for each file that is left
-    out. Raises ``InputError`` where one folder holds the output, or lies in it.
+    """Return the words of all folders, each gloss once, and a line for each fault or, with a recipe, for each file left
+    out. Raises ``InputError`` if a folder contains the output or lies in it.
     """
     words, lines, target = list[WordFile](), list[str](), Path(output).resolve()
     for folder in folders:
@@ -323,11 +323,11 @@ def gather(
         if target.is_relative_to(read) or read.is_relative_to(target):
             raise InputError(f"{output}: lies in {folder}, which is read, or contains it; name another folder")
         if _is_archive(recipe):
-            more, faults = _recordings(Path(folder), _files(Path(folder)), find_recipe(recipe), signer)
+            folder_words, faults = _recordings(Path(folder), _files(Path(folder)), find_recipe(recipe), signer)
         else:
-            more, faults = find_word_files(folder, signer, recipe)
-        hidden = {word for word, _ in _duplicates(more)} if recipe else set()
-        words += (word for word in more if word not in hidden)
+            folder_words, faults = find_word_files(folder, signer, recipe)
+        hidden = {word for word, _ in _duplicates(folder_words)} if recipe else set()
+        words += (word for word in folder_words if word not in hidden)
         lines += faults
     twice = _duplicates(words) if len(folders) > 1 else []
     hidden = {word for word, _ in twice}
@@ -336,12 +336,12 @@ def gather(
 
 
 def _is_archive(recipe: str) -> bool:
-    """Whether a recipe goes by the names of files, not by a table."""
+    """Return whether a recipe is a pattern of file names, not a table."""
     return bool(recipe) and not recipe.lower().endswith(".csv")
 
 
 def unread(folders: Iterable[str | Path], recipe: str) -> tuple[str, ...]:
-    """Lines about files of archives that hold more of their words and are not read."""
+    """Return lines about files of archives that hold further data of words and are not read."""
     end, reason = find_recipe(recipe).unread if _is_archive(recipe) else ("", "")
     lines = []
     for folder in folders if end else ():
@@ -358,18 +358,18 @@ def _files(folder: Path) -> list[Path]:
     def fail(error: OSError) -> None:
         raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
 
-    found = []
+    paths = []
     for parent, subfolders, names in os.walk(folder, onerror=fail):
         subfolders[:] = [name for name in subfolders if not name.startswith(".")]
         visible = [Path(parent, name) for name in names if not name.startswith(".")]
-        found += [path for path in visible if path.suffix.lower() in READ_SUFFIXES]
-    if not found:
+        paths += [path for path in visible if path.suffix.lower() in READ_SUFFIXES]
+    if not paths:
         raise InputError(f"{folder}: no clips in it, expected files that end in {' or '.join(READ_SUFFIXES)}")
-    return sorted(found, key=lambda path: path.relative_to(folder).as_posix())
+    return sorted(paths, key=lambda path: path.relative_to(folder).as_posix())
 
 
 def _duplicates(words: Sequence[WordFile]) -> list[tuple[WordFile, str]]:
-    """The words whose gloss or synonym another has before them, each with a line that says so."""
+    """Return the words that repeat a gloss or synonym of an earlier word, each with an error line."""
     owners: dict[str, WordFile] = {}
     twice = []
     for word in words:

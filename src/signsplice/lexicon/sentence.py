@@ -1,8 +1,8 @@
-"""A line of glosses, typed as people type, parsed into the words and letters that sign it.
+"""Parses a typed line of glosses into the words and letters that sign it.
 
-Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. A note says
-what is read otherwise than it was typed, a warning what is spelled because it is no gloss; no word is replaced by one
-that is merely like it.
+Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. A note reports
+a word that is read differently from the typed text, a warning a word that is spelled because it is no gloss; no word is
+replaced by a merely similar one.
 
 English words that American Sign Language has no signs for may be left out. ASL has no state-of-being verbs
 (https://www.lifeprint.com/asl101/pages-signs/a/am.htm), and no articles as English has them: traditionally it is said
@@ -23,9 +23,9 @@ from signsplice.lexicon.gloss import LETTER_MARK, fold, letter_gloss
 from signsplice.lexicon.lexicon import Lexicon
 
 PAUSES = ".?!,"
-"""Marks at which signing pauses; of several the first one counts."""
+"""Marks at which signing pauses; of several, the first in this order counts."""
 _ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fromkeys("\u2010\u2011_", "-"))
-"""Quotation marks that stand for an apostrophe; hyphens."""
+"""Replaces quotation marks by apostrophes, and other hyphens and the underscore by a hyphen."""
 _WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
 """A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
 and hyphens between them, or points and commas between digits."""
@@ -37,11 +37,11 @@ _NUMBERED = re.compile(r"((.+)#\d+)(\W*)")
 class TypedWord:
     """A word of typed text.
 
-    text: what is looked up; empty where nothing that can be signed was typed.
-    typed: the token that it stands in.
-    left_out: characters beside it that stand for something and were left out, such as emoji.
+    text: the text to look up; empty if the token cannot be signed.
+    typed: the token that contains it.
+    left_out: meaningful characters next to it that were left out, such as emoji.
     ends_phrase: whether punctuation other than ``/`` follows it, so that it makes no compound with the next word.
-    note: how it is read otherwise than typed, or empty.
+    note: how its reading differs from the typed text, or empty.
     pause: the mark after it at which signing pauses, one of ``PAUSES``, or empty.
     """
 
@@ -54,39 +54,39 @@ class TypedWord:
 
 
 def split_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
-    """The words of a line, split at white space and punctuation; tokens that are known as typed stay whole.
+    """Split a line into words at white space and punctuation; tokens that are known as typed stay whole.
 
-    Apostrophes, hyphens (``_`` is one), the point of a number and a ``#`` before a word stay; the points of an acronym
-    and the commas of a number go. Full-width and other compatibility forms become the plain ones.
+    Keeps apostrophes, hyphens (``_`` counts as one), the point of a number and a ``#`` before a word; removes the
+    points of an acronym and the commas of a number. Replaces full-width and other compatibility forms by plain ones.
     """
-    found: list[TypedWord] = []
+    typed_words: list[TypedWord] = []
     for token in text.split():
         if is_known(token):
-            found.append(TypedWord(token, token))
+            typed_words.append(TypedWord(token, token))
             continue
         numbered = _NUMBERED.fullmatch(token)
         if numbered and is_known(numbered[2]):
-            found.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
+            typed_words.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
             continue
         words, before = _words(token)
-        if found and (before or not words):  # punctuation that stands alone, or before a word
-            found[-1] = replace(found[-1], ends_phrase=True, pause=_pause(found[-1].pause + before))
-        found += words
-    return found
+        if typed_words and (before or not words):  # punctuation that stands alone, or before a word
+            typed_words[-1] = replace(typed_words[-1], ends_phrase=True, pause=_pause(typed_words[-1].pause + before))
+        typed_words += words
+    return typed_words
 
 
 _LIKE = str.maketrans("\u3002\u0964\u061f\u3001\u060c\u061b;:\u2013\u2014", "..?,,,,,,,")
-"""Marks at which signing pauses as at one of ``PAUSES``: those of other scripts, semicolons, colons and dashes."""
+"""Replaces marks of other scripts, semicolons, colons and dashes by equivalent ones of ``PAUSES``."""
 
 
 def _pause(marks: str) -> str:
-    """The one of ``PAUSES`` that marks of punctuation count as; empty where they are none."""
+    """Return the mark of ``PAUSES`` that punctuation marks count as; empty if there is none."""
     return min((mark for mark in marks.translate(_LIKE) if mark in PAUSES), key=PAUSES.index, default="")
 
 
 def _words(token: str) -> tuple[list[TypedWord], str]:
-    """The words of a token, one without text where only symbols were typed, none where only punctuation was; and the
-    mark before them at which signing pauses, or where there is no word.
+    """Return the words of a token and the pause mark before them, or in a token without words. A token of symbols only
+    gives one word without text, a token of punctuation only gives none.
     """
     plain = unicodedata.normalize("NFKC", token).translate(_ALIKE)
     plain = "".join(c for c in plain if _class(c))
@@ -101,7 +101,7 @@ def _words(token: str) -> tuple[list[TypedWord], str]:
     words = []
     for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
         text = plain[match.start() : match.end()].replace(",", "")
-        if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a mark that nothing follows
+        if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a prefix without a word
             words.append(TypedWord("", token, f"{text}-"))
             continue
         text = text if "d." in match[0] else text.replace(".", "")
@@ -113,8 +113,8 @@ def _words(token: str) -> tuple[list[TypedWord], str]:
 
 
 def _class(character: str) -> str:
-    """What a character does: ``w`` and ``d`` make words, ``' - . , #`` may, ``/`` parts them, ``p`` is punctuation,
-    ``s`` a symbol; empty for what is not seen.
+    """Return the class of a character: ``w`` and ``d`` form words, ``' - . , #`` may be part of words, ``/`` separates
+    them, ``p`` is punctuation, ``s`` a symbol; empty for invisible characters.
     """
     category = unicodedata.category(character)
     if category in ("Cf", "Me") or "\ufe00" <= character <= "\ufe0f":  # joiners and variants of emoji
@@ -139,7 +139,7 @@ _CONTRACTION = re.compile(
 
 
 def is_function_word(word: str, after: str) -> bool:
-    """Whether a word is an article or a form of *be*; or a form of *do* with which a question begins, which is told by
+    """Return whether a word is an article or a form of *be*; or a form of *do* that begins a question, recognised by
     the pronoun ``after`` it: "do you like dogs", but not "I do".
     """
     folded = word.casefold()
@@ -147,21 +147,22 @@ def is_function_word(word: str, after: str) -> bool:
 
 
 def without_copula(word: str) -> str:
-    """The first part of a contraction with *am*, *are* or *is* (I'm, youre, what's); empty for any other word."""
-    found = _CONTRACTION.fullmatch(word)
-    return found[1] if found else ""
+    """Return the first part of a contraction with *am*, *are* or *is* (I'm, youre, what's); empty for other words."""
+    match = _CONTRACTION.fullmatch(word)
+    return match[1] if match else ""
 
 
 SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
 QUESTION_WORDS = ("WHO", "WHAT", "WHERE", "WHEN", "WHY", "HOW", "WHICH")
-_HYPHEN, _APOSTROPHE = "-'"
+_HYPHEN = "-"
+_APOSTROPHE = "'"
 _TYPO = 0.75
-"""Least similarity (``Lexicon.nearest``) of the glosses that may have been meant by a word that can be spelled."""
+"""Minimum similarity (``Lexicon.nearest``) of glosses suggested for a word that can be spelled."""
 _SHORT = 3
-"""Letters of a word that is one of English rather than a longer gloss in which a letter is missing."""
+"""Up to this number of letters, a word counts as English rather than as a longer gloss with a missing letter."""
 _LONGEST_COMPOUND = 6
-"""Most words of a compound that is looked up."""
+"""Maximum number of words of a compound that is looked up."""
 
 
 @dataclass(frozen=True)
@@ -189,24 +190,24 @@ class SentenceToken:
 def parse(
     text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = True, drop_function_words: bool = False
 ) -> list[SentenceToken]:
-    """The tokens of a line of glosses, split at white space and punctuation, and how each is signed.
+    """Split a line of glosses into tokens at white space and punctuation, and find how each is signed.
 
     A token that the lexicon has, in any case, is that word. With ``compounds`` the longest run of words that is one
-    gloss is that gloss (I LOVE YOU: I-LOVE-YOU), unless punctuation parts them, and so is a word written without the
-    gloss's hyphens. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored. Words with a
-    hyphen that are all glosses are those glosses. Any other token is fingerspelled if the lexicon has all its letters
-    and ``spell`` is True, with a warning and ``suggestions``. Emoji and other symbols are left out with a warning.
-    With ``drop_function_words`` English words for which ASL has no sign are left out with a note,
-    unless they are part of a compound.
+    gloss becomes that gloss (I LOVE YOU: I-LOVE-YOU), unless punctuation separates them; so does a word written without
+    the gloss's hyphens. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored. A hyphenated
+    token whose parts are all glosses becomes those glosses. Any other token is fingerspelled if the lexicon has all its
+    letters and ``spell`` is True, with a warning and ``suggestions``. Emoji and other symbols are left out with a
+    warning. With ``drop_function_words`` English words without a sign in ASL are left out with a note, unless they are
+    part of a compound.
 
-    Raises ``UnknownGlossError`` that names every token left and similar glosses; ``InputError`` for a line without
-    glosses, or a letter that the lexicon lacks.
+    Raises ``UnknownGlossError``, which names every remaining token and similar glosses; ``InputError`` for a line
+    without glosses, or a letter that the lexicon lacks.
     """
     words = [part for word in split_words(text, lexicon.__contains__) for part in _parts(word, lexicon)]
     if not any(word.text for word in words):
         left_out = "".join(word.left_out for word in words)
-        beside = f"; {left_out[:40]!r} stands for none" if left_out else ""
-        raise InputError(f"no gloss in the sentence, expected at least one{beside}")
+        left_out_note = f"; {left_out[:40]!r} stands for none" if left_out else ""
+        raise InputError(f"no gloss in the sentence, expected at least one{left_out_note}")
     for word in words:
         gloss, mark, _ = word.text.rpartition("#")
         if mark and gloss and word.text not in lexicon:
@@ -214,26 +215,26 @@ def parse(
             raise InputError(f"{lexicon.where}: has no {word.text!r}, expected {' or '.join(forms[:5])}")
     readings: list[SentenceToken] = []
     unknown: dict[str, tuple[str, ...]] = {}
-    at = 0
-    while at < len(words):
-        token = _compound(words[at : at + _LONGEST_COMPOUND], lexicon) if compounds else None
-        kept = _drop_function_word(words, at) if drop_function_words else words[at].text
-        token = token or _token(words[at], kept, lexicon, spell, compounds)
+    index = 0
+    while index < len(words):
+        token = _compound(words[index : index + _LONGEST_COMPOUND], lexicon) if compounds else None
+        kept_text = _drop_function_word(words, index) if drop_function_words else words[index].text
+        token = token or _token(words[index], kept_text, lexicon, spell, compounds)
         if token is None:
-            unknown[words[at].text] = lexicon.nearest(words[at].text)
+            unknown[words[index].text] = lexicon.nearest(words[index].text)
         else:
             readings.append(token)
         n_read = 1 if token is None else max(1, len(token.token.split()))
-        at += n_read
+        index += n_read
         if token is not None:
-            readings[-1] = replace(token, pause=words[at - 1].pause)
+            readings[-1] = replace(token, pause=words[index - 1].pause)
     if unknown:
         raise UnknownGlossError(unknown, lexicon.where)
     return readings
 
 
 def token_glosses(tokens: Sequence[SentenceToken]) -> list[str]:
-    """The glosses of all tokens, in order. Raises ``InputError`` where every word was left out."""
+    """Return the glosses of all tokens, in order. Raises ``InputError`` if every word was left out."""
     glosses = [gloss for token in tokens for gloss in token.glosses]
     if not glosses:
         raise InputError("ASL has no signs for these words, expected another; keep function words to spell them")
@@ -241,19 +242,19 @@ def token_glosses(tokens: Sequence[SentenceToken]) -> list[str]:
 
 
 def list_spelled_words(tokens: Sequence[SentenceToken]) -> list[str]:
-    """The words, as typed, that are fingerspelled."""
+    """Return the fingerspelled words, as typed."""
     return [token.token for token in tokens if token.spelled]
 
 
 @dataclass(frozen=True)
 class LineGloss:
-    """A gloss of a line, and how it was typed.
+    """A gloss of a line, with its pause and question.
 
     gloss: of its entry.
-    starts: whether another word, spelled or not, begins with it.
-    pause: the mark after it at which signing pauses, one of ``PAUSES``; None where there is none.
-    brow: the brows of its question in ASL: "raised" in a phrase that ends in ``?``, "furrowed" where that has one of
-        ``QUESTION_WORDS``; None in no question. A phrase ends at a mark other than a comma.
+    starts: whether a word, spelled or not, begins with it.
+    pause: the mark after it at which signing pauses, one of ``PAUSES``; None without a mark.
+    brow: the brows of its question in ASL: "raised" in a phrase that ends in ``?``, "furrowed" if the phrase also has
+        one of ``QUESTION_WORDS``; None outside questions. A phrase ends at a mark other than a comma.
     """
 
     gloss: str
@@ -263,7 +264,7 @@ class LineGloss:
 
 
 def line_glosses(tokens: Sequence[SentenceToken]) -> list[LineGloss]:
-    """The glosses of all tokens, in order, with the marks and questions of the line."""
+    """Return the glosses of all tokens, in order, with the pauses and questions of the line."""
     glosses: list[LineGloss] = []
     first, asks = 0, False  # of the phrase
     for token in tokens:
@@ -281,7 +282,7 @@ def line_glosses(tokens: Sequence[SentenceToken]) -> list[LineGloss]:
 
 
 def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:
-    """The word, or the glosses that it joins by hyphens without being a gloss itself."""
+    """Yield the word, or the glosses that it joins by hyphens if it is no gloss itself."""
     parts = word.text.split(_HYPHEN)
     if len(parts) < 2 or word.text in lexicon or _mark(word.text) or not all(part in lexicon for part in parts):
         yield word
@@ -293,27 +294,25 @@ def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:
 
 
 def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | None:
-    """The longest gloss that the first of up to ``_LONGEST_COMPOUND`` words and those after it make, None where there
-    is none.
-    """
+    """Return the longest gloss formed by the first two or more of up to ``_LONGEST_COMPOUND`` words, or None."""
     n_words = next((k + 1 for k, word in enumerate(words) if word.ends_phrase or word.left_out), len(words))
     for n in range(n_words, 1, -1):
         texts = [word.text for word in words[:n]]
         joined = _HYPHEN.join(texts)
-        found = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if lexicon.lists(name)), None)
-        if found is not None:
-            return _compound_token(" ".join(texts), lexicon.entry(found).gloss)
+        compound = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if lexicon.lists(name)), None)
+        if compound is not None:
+            return _compound_token(" ".join(texts), lexicon.entry(compound).gloss)
     return None
 
 
 def _drop_function_word(words: Sequence[TypedWord], at: int) -> str:
-    """The text of a word, or what is kept of it where function words are left out."""
-    text, after = words[at].text, "" if words[at].ends_phrase else "".join(one.text for one in words[at + 1 : at + 2])
+    """Return the text of a word without function words: empty, the first part of a contraction, or the whole text."""
+    text, after = words[at].text, "" if words[at].ends_phrase else "".join(word.text for word in words[at + 1 : at + 2])
     return "" if is_function_word(text, after) else without_copula(text) or text
 
 
 def _token(word: TypedWord, kept: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
-    """How one word is signed of which a text is kept; None where that is unknown."""
+    """Return how a word is signed, whose text ``kept`` remains; None if that is unknown."""
     read = _resolve_text(kept, lexicon, spell, compounds) if kept else SentenceToken(word.text or word.typed, ())
     if read is None:
         return None
@@ -346,9 +345,9 @@ def _resolve_text(text: str, lexicon: Lexicon, spell: bool, compounds: bool) -> 
 
 
 def _may_be_meant(gloss: str, bare: str) -> bool:
-    """Whether a word of these letters may be a gloss with a typing error, as no function word is. It may be a longer
-    one only where it is not whole in that, and has four letters or more or no vowel ("frend", "wht": FRIEND, WHAT; not
-    "how", "other": SHOW, MOTHER), or where it is a part of that between hyphens.
+    """Return whether a word of these letters may be a mistyped gloss; a function word is none. A longer gloss is
+    possible only if it does not contain the word, which has four letters or more or no vowel ("frend", "wht": FRIEND,
+    WHAT; not "how", "other": SHOW, MOTHER), or if the word is a part of it between hyphens.
     """
     typed, meant = fold(bare), fold(gloss)
     if is_function_word(typed, "you"):
@@ -362,12 +361,12 @@ def _compound_token(token: str, gloss: str) -> SentenceToken:
 
 
 def _mark(text: str) -> str:
-    """The one of ``SPELLED_MARKS`` that a text begins with, empty where it has none or nothing follows."""
+    """Return the prefix of ``SPELLED_MARKS`` that a text begins with; empty if it has none or nothing follows."""
     return next((mark for mark in SPELLED_MARKS if text.lower().startswith(mark) and len(text) > len(mark)), "")
 
 
 def _fingerspell_token(token: str, lexicon: Lexicon) -> SentenceToken:
-    """The letters of a token with one of ``SPELLED_MARKS``."""
+    """Fingerspell a token that begins with one of ``SPELLED_MARKS``."""
     word = token[len(_mark(token)) :].replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = _letters(word, lexicon)
     missing = [c for c, letter in zip(unicodedata.normalize("NFC", word), letters, strict=True) if letter is None]
@@ -377,25 +376,27 @@ def _fingerspell_token(token: str, lexicon: Lexicon) -> SentenceToken:
             f"{lexicon.where}: {token!r} cannot be spelled, there is no letter {letter!r}; "
             f"its letters are the glosses that begin with {LETTER_MARK}"
         )
-    others = _by_other_letters(word, letters)
-    return SentenceToken(token, tuple(filter(None, letters)), True, f"{token!r} is spelled{others}" if others else "")
+    spelled_as = _by_other_letters(word, letters)
+    return SentenceToken(
+        token, tuple(filter(None, letters)), True, f"{token!r} is spelled{spelled_as}" if spelled_as else ""
+    )
 
 
 def _letters(word: str, lexicon: Lexicon) -> tuple[str | None, ...]:
-    """For each character of a word the gloss of its letter, or of the letter without its accent; None where the lexicon
-    has neither.
+    """Return for each character of a word the gloss of its letter, or of the letter without its accent; None if the
+    lexicon has neither.
     """
     characters = unicodedata.normalize("NFC", word)
-    found: dict[str, str | None] = {}
+    letter_of: dict[str, str | None] = {}
     for character in set(characters):
         glosses = [letter_gloss(c) for c in (character, _without_accent(character)) if c.isprintable()]
         entries = [lexicon.entry(gloss) for gloss in glosses if gloss in lexicon]
-        found[character] = next((entry.gloss for entry in entries if entry.kind == "letter"), None)
-    return tuple(found[character] for character in characters)
+        letter_of[character] = next((entry.gloss for entry in entries if entry.kind == "letter"), None)
+    return tuple(letter_of[character] for character in characters)
 
 
 _STROKES = str.maketrans("ŁłØøĐđĦħŦŧı", "LlOoDdHhTti")
-"""Letters with a stroke, or without a dot, and the plain ones: Unicode does not part them."""
+"""Letters with a stroke, or without a dot, -> plain letters: Unicode does not decompose them."""
 
 
 def _without_accent(letter: str) -> str:
@@ -403,7 +404,7 @@ def _without_accent(letter: str) -> str:
 
 
 def _by_other_letters(word: str, letters: Sequence[str | None]) -> str:
-    """What to say where a word is spelled without its accents (JOSE), else empty."""
+    """Return a remark if a word is spelled without its accents (JOSE), else an empty text."""
     characters = unicodedata.normalize("NFC", word)
     if all(letter in (letter_gloss(c), None) for c, letter in zip(characters, letters, strict=True)):
         return ""

@@ -1,11 +1,10 @@
-"""The folder of a lexicon, read: an index in SQLite, and the frames of all words, mapped into memory.
+"""Reads the folder of a lexicon: an index in SQLite, and the frames of all words, mapped into memory.
 
 Both files are written once (``builder``) and never changed. SQLite opens the index as immutable: it takes no lock and
 creates no other file, so the folder may be read-only.
 
 Version 2 of the format has a table of extensions: named bytes that a later version of this package adds to a word. A
-reader keeps names that it does not know and ignores them, so no extension needs a new version. Version 1, without that
-table, is read too.
+reader ignores unknown names, so no extension needs a new version. Version 1, without that table, is read too.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from signsplice.rig.inspection import clip_warnings
 INDEX = "index.sqlite"
 VERSION = 2
 APPLICATION_ID = 0x53_50_4C_58
-"""SQLite's application id in the file's header, by which a lexicon's index is recognised."""
+"""SQLite's application id in the file's header, which identifies a lexicon's index."""
 
 _TABLES = (
     "CREATE TABLE lexicon "
@@ -53,7 +52,7 @@ _TABLES = (
     "CREATE TABLE extension "
     "(word INTEGER NOT NULL, name TEXT NOT NULL, value BLOB NOT NULL, PRIMARY KEY (word, name))\nWITHOUT ROWID",
 )
-"""As SQLite keeps them, the last one since version 2: an index with other tables, or with views, is not read, since a
+"""Tables as SQLite stores them, the last one since version 2. An index with other tables or views is rejected, since a
 view can run for ever."""
 SCHEMA = f"PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; {'; '.join(_TABLES)};"
 COLUMNS = (
@@ -61,11 +60,14 @@ COLUMNS = (
     "skeleton, start, n_bytes, has_translations"
 )
 _STEPS_PER_BYTE = 20
-"""Steps of SQLite's machine that a query may take for each byte of the file: a whole table takes less than one, pages
-that lead to each other in circles take any number.
+"""Steps of SQLite's virtual machine allowed for a query, per byte of the file: reading a whole table takes less than
+one, circular pages would take endlessly many.
 """
 _SHA256 = re.compile("[0-9a-f]{64}")
-_MOST_FRAMES, _MOST_FPS = 2**40, 1e6
+_MOST_FRAMES = 2**40
+"""Maximum number of frames of a word, and maximum length, seconds."""
+_MOST_FPS = 1e6
+"""Maximum frame rate of a word, Hz."""
 REBUILD = "build the lexicon again"
 BUILD_HINT = "build one from a folder of clips by `signsplice lexicon build`"
 
@@ -77,8 +79,7 @@ class Head:
     form: how rotations are stored.
     n_words: number of words, letters included.
     n_bytes: size of the frames file.
-    sha256: hash of all entries and places of words, in the order in which they were added; up to version 0.4, of their
-        hashes.
+    sha256: hash of all entries and locations of words, in the order of addition; up to version 0.4, of their hashes.
     """
 
     form: str
@@ -89,7 +90,7 @@ class Head:
 
 @dataclass(frozen=True)
 class ClipLocation:
-    """Where a word's clip is stored.
+    """The location of a word's stored clip.
 
     skeleton: number of its skeleton in the index.
     start: first byte in the frames file.
@@ -105,10 +106,10 @@ class ClipLocation:
 
 @dataclass(frozen=True)
 class SourceWord:
-    """A word that a source of a lexicon has.
+    """A word of a source of a lexicon.
 
     gloss: its gloss.
-    entry, clip, extensions: functions that give its entry, its clip, and its named bytes.
+    entry, clip, extensions: functions that return its entry, its clip, and its named bytes.
     """
 
     gloss: str
@@ -118,8 +119,8 @@ class SourceWord:
 
 
 class Index:
-    """An index open for reading, for any number of threads. Raises ``InputError`` where it is missing, not ours, of a
-    newer version or damaged, when it is opened or when the damage is found.
+    """An index open for reading; thread-safe. Raises ``InputError`` if it is missing, foreign, of a newer version or
+    damaged, on opening or when the damage is found.
     """
 
     def __init__(self, path: Path) -> None:
@@ -155,7 +156,7 @@ class Index:
             raise
 
     def _step(self) -> bool:
-        """Whether a query has gone on for too long; called every thousand steps."""
+        """Return whether a query takes too long; called every thousand steps."""
         self._steps_left -= 1000
         return self._steps_left < 0
 
@@ -163,20 +164,20 @@ class Index:
         return int(self.ask(f"PRAGMA {pragma}")[0][0])
 
     def ask(self, query: str, *values: object) -> list[Any]:
-        """All rows of a query."""
+        """Return all rows of a query."""
         with self._lock:
             if self._file is None:
                 raise InputError(f"{self.path.parent}: the lexicon is closed")
             self._steps_left = max(self._n_bytes, 1 << 14) * _STEPS_PER_BYTE
             try:
                 return self._file.execute(query, values).fetchall()
-            except Exception as error:  # UnicodeDecodeError too, where damage is in what SQLite wants to say
+            except Exception as error:  # also UnicodeDecodeError, if SQLite's message contains damaged text
                 reason = " ".join(str(error).split())[:200]
                 raise InputError(f"{self.path}: cannot be read ({reason}); {REBUILD}") from error
 
     def find(self, name: str) -> tuple[Entry, ClipLocation] | None:
-        """The word with this gloss or synonym and its location, None where there is none."""
-        # Lone surrogates, as in names of undecodable bytes, become "?", since SQLite does not accept them.
+        """Return the word with this gloss or synonym and its location, or None."""
+        # SQLite does not accept lone surrogates, as in names of undecodable bytes; they become "?".
         folded = fold(name).encode("utf-8", "replace").decode()
         rows = self.ask(f"SELECT {COLUMNS} FROM word WHERE id = (SELECT word FROM name WHERE folded = ?)", folded)
         if not rows:
@@ -187,7 +188,7 @@ class Index:
         return entry, location
 
     def words(self) -> Iterator[tuple[Entry, ClipLocation]]:
-        """Every word and its location, sorted by gloss."""
+        """Yield every word and its location, sorted by gloss."""
         for row in self.ask(f"SELECT {COLUMNS} FROM word ORDER BY gloss"):
             yield self._word(row)
 
@@ -197,7 +198,7 @@ class Index:
         return [(str(folded), str(shown), bool(is_gloss)) for folded, shown, is_gloss in rows]
 
     def extensions(self, gloss: str) -> dict[str, bytes]:
-        """The extensions of a word, by name."""
+        """Return the extensions of a word by name."""
         query = "SELECT name, value FROM extension WHERE word = (SELECT word FROM name WHERE folded = ?) ORDER BY name"
         rows = dict(self.ask(query, fold(gloss))) if self._has_extensions else {}
         if not all(type(name) is str and type(value) is bytes for name, value in rows.items()):
@@ -205,27 +206,27 @@ class Index:
         return rows
 
     def check(self) -> None:
-        """Raise ``InputError`` where an entry or a name is not as it was written. Of lexicons of versions up to 0.4,
-        which have no hash of their entries: where a name is no entry's.
+        """Raise ``InputError`` if an entry or a name has changed since it was written. Lexicons of versions up to 0.4
+        have no hash of their entries; for them, raise it if a name belongs to no entry.
         """
-        whole, motions, names = hashlib.sha256(), hashlib.sha256(), set()
+        digest, motions, names = hashlib.sha256(), hashlib.sha256(), set()
         for row in self.ask(f"SELECT {COLUMNS} FROM word ORDER BY id"):
             entry, location = self._word(row)
-            whole.update(row_digest(entry, location, self.extensions(entry.gloss)))
+            digest.update(row_digest(entry, location, self.extensions(entry.gloss)))
             motions.update(bytes.fromhex(entry.sha256))
             names |= {(fold(name), name, name == entry.gloss) for name in (entry.gloss, *entry.synonyms)}
-        if self.head.sha256 not in (whole.hexdigest(), motions.hexdigest()) or names != set(self.names()):
+        if self.head.sha256 not in (digest.hexdigest(), motions.hexdigest()) or names != set(self.names()):
             raise InputError(f"{self.path}: its entries are not those that were written; {REBUILD}")
 
     def skeleton(self, number: int) -> tuple[Skeleton, str]:
-        """A skeleton and the SHA-256 of its description."""
+        """Return a skeleton and the SHA-256 of its description."""
         rows = self.ask("SELECT described, sha256 FROM skeleton WHERE id = ?", number)
         try:
             description, digest = rows[0]
             if sha256(description) != digest:
                 raise InputError("its SHA-256 is another")
             return skeletons.from_json(parse_json(description.encode(), "", "a skeleton")), digest
-        except Exception as error:  # of whatever a crafted description makes of a skeleton
+        except Exception as error:  # any error that a crafted description causes
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: skeleton {number} is damaged ({reason}); {REBUILD}") from error
 
@@ -236,17 +237,32 @@ class Index:
                 raise ValueError("a mark is neither 0 nor 1")
             names = json.loads(synonyms)
             check_type(names, list[str], "synonyms")
-            given = (gloss, kind, tuple(names), fps, n_frames, signer, source, bool(checked), before, after, digest)
-            entry, at = Entry(*given), ClipLocation(location[0], location[1], location[2], bool(location[3]))
+            entry_values = (
+                gloss,
+                kind,
+                tuple(names),
+                fps,
+                n_frames,
+                signer,
+                source,
+                bool(checked),
+                before,
+                after,
+                digest,
+            )
+            entry, clip_location = (
+                Entry(*entry_values),
+                ClipLocation(location[0], location[1], location[2], bool(location[3])),
+            )
             _check_types(entry)
-            _check_types(at)
+            _check_types(clip_location)
             _check_entry(entry)
-            if at.start < 0 or at.n_bytes < 0:
+            if clip_location.start < 0 or clip_location.n_bytes < 0:
                 raise ValueError("negative sizes")
         except (TypeError, ValueError, RecursionError) as error:
             reason = str(error).partition(";")[0][:200]
             raise InputError(f"{self.path}: word {str(row[0])[:40]!r} is damaged ({reason}); {REBUILD}") from error
-        return entry, at
+        return entry, clip_location
 
     def close(self) -> None:
         """Close the file."""
@@ -257,10 +273,10 @@ class Index:
 
 
 class StoredWords:
-    """The words of a lexicon's folder, for any number of threads; clips remain valid after it closes. Raises
-    ``InputError`` where the folder holds no valid lexicon of this version or an earlier one.
+    """The words of a lexicon's folder; thread-safe. Clips remain valid after it is closed. Raises ``InputError`` if the
+    folder holds no valid lexicon of this version or an earlier one.
 
-    path, where: the folder, and as messages name it.
+    path, where: the folder, and its name in messages.
     form: how rotations are stored: "float32" or "int16".
     n_bytes: size of the frames file.
     """
@@ -277,7 +293,7 @@ class StoredWords:
                 break
             except InputError:
                 if _place(self.path) == place:
-                    raise  # else another lexicon has taken its place between one file and the next
+                    raise  # otherwise another lexicon has replaced it between opening the two files
         self.form, self.n_bytes = self._index.head.form, self._index.head.n_bytes
 
     def __reduce__(self) -> tuple[type[StoredWords], tuple[Path]]:
@@ -288,11 +304,11 @@ class StoredWords:
         frames, self._frames = self._frames, None
         self._index.close()
         if frames is not None:
-            with suppress(BufferError):  # another thread is reading a word; the file is closed when that is done
+            with suppress(BufferError):  # another thread is reading a word; the file closes when it is done
                 frames.close()
 
     def find(self, name: str) -> SourceWord | None:
-        """The word with this gloss or synonym, None where there is none."""
+        """Return the word with this gloss or synonym, or None."""
         row = self._index.find(name)
         if row is None:
             return None
@@ -301,7 +317,7 @@ class StoredWords:
         return SourceWord(entry.gloss, lambda: entry, partial(self._clip, entry, location), extensions)
 
     def lists(self, name: str) -> bool:
-        """Whether it is the gloss or a synonym of a word."""
+        """Return whether ``name`` is a gloss or synonym of a word."""
         return self._index.find(name) is not None
 
     def names(self) -> list[tuple[str, str, bool]]:
@@ -309,19 +325,19 @@ class StoredWords:
         return self._index.names()
 
     def entries(self) -> Iterator[Entry]:
-        """The entries of all words, sorted by gloss."""
+        """Return the entries of all words, sorted by gloss."""
         return (entry for entry, _ in self._index.words())
 
     def faults(self, progress: Progress | None = None) -> Iterator[str]:
-        """Faults of the words, one line each: checks bytes, hashes and names against the index. Reads every frame."""
+        """Yield faults of the words, one line each: checks bytes, hashes and names against the index. Reads all."""
         n_words = 0
         for entry, location in self._words(progress):
             n_words += 1
             try:
                 self._clip(entry, location)
                 for name in (entry.gloss, *entry.synonyms):
-                    found = self._index.find(name)
-                    if found is None or found[0].gloss != entry.gloss:
+                    match = self._index.find(name)
+                    if match is None or match[0].gloss != entry.gloss:
                         yield f"{self.path}: word {entry.gloss[:40]!r}: is not found by {name[:40]!r}"
             except InputError as error:
                 yield str(error)
@@ -333,24 +349,24 @@ class StoredWords:
             yield str(error)
 
     def verify(self) -> None:
-        """Compare every entry, and the bytes of every word, with their SHA-256. Raises ``InputError`` at the first that
-        is another.
+        """Compare every entry, and the bytes of every word, with their SHA-256. Raises ``InputError`` at the first
+        mismatch.
 
-        Quicker than ``faults``, which decodes the words too: about a second for each GB.
+        Faster than ``faults``, which also decodes the words: about one second per GB.
         """
         for entry, location in self._words(None):
             self._verify(entry, location)
         self._index.check()
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
-        """What a user should know about words that can be read, one line each."""
+        """Yield warnings about readable words, one line each."""
         for entry, location in self._words(progress):
-            with suppress(InputError):  # ``faults`` names it
+            with suppress(InputError):  # ``faults`` reports it
                 for line in clip_warnings(self._clip(entry, location)):
                     yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
 
     def _words(self, progress: Progress | None) -> Iterator[tuple[Entry, ClipLocation]]:
-        """Every word and its location; ``progress`` is called with how many are done and how many there are."""
+        """Yield every word and its location; calls ``progress`` with the number of finished words and the total."""
         for done, word in enumerate(self._index.words(), start=1):
             yield word
             if progress is not None:
@@ -361,22 +377,22 @@ class StoredWords:
         try:
             skeleton, _ = self._skeleton(location.skeleton)
             clip = decode(block, self.form, location.has_translations, skeleton, entry)
-        except Exception as error:  # of whatever damaged bytes make of a clip
+        except Exception as error:  # any error that damaged bytes cause
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error
         self._verify(entry, location)
         return clip
 
     def _verify(self, entry: Entry, location: ClipLocation) -> None:
-        """Raise ``InputError`` where a word's bytes are not those that were written: few flips make them unreadable."""
-        found = fingerprint(self._block(location), self._skeleton(location.skeleton)[1], entry.fps, entry.n_frames)
-        if found != entry.sha256:
+        """Raise ``InputError`` if a word's bytes differ from the written ones: few bit flips make them unreadable."""
+        digest = fingerprint(self._block(location), self._skeleton(location.skeleton)[1], entry.fps, entry.n_frames)
+        if digest != entry.sha256:
             raise InputError(
                 f"{self.path}: word {entry.gloss[:40]!r}: its SHA-256 is another than when it was written; {REBUILD}"
             )
 
     def _block(self, location: ClipLocation) -> memoryview:
-        frames = self._frames  # once, since another thread may close
+        frames = self._frames  # read once, since another thread may close it
         if frames is None or frames.closed:
             raise InputError(f"{self.path}: the lexicon is closed")
         return memoryview(frames)[location.start : location.start + location.n_bytes]
@@ -389,7 +405,7 @@ class StoredWords:
 
 
 def _files(path: Path) -> tuple[Index, mmap.mmap]:
-    """The two files of a lexicon, open. Raises ``InputError`` where they are none, or do not belong to each other."""
+    """Open the two files of a lexicon. Raises ``InputError`` if they are invalid or do not belong together."""
     _check_path(path)
     index = Index(path / INDEX)
     try:
@@ -402,7 +418,7 @@ def _files(path: Path) -> tuple[Index, mmap.mmap]:
 
 
 def _mmap_frames(path: Path, head: Head) -> mmap.mmap:
-    """The frames that belong to an index."""
+    """Map the frames that belong to an index into memory."""
     try:
         with open_file(path) as (file, size):
             if size != head.n_bytes or size < HEAD_BYTES:
@@ -417,7 +433,7 @@ def _mmap_frames(path: Path, head: Head) -> mmap.mmap:
 
 
 def _place(path: Path) -> tuple[int, int, int] | None:
-    """What tells a folder from one that takes its place; None where there is none."""
+    """Return an identity that distinguishes a folder from its replacement; None if there is no folder."""
     try:
         status = path.stat()
     except (OSError, ValueError):  # a zero byte in the name
@@ -426,7 +442,7 @@ def _place(path: Path) -> tuple[int, int, int] | None:
 
 
 def _check_path(path: Path) -> None:
-    """Raise ``InputError`` where a path is clearly not a lexicon."""
+    """Raise ``InputError`` if a path is clearly not a lexicon."""
     try:
         if not path.exists():
             raise InputError(f"{path}: no such folder, expected a lexicon; {BUILD_HINT}")
@@ -440,7 +456,7 @@ def _check_path(path: Path) -> None:
 
 
 def application_id(path: Path) -> int | None:
-    """The application id in a SQLite file's header, None for other files and files that cannot be read."""
+    """Return the application id in a SQLite file's header; None for other or unreadable files."""
     try:
         with open_file(path) as (file, _):
             head = file.read(72)
@@ -450,7 +466,7 @@ def application_id(path: Path) -> int | None:
 
 
 def _check_types(stored: Head | Entry | ClipLocation) -> None:
-    """Raise ``TypeError`` where a field has another type than its class says: SQLite keeps any in any column."""
+    """Raise ``TypeError`` if a field has a different type than declared: SQLite stores any type in any column."""
     for name, kind in _KINDS[type(stored)].items():
         value = getattr(stored, name)
         if name != "synonyms" and (type(value) is not kind or kind is float):  # synonyms are checked as JSON
@@ -473,12 +489,12 @@ def _check_entry(entry: Entry) -> None:
 
 
 def describe(skeleton: Skeleton) -> str:
-    """A skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` for more joints than are read."""
+    """Return a skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` if it has too many joints."""
     return json.dumps(skeletons.as_json(skeleton))
 
 
 def row_digest(entry: Entry, location: ClipLocation, extensions: Mapping[str, bytes]) -> bytes:
-    """The SHA-256 of a word's entry, place and extensions."""
+    """Return the SHA-256 of a word's entry, location and extensions."""
     row = [*astuple(entry), *astuple(location)]
     if extensions:
         row.append({name: sha256(extensions[name]) for name in sorted(extensions)})
@@ -486,5 +502,5 @@ def row_digest(entry: Entry, location: ClipLocation, extensions: Mapping[str, by
 
 
 def sha256(text: str | bytes) -> str:
-    """The SHA-256 of text or bytes, in hex."""
+    """Return the SHA-256 of text or bytes, in hex."""
     return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()

@@ -1,4 +1,4 @@
-"""What a motion is: numpy and scipy only; knows no file, no gloss, no network. Its own modules import one another."""
+"""Motion, independent of files, glosses and networks; uses numpy and scipy only. Its modules import one another."""
 
 from signsplice.motion.clip import (
     Channels,

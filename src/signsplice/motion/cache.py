@@ -1,6 +1,6 @@
-"""The last few results of functions by their arguments: the only values that a module of the package keeps.
+"""A cache of the last few results of functions by their arguments: the package's only module-level state.
 
-What follows from one object alone lies in that object (``clip.Derived``).
+Values that depend on one object alone are cached in that object (``clip.Derived``).
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ Value = TypeVar("Value")
 
 
 class Cache:
-    """Values by the function that computes them and its arguments; safe to clear at any time."""
+    """Results by function and arguments; safe to clear at any time."""
 
     def __init__(self) -> None:
         self._recent: dict[Callable[..., Any], OrderedDict[tuple[Hashable, ...], Any]] = {}
 
     def recent(self, compute: Callable[..., Value], *arguments: Hashable, most: int) -> Value:
-        """``compute(*arguments)``; the results of the last ``most`` different calls are kept."""
-        kept = self._recent.setdefault(compute, OrderedDict())
-        value = kept.pop(arguments, None)
+        """Return ``compute(*arguments)``; keeps the results of the last ``most`` different calls."""
+        results = self._recent.setdefault(compute, OrderedDict())
+        value = results.pop(arguments, None)
         if value is None:
             value = compute(*arguments)
-        kept[arguments] = value  # the last one
-        while len(kept) > most:
-            kept.popitem(last=False)
-        found: Value = value
-        return found
+        results[arguments] = value  # the last one
+        while len(results) > most:
+            results.popitem(last=False)
+        result: Value = value
+        return result
 
     def clear(self) -> None:
         """Forget all results."""

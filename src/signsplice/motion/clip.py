@@ -1,7 +1,7 @@
-"""What a motion is: a skeleton, and a clip of its joints' rotations over time.
+"""Motion: a skeleton, and a clip of its joints' rotations over time.
 
-Both are frozen and checked once, when made; what is computed from them and worth keeping lies in their ``derived``.
-Functions stand outside: ``concatenate``, ``resample``, ``batch_clips``.
+Both are frozen and are checked once, when created; ``derived`` caches values computed from them. Operations are module
+functions: ``concatenate``, ``resample``, ``batch_clips``.
 """
 
 from __future__ import annotations
@@ -24,37 +24,38 @@ from signsplice.motion.rotation import FloatArray
 _UNIT_TOLERANCE = 1e-6
 _BLOCK = 32
 _FARTHEST = 1e12
-"""Lengths and positions beyond this are no motion, and their squares would overflow."""
+"""Limit of lengths and positions: larger ones are not motion."""
 _LONGEST_NAME = 300
 SAME_FPS = 1e-6
-"""Frame rates that differ by less than this fraction are one rate."""
+"""Frame rates that differ by less than this fraction are equal."""
 MOST_FRAMES = 1500
-"""Frames that ``batch_clips`` lays end to end: more do not fit into a processor's nearest memory, and are no faster."""
+"""Frames that ``batch_clips`` joins at most: larger batches exceed the processor's cache and are no faster."""
 Value = TypeVar("Value")
 ChannelNames = tuple[tuple[str, ...], ...]
 
 
 def frozen(array: ArrayLike) -> FloatArray:
-    """A read-only view: the clip cannot be written through; no copy is made."""
+    """Return a read-only view, without a copy."""
     view = np.asarray(array, np.float64).view()
     view.flags.writeable = False
     return view
 
 
 def _is_text(text: object) -> bool:
-    """Whether something is text that can be written; half characters of JSON or of a file name cannot."""
+    """Whether an object is text that UTF-8 can encode; lone surrogates of JSON or of a file name are not."""
     return isinstance(text, str) and not any("\ud800" <= character <= "\udfff" for character in text)
 
 
 def _are_near(lengths: FloatArray) -> bool:
-    """Whether all are finite and of a size that can be worked with; False for NaN."""
+    """Whether all lengths are finite and within ``_FARTHEST``; False for NaN."""
     return lengths.size == 0 or bool(lengths.min() > -_FARTHEST and lengths.max() < _FARTHEST)
 
 
 class Derived(dict[Callable[[Any], Any], Any]):
-    """What was computed from an object, by the function that computes it: ``clip.derived[arms]`` calls ``arms(clip)``
-    when first asked for, and keeps the value as long as the object lives. The value must not refer to the object, nor
-    does this mapping. Safe to clear at any time.
+    """Cache of values computed from an object, by the function that computes them.
+
+    ``clip.derived[arms]`` calls ``arms(clip)`` at the first access and keeps the value as long as the object lives.
+    Neither the value nor this mapping may refer to the object. Safe to clear at any time.
     """
 
     def __init__(self, owner: object) -> None:
@@ -70,11 +71,11 @@ class Derived(dict[Callable[[Any], Any], Any]):
 
 
 class HasDerived:
-    """An object that keeps what is computed from it; copies begin without."""
+    """An object that caches values computed from it; copies start with an empty cache."""
 
     @cached_property
     def derived(self) -> Derived:
-        """What was computed from this object alone."""
+        """Values computed from this object alone."""
         return Derived(self)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -83,7 +84,7 @@ class HasDerived:
 
 @dataclass(frozen=True, eq=False)
 class EndSite:
-    """The tip of a bone that no joint follows.
+    """The tip of a bone at the end of a chain of joints.
 
     joint: index of the joint that carries the bone.
     offset: (3,) from that joint to the tip, clip units.
@@ -104,11 +105,10 @@ class Skeleton(HasDerived):
     parents: (J,) index of each joint's parent; -1 for the root, which comes first.
     offsets: (J, 3) rest translation from the parent, in the parent's frame, in the clip's length unit.
     end_sites: bone tips.
-    roles: role -> joint name, where a user names them because the joint names are not known (``rig.roles``).
-    rest_pose: (J, 4) local rotations with which it shows a person, where it shows none with all at identity
-        (``rig.rest_pose``); else None.
+    roles: role -> joint name, given by a user if the joint names are not recognised (``rig.roles``); else None.
+    rest_pose: (J, 4) local rotations that show a person, if all at identity show none (``rig.rest_pose``); else None.
 
-    Raises ``InputError`` where these do not fit together.
+    Raises ``InputError`` if these do not fit together.
     """
 
     names: tuple[str, ...]
@@ -171,12 +171,14 @@ class Skeleton(HasDerived):
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """The channels of a clip as a file gave them.
+    """The channels of a clip as read from a file.
 
-    names: for each joint its channels in the file's order ("Zrotation", ...). values: (T, C) degrees and length units,
-    C all channels in order; NaN where no file gave the number. offsets: (J, 3) the rest translations as written, which
-    position channels replace. frame_time: seconds a frame as written. starts: frames at which numbers of another origin
-    begin. root_moved: the root was moved since the file was read, so its numbers no longer hold.
+    names: for each joint its channels in the file's order ("Zrotation", ...).
+    values: (T, C) degrees and length units, C all channels in order; NaN for numbers that no file gave.
+    offsets: (J, 3) rest translations as written, which position channels replace.
+    frame_time: seconds a frame as written.
+    starts: frames at which numbers from another source begin.
+    root_moved: whether the root was moved since the file was read, so that its numbers no longer hold.
     """
 
     names: ChannelNames
@@ -201,16 +203,16 @@ class Channels:
         return replace(self, values=self.values[start:stop], starts=(0, *inner))
 
     def forgotten(self, n_frames: int) -> Channels:
-        """The same layout for ``n_frames`` new frames, every number still to be derived. Takes no memory."""
+        """Return the same layout for ``n_frames`` new frames, with all numbers NaN. Takes no memory."""
         values = np.broadcast_to(np.nan, (n_frames, self.values.shape[1]))
         return replace(self, values=values, starts=(0,), root_moved=False)
 
     def without_root(self) -> Channels:
-        """The same numbers, save those of the root, which are to be derived anew. Takes no memory."""
+        """Return the same numbers with the root's marked as outdated. Takes no memory."""
         return replace(self, root_moved=True)
 
     def mask_moved_root(self) -> Channels:
-        """The same, with the root's numbers set to NaN in ``values`` where it was moved."""
+        """Return the same channels, with the root's ``values`` NaN if it was moved."""
         if not self.root_moved:
             return self
         values = np.array(self.values)
@@ -219,10 +221,9 @@ class Channels:
 
     @staticmethod
     def concatenate(parts: Sequence[tuple[Channels | None, int]]) -> Channels | None:
-        """Channels of clips joined in time, each given with its number of frames; the layout is the first one's.
+        """Join channels in time, each given with its number of frames, in the first one's layout.
 
-        Numbers of a part whose layout differs from the first one's are left to be derived. None where the first has
-        none.
+        Numbers of a part with another layout become NaN. Returns None if the first is None.
         """
         layout = parts[0][0]
         if layout is None:
@@ -254,14 +255,14 @@ class Clip(HasDerived):
     fps: frames a second.
     name: the gloss or file name.
     translations: (T, J, 3) offset from the parent per frame, for files that animate bone lengths; None: the skeleton's.
-    channels: the numbers of the file, kept so that they can be written back exactly; None where there is no file.
-    left_out: names of what its file animates besides joints (expressions, morph targets, look-at), which is not here.
-    notes: lines about what else the clip has otherwise than its file: the first of several animations, a rounded rate.
-    face: the face in every frame; None where it is not known.
-    source_clip: the clip that this one was placed from as one rigid whole (``rig.align.place``), else None.
+    channels: the numbers of the file, kept to be written back exactly; None without a file.
+    left_out: names of what its file animates but the clip does not hold (expressions, morph targets, look-at).
+    notes: lines about other differences from its file: the first of several animations, a rounded rate.
+    face: the face in every frame; None if unknown.
+    source_clip: the clip that this one is a rigid placement of (``rig.align.place``), else None.
 
-    Arrays are taken as they are, without a copy: do not write to them afterwards. Raises ``InputError`` where shapes do
-    not fit, T is 0, a number is not finite or a quaternion is not of unit length.
+    Arrays are used without a copy: do not write to them afterwards. Raises ``InputError`` if shapes do not fit, T is 0,
+    a number is not finite or a quaternion has not unit length.
     """
 
     skeleton: Skeleton
@@ -318,15 +319,15 @@ class Clip(HasDerived):
         return f"<Clip {self.name!r}: {frames}, {len(self.skeleton)} joints>"
 
     def _repr_html_(self) -> str:
-        """An animated drawing of this clip, for notebooks."""
+        """Return an animated drawing of this clip, for notebooks."""
         return html_renderers[-1](self)
 
     def __len__(self) -> int:
         return len(self.local_rotations)
 
     def __getitem__(self, frames: slice) -> Clip:
-        """The frames of a slice with step 1, as views of this clip's arrays. Raises ``InputError`` if none is left,
-        ``TypeError`` for anything but a slice.
+        """Return the frames of a slice with step 1, as views of this clip's arrays. Raises ``InputError`` if the slice
+        is empty, ``TypeError`` for anything but a slice.
         """
         if not isinstance(frames, slice):
             raise TypeError(f"a clip is cut with a slice: clip[3:4], not clip[{frames!r:.40}]")
@@ -350,7 +351,7 @@ class Clip(HasDerived):
 
     @property
     def nbytes(self) -> int:
-        """Memory that the clip's arrays hold."""
+        """Bytes of memory of the clip's arrays."""
         total = self.local_rotations.nbytes + self.root_positions.nbytes
         total += 0 if self.face is None else self.face.weights.nbytes
         if self.translations is not None:
@@ -359,14 +360,14 @@ class Clip(HasDerived):
 
 
 def same_fps(a: float, b: float) -> bool:
-    """Whether two frame rates are one (they differ by less than a millionth)."""
+    """Whether two frame rates are equal (they differ by less than a millionth)."""
     return abs(a - b) <= SAME_FPS * max(a, b)
 
 
 def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
-    """One clip of all frames in order, bit for bit, on the first clip's skeleton.
+    """Join clips in order into one, bit for bit, on the first clip's skeleton.
 
-    Raises ``InputError`` where a clip has another number of joints, other joint names or another frame rate.
+    Raises ``InputError`` if a clip has other joint names or another frame rate.
     """
     if not clips:
         raise InputError("nothing to join, expected at least one clip")
@@ -399,23 +400,23 @@ def _concatenate_arrays(clips: Sequence[Clip]) -> dict[str, Any]:
 
 
 def copy_unchecked(clip: Clip, **changes: object) -> Clip:
-    """``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``; without its
-    face where the number of frames changes and no face is given.
+    """Copy ``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``; also
+    without its face if the number of frames changes and no face is given.
 
     For changes that cannot break a valid clip: slices, joins and rigid moves.
     """
-    made = object.__new__(Clip)
-    made.__dict__.update(clip.__dict__, source_clip=None)
-    made.__dict__.pop("derived", None)
+    new_clip = object.__new__(Clip)
+    new_clip.__dict__.update(clip.__dict__, source_clip=None)
+    new_clip.__dict__.pop("derived", None)
     for name, value in changes.items():
-        made.__dict__[name] = frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
-    if made.face is not None and len(made.face) != len(made):
-        made.__dict__["face"] = None
-    return made
+        new_clip.__dict__[name] = frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
+    if new_clip.face is not None and len(new_clip.face) != len(new_clip):
+        new_clip.__dict__["face"] = None
+    return new_clip
 
 
 def at_frames(clip: Clip, frames: slice | NDArray[np.intp]) -> Clip:
-    """The frames of a clip in a slice or at indices, in any order, without the numbers of its file."""
+    """Return the frames of a clip in a slice or at indices, in any order, without its file's channels."""
     return copy_unchecked(clip, **_arrays_at(clip, frames), channels=None)
 
 
@@ -428,17 +429,17 @@ def _arrays_at(clip: Clip, frames: slice | NDArray[np.intp]) -> dict[str, Any]:
 
 
 def bone_translations(clip: Clip) -> FloatArray:
-    """Translation (T, J, 3) of every joint from its parent in every frame, whether the clip animates them or not."""
+    """Return the translation (T, J, 3) of every joint from its parent in every frame, animated or not."""
     if clip.translations is not None:
         return clip.translations
     return np.broadcast_to(clip.skeleton.offsets, (len(clip), len(clip.skeleton), 3))
 
 
 def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
-    """The same motion in time at ``fps``, played ``speed`` times as fast; slerp between neighbouring frames.
+    """Resample a clip at ``fps``, played ``speed`` times as fast; slerp between neighbouring frames.
 
-    Frame k of the result shows time k / fps; the last one is the last that the source covers. The clip itself comes
-    back where neither rate nor speed change. Raises ``InputError`` for a rate or speed that is not positive.
+    Frame k of the result shows time k / fps; the last one is the last that the source covers. Returns the clip itself
+    if neither rate nor speed changes. Raises ``InputError`` if the rate or speed is not positive.
     """
     for what, value in (("frame rate", fps), ("speed", speed)):
         if not (np.isfinite(value) and value > 0.0):
@@ -451,14 +452,14 @@ def resample(clip: Clip, fps: float, speed: float = 1.0) -> Clip:
 
 
 def sample_clip(clip: Clip, at: FloatArray) -> Clip:
-    """The frames of a clip at ``at`` (N,), counted in its frames, 0 to T - 1; slerp between neighbouring ones."""
+    """Sample a clip at ``at`` (N,), in frames from 0 to T - 1; slerp between neighbouring frames."""
     low = np.minimum(np.floor(at + 1e-9).astype(np.intp), len(clip) - 1)
     high = np.minimum(low + 1, len(clip) - 1)
     weight = np.clip(at - low, 0.0, 1.0)
     q = clip.local_rotations
 
     rotations = np.empty((len(at), *q.shape[1:]))
-    for start in range(0, len(at), _BLOCK):  # in blocks, to keep the memory of slerp small
+    for start in range(0, len(at), _BLOCK):  # in blocks, to limit the memory of slerp
         part = slice(start, start + _BLOCK)
         rotations[part] = rotation.slerp(q[low[part]], q[high[part]], weight[part, None])
 
@@ -478,12 +479,12 @@ def sample_clip(clip: Clip, at: FloatArray) -> Clip:
 
 @dataclass(frozen=True, eq=False)
 class JoinedClips:
-    """Some clips laid end to end: what is computed frame by frame is computed for all of them at once. Every frame gets
-    the same numbers, bit for bit, as in its own clip: only how many frames share an operation changes.
+    """Clips joined so that frame-by-frame computations handle all of them at once. Every frame gets the same numbers,
+    bit for bit, as in its own clip: only the number of frames in an operation changes.
 
-    rows: which of the clips asked for.
-    clip: all of their frames.
-    starts: (G + 1,) the first frame of each of the G clips, and the number of all frames.
+    rows: indices of the clips in the request.
+    clip: all their frames.
+    starts: (G + 1,) the first frame of each of the G clips, and the total number of frames.
     """
 
     rows: list[int]
@@ -491,14 +492,14 @@ class JoinedClips:
     starts: NDArray[np.intp]
 
     def __iter__(self) -> Iterator[tuple[int, slice]]:
-        """Which clip, and its frames."""
+        """Yield the index of each clip and its frames."""
         for row, start, stop in zip(self.rows, self.starts[:-1].tolist(), self.starts[1:].tolist(), strict=True):
             yield row, slice(start, stop)
 
 
 def batch_clips(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Iterator[JoinedClips]:
-    """Clips, each given as its parts in order, laid end to end with those of the same skeleton and rate, about ``most``
-    frames at a time; the channels of files and faces are left out.
+    """Join clips, each given as its parts in order, with others of the same skeleton and rate, about ``most`` frames at
+    a time, without channels and faces.
     """
     groups: dict[tuple[int, float, bool], list[int]] = {}
     for row, parts in enumerate(clips):
@@ -517,5 +518,5 @@ def batch_clips(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Ite
 
 def _concatenate_batch(clips: Sequence[Sequence[Clip]], rows: list[int], lengths: list[int]) -> JoinedClips:
     parts = [part for row in rows for part in clips[row]]
-    whole = copy_unchecked(parts[0], **_concatenate_arrays(parts), channels=None, face=None)
-    return JoinedClips(rows, whole, np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp))
+    joined = copy_unchecked(parts[0], **_concatenate_arrays(parts), channels=None, face=None)
+    return JoinedClips(rows, joined, np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp))

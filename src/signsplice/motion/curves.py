@@ -1,4 +1,4 @@
-"""Curves over time: the minimum-jerk step, and corrections that spread to their neighbours and fade at fixed ends."""
+"""Curves over time: the minimum-jerk step, smoothing of corrections, and windows that fade at fixed ends."""
 
 from __future__ import annotations
 
@@ -20,23 +20,22 @@ def minimum_jerk(u: Number, height: float = 1.0) -> Number:
 
 
 def sparse(n_frames: int, apart: float) -> NDArray[np.intp]:
-    """Of some frames those about ``apart`` frames from one another, and the last one."""
+    """Return frames about ``apart`` frames from one another, and the last frame."""
     return np.union1d(np.arange(0, n_frames, max(1, round(apart))), np.arange(n_frames)[-1:])
 
 
 def between(values: FloatArray, frames: NDArray[np.intp]) -> FloatArray:
-    """Values (F, ...) at some frames, the first is 0, and in straight lines between them: at every frame (T, ...)."""
+    """Interpolate values (F, ...) at some frames, of which the first is 0, linearly to every frame (T, ...)."""
     rows = values.reshape(len(frames), -1)
-    at = np.arange(frames[-1] + 1)
-    k = np.minimum(np.searchsorted(frames, at, side="right"), len(frames) - 1)
-    share = (frames[k] - at) / np.maximum(frames[k] - frames[k - 1], 1)
-    made = rows[k] + share[:, None] * (rows[k - 1] - rows[k])
-    return np.asarray(made.reshape(len(at), *values.shape[1:]))
+    all_frames = np.arange(frames[-1] + 1)
+    k = np.minimum(np.searchsorted(frames, all_frames, side="right"), len(frames) - 1)
+    share = (frames[k] - all_frames) / np.maximum(frames[k] - frames[k - 1], 1)
+    interpolated = rows[k] + share[:, None] * (rows[k - 1] - rows[k])
+    return np.asarray(interpolated.reshape(len(all_frames), *values.shape[1:]))
 
 
 def smooth_over_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Pushes (T, 2, 3) spread to their neighbours in time: at each frame the weighted sum, no larger than the largest
-    push nearby.
+    """Spread pushes (T, 2, 3) to neighbouring frames: each gets the weighted sum, at most the largest push nearby.
 
     kernel: an odd number of weights, 1 in the middle.
     """
@@ -50,7 +49,7 @@ def smooth_over_time(push: FloatArray, kernel: FloatArray) -> FloatArray:
 
 
 def fade_window(n_frames: int) -> FloatArray:
-    """0 just outside both ends, 1 well inside, with slope and curvature 0 at the ends (n_frames,)."""
+    """Return a window (n_frames,): 0 just outside both ends, 1 well inside, with slope and curvature 0 at the ends."""
     edge = np.minimum(np.arange(1, n_frames + 1), np.arange(n_frames, 0, -1)) / max(1.6, 0.25 * (n_frames + 1))
-    near = np.clip(edge, 0.0, 1.0)
-    return minimum_jerk(near)
+    progress = np.clip(edge, 0.0, 1.0)
+    return minimum_jerk(progress)

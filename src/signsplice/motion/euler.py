@@ -1,9 +1,9 @@
-"""The numbers that an animator sees: Euler channels beside the rotations that they stand for, there and back.
+"""Conversion between the Euler channels that an animator sees and rotations.
 
-A file's Euler numbers hold more than its rotations do: whole turns, which of two equal triples was meant, decimals. A
-clip therefore carries them along (``clip.Channels``), and ``complete`` gives them back untouched where a frame is still
-the one that was read. Where a frame is new (a transition, a retargeted pose) its numbers are derived, and chosen so
-that every curve continues without a jump of a half or a whole revolution.
+A file's Euler numbers hold more than its rotations: whole turns, the choice between two equal triples, decimals. A clip
+therefore carries them along (``clip.Channels``), and ``complete`` returns them unchanged for frames that were not
+edited. For new frames (a transition, a retargeted pose) it derives them so that no curve jumps by a half or whole
+revolution.
 """
 
 from __future__ import annotations
@@ -18,39 +18,39 @@ from signsplice.motion.clip import ChannelNames, Channels, Clip, bone_translatio
 from signsplice.motion.rotation import FloatArray
 
 _BLOCK = 4096
-"""Frames that are converted at a time, to keep the memory of intermediate results small."""
+"""Frames converted at a time, to limit the memory of intermediate results."""
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 _WIDEN_DEG = 1e-4
-"""A joint gets the rotation channels it lacks only where it rotates by more than this about their axes."""
+"""A joint gets missing rotation channels only if it rotates by more than this about their axes."""
 _DECIMALS = 8
-"""Of derived numbers: far below what any capture resolves."""
+"""Decimals of derived numbers, far finer than any capture resolves."""
 _LOCKED = 1e-6
-"""Below this cosine of the middle angle only the sum or difference of the other two is determined."""
+"""Below this cosine of the middle angle, only the sum or difference of the other two angles is determined."""
 
 
 def default_names(n_joints: int) -> ChannelNames:
-    """Channels for a clip that no file gave any: XYZ position and ZXY rotation on the root, ZXY rotation elsewhere."""
+    """Return channels for a clip without any: XYZ position and ZXY rotation on the root, ZXY rotation elsewhere."""
     rotations = ("Zrotation", "Xrotation", "Yrotation")
     return ((*POSITIONS, *rotations), *([rotations] * (n_joints - 1)))
 
 
 def rotation_axes(names: Sequence[str]) -> str:
-    """The letters of a joint's rotation channels in order: ("Zrotation", "Xrotation") -> "ZX"."""
+    """Return the letters of a joint's rotation channels in order: ("Zrotation", "Xrotation") -> "ZX"."""
     return "".join(name[0].upper() for name in names if name.endswith("rotation"))
 
 
 def first_columns(names: ChannelNames) -> list[int]:
-    """Column (J,) at which each joint's channels begin."""
+    """Return the first column (J,) of each joint's channels."""
     ends = np.cumsum([0, *map(len, names)])
     return [int(c) for c in ends[:-1]]
 
 
 def to_motion(names: ChannelNames, values: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Local rotations (T, J, 4) and translations (T, J, 3) that channel ``values`` (T, C) stand for.
+    """Convert channel ``values`` (T, C) to local rotations (T, J, 4) and translations (T, J, 3).
 
-    A position channel replaces its component of the offset (rejected: adding to it, which puts 6-channel files far
-    off). Rotations are the product of the channels in their order, intrinsic.
+    A position channel replaces its component of the offset (rejected: adding to it, which displaces 6-channel files).
+    Rotations are the intrinsic product of the channels in their order.
     """
     n_frames, n_joints = len(values), len(names)
     rotations = np.empty((n_frames, n_joints, 4))
@@ -75,43 +75,42 @@ def to_motion(names: ChannelNames, values: FloatArray, offsets: FloatArray) -> t
 
 
 def complete(clip: Clip) -> tuple[ChannelNames, FloatArray]:
-    """Channel names and values (T, C) of every frame of a clip, no number missing.
+    """Return channel names and values (T, C) of every frame of a clip, with no number missing.
 
-    Numbers from a file stay as they are; each run of them may shift as a whole by whole revolutions, or to the other
-    equal triple, so that curves continue from what comes before. The first run is never changed. All other numbers are
-    derived from the rotations. A joint gets channels that it lacks only where its motion cannot be written without
-    them.
+    Numbers from a file stay unchanged, except that a whole run may shift by whole revolutions, or to the other equal
+    triple, so that curves continue from the frame before; the first run never changes. All other numbers are derived
+    from the rotations. A joint gets missing channels only if its motion needs them.
     """
-    given = None if clip.channels is None else clip.channels.mask_moved_root()
+    channels = None if clip.channels is None else clip.channels.mask_moved_root()
     n_frames, n_joints = len(clip), len(clip.skeleton)
     usual = default_names(n_joints)
-    if given is None and clip.translations is None:
+    if channels is None and clip.translations is None:
         angles = _nearest_euler_angles(clip.local_rotations, _three(""), None).reshape(n_frames, -1)
         return usual, np.round(np.concatenate([clip.root_positions, angles], axis=1), _DECIMALS)
-    if given is not None:
-        given, edited = _still_valid(clip, given)
-        if not edited and len(given.starts) == 1 and not np.isnan(given.values).any():
-            return given.names, given.values
-    if given is None:
-        given = Channels(usual, np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0)
-    axes = [_three(rotation_axes(names)) for names in given.names]
-    angles = _channel_angles(given)
-    spans = list(zip(given.starts, (*given.starts[1:], n_frames), strict=True))
+    if channels is not None:
+        channels, edited = _still_valid(clip, channels)
+        if not edited and len(channels.starts) == 1 and not np.isnan(channels.values).any():
+            return channels.names, channels.values
+    if channels is None:
+        channels = Channels(usual, np.full((n_frames, 3 * n_joints + 3), np.nan), clip.skeleton.offsets, 0.0)
+    axes = [_three(rotation_axes(names)) for names in channels.names]
+    angles = _channel_angles(channels)
+    spans = list(zip(channels.starts, (*channels.starts[1:], n_frames), strict=True))
     for order in sorted(set(axes)):
         joints = np.array([j for j in range(n_joints) if axes[j] == order])
         angles[:, joints] = _complete_angles(angles[:, joints], clip.local_rotations[:, joints], order, spans)
-    return _encode_channels(clip, given, axes, angles)
+    return _encode_channels(clip, channels, axes, angles)
 
 
 def _still_valid(clip: Clip, given: Channels) -> tuple[Channels, bool]:
-    """The numbers given, NaN wherever they no longer mean the clip's rotations and is_position; and whether any do not,
-    because those were edited since.
+    """Return the given numbers, with NaN for those that no longer match the clip's rotations and positions, and whether
+    there are any such.
     """
     rotations, translations = to_motion(given.names, given.values, given.offsets)
     turned = np.abs(np.einsum("tjc,tjc->tj", rotations, clip.local_rotations)) < 1.0 - 1e-11  # half angle of some 5e-6
-    is_position = bone_translations(clip)
-    limit = 1e-9 * max(1.0, float(np.abs(is_position).max()))
-    moved = np.abs(translations - is_position) > limit
+    positions = bone_translations(clip)
+    limit = 1e-9 * max(1.0, float(np.abs(positions).max()))
+    moved = np.abs(translations - positions) > limit
     moved[:, 0] = np.abs(translations[:, 0] - clip.root_positions) > limit
     if not (turned.any() or moved.any()):
         return given, False
@@ -124,12 +123,12 @@ def _still_valid(clip: Clip, given: Channels) -> tuple[Channels, bool]:
 
 
 def _three(axes: str) -> str:
-    """``axes`` followed by the letters it lacks."""
+    """Return ``axes`` followed by the letters it lacks."""
     return axes + "".join(letter for letter in "ZXY" if letter not in axes)
 
 
 def _channel_angles(given: Channels) -> FloatArray:
-    """Angles (T, J, 3), degrees, along each joint's three axes: as given, 0 about axes that have no channel, else
+    """Return angles (T, J, 3), degrees, about each joint's three axes: as given, 0 about axes without a channel, else
     NaN.
     """
     angles = np.zeros((len(given.values), len(given.names), 3))
@@ -146,36 +145,36 @@ def _channel_angles(given: Channels) -> FloatArray:
 def _complete_angles(
     angles: FloatArray, rotations: FloatArray, axes: str, spans: Sequence[tuple[int, int]]
 ) -> FloatArray:
-    """Angles (T, K, 3), degrees, of joints with one order of axes: missing ones derived, each span run on from the one
-    before.
+    """Complete angles (T, K, 3), degrees, of joints with one order of axes: missing ones are derived, and each span
+    continues the one before.
     """
-    out = np.array(angles)
+    completed = np.array(angles)
     for start, stop in spans:
-        known = ~np.isnan(out[start:stop]).any(axis=(0, 2))
+        known = ~np.isnan(completed[start:stop]).any(axis=(0, 2))
         if start > 0 and known.any():
-            out[start:stop, known] = _unwrap_span(out[start:stop, known], out[start - 1, known])
+            completed[start:stop, known] = _unwrap_span(completed[start:stop, known], completed[start - 1, known])
         new = np.flatnonzero(~known)
         if new.size:
-            before = out[start - 1, new] if start > 0 else None
-            out[start:stop, new] = _nearest_euler_angles(rotations[start:stop, new], axes, before)
-    return out
+            before = completed[start - 1, new] if start > 0 else None
+            completed[start:stop, new] = _nearest_euler_angles(rotations[start:stop, new], axes, before)
+    return completed
 
 
 def _unwrap_span(angles: FloatArray, before: FloatArray) -> FloatArray:
-    """A span (S, K, 3), degrees, moved as a whole to the equal numbers nearest to ``before`` (K, 3)."""
+    """Move a whole span (S, K, 3), degrees, to the equivalent angles nearest to ``before`` (K, 3)."""
     first = angles[0]
-    other = np.stack([first[:, 0] + 180.0, 180.0 - first[:, 1], first[:, 2] + 180.0], axis=-1)
+    alternative = np.stack([first[:, 0] + 180.0, 180.0 - first[:, 1], first[:, 2] + 180.0], axis=-1)
     shift = 360.0 * np.round((before - first) / 360.0)
-    other_shift = 360.0 * np.round((before - other) / 360.0)
+    alternative_shift = 360.0 * np.round((before - alternative) / 360.0)
     cost = np.abs(first + shift - before).sum(-1)
-    other_cost = np.abs(other + other_shift - before).sum(-1)
+    alternative_cost = np.abs(alternative + alternative_shift - before).sum(-1)
     mirrored = np.stack([angles[..., 0] + 180.0, 180.0 - angles[..., 1], angles[..., 2] + 180.0], axis=-1)
-    # The other triple has to be nearer by a clear margin, so that equal costs leave numbers unchanged.
-    return np.asarray(np.where((other_cost < cost - 1e-6)[:, None], mirrored + other_shift, angles + shift))
+    # The other triple must be nearer by a clear margin, so that equal costs leave numbers unchanged.
+    return np.asarray(np.where((alternative_cost < cost - 1e-6)[:, None], mirrored + alternative_shift, angles + shift))
 
 
 def _nearest_euler_angles(rotations: FloatArray, axes: str, before: FloatArray | None) -> FloatArray:
-    """Angles (S, K, 3), degrees, of ``rotations`` (S, K, 4), each frame nearest to the one before it."""
+    """Convert ``rotations`` (S, K, 4) to angles (S, K, 3), degrees, each frame nearest to the one before it."""
     angles = rotation.to_euler(rotations, axes)
     sign = 1.0 if axes in ("XYZ", "YZX", "ZXY") else -1.0
     previous = None if before is None else np.deg2rad(before)
@@ -196,12 +195,12 @@ def _nearest_euler_angles(rotations: FloatArray, axes: str, before: FloatArray |
 def _encode_channels(
     clip: Clip, given: Channels, axes: Sequence[str], angles: FloatArray
 ) -> tuple[ChannelNames, FloatArray]:
-    """Names and values (T, C) of ``angles`` and positions in the layout of ``given``, widened where it cannot hold
-    them.
+    """Return names and values (T, C) of ``angles`` and positions in the layout of ``given``, with channels added if
+    it cannot hold them.
     """
     names: list[tuple[str, ...]] = []
     curves: list[FloatArray] = []
-    kept: list[FloatArray] = []
+    known_curves: list[FloatArray] = []
     nothing = np.full(len(clip), np.nan)
     for joint, (start, channels) in enumerate(zip(first_columns(given.names), given.names, strict=True)):
         position = _positions(clip, joint)
@@ -214,14 +213,14 @@ def _encode_channels(
             wider += [f"{letter}rotation" for letter in axes[joint][n_axes:]]
         names.append((*channels, *wider))
         curves += [_curve(name, axes[joint], angles[:, joint], position) for name in names[-1]]
-        kept += [*given.values[:, start : start + len(channels)].T, *(nothing for _ in wider)]
+        known_curves += [*given.values[:, start : start + len(channels)].T, *(nothing for _ in wider)]
     if not curves:
         return tuple(names), np.empty((len(clip), 0))
-    return tuple(names), _round_new_values(np.stack(curves, axis=1), np.stack(kept, axis=1), names)
+    return tuple(names), _round_new_values(np.stack(curves, axis=1), np.stack(known_curves, axis=1), names)
 
 
 def _positions(clip: Clip, joint: int) -> FloatArray:
-    """Translation (T, 3) of a joint from its parent in every frame; the root's is its position in the world."""
+    """Return a joint's translation (T, 3) from its parent in every frame; for the root, its position in the world."""
     if joint == 0:
         return clip.root_positions
     if clip.translations is not None:
@@ -230,13 +229,13 @@ def _positions(clip: Clip, joint: int) -> FloatArray:
 
 
 def _curve(name: str, axes: str, angles: FloatArray, position: FloatArray) -> FloatArray:
-    """One channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``position`` (T, 3)."""
+    """Return one channel's curve (T,): an angle of ``angles`` (T, 3), or a component of ``position`` (T, 3)."""
     return position[:, POSITIONS.index(name)] if name in POSITIONS else angles[:, axes.index(name[0].upper())]
 
 
 def _round_new_values(curves: FloatArray, given: FloatArray, names: Sequence[Sequence[str]]) -> FloatArray:
-    """Curves (T, C), numbers that were given (T, C) among them, the others rounded. An angle that was given counts as
-    long as its curve was not led elsewhere.
+    """Round curves (T, C) except the numbers that were given (T, C). A given angle counts only if its curve still has
+    that value.
     """
     is_position = np.array([name in POSITIONS for channels in names for name in channels])
     stays = np.where(is_position, ~np.isnan(given), curves == given)

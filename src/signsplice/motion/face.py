@@ -1,11 +1,11 @@
-"""A face over time as ARKit's 52 coefficients; what the names of face targets mean in them, and gaze and jaw as
-rotations of bones, there and back.
+"""A face over time as ARKit's 52 coefficients, the meaning of names of face targets in them, and their conversion to
+and from bone rotations of gaze and jaw.
 
 Coefficients are named and ordered as Apple's ``ARFaceAnchor.BlendShapeLocation`` and Live Link Face have them. Targets
 have ARKit's names, also with ``_L`` and ``_R``, those of the presets of VRM 1.0 (VRMC_vrm, expressions) and of VRM 0.x
 (blendShapeMaster), of VRoid's targets of mouth and lids, or of Meta's 15 visemes (Oculus Lipsync, "Viseme Reference").
-The sources define names and show pictures, no numbers: the coefficients are of our own, written down from how a sound
-is articulated.
+The sources define names and show pictures, but no numbers: the coefficients are our own, derived from how a sound is
+articulated.
 
 Bones have the axes left +X, up +Y, forward +Z. An eye turns by its yaw about +Y, then by its pitch about +X, as VRM's
 look-at does.
@@ -43,10 +43,10 @@ _KNOWN = frozenset(ARKIT_CHANNELS)
 class Face:
     """A face of T frames at the rate of the clip that carries it.
 
-    channels: C different names of ``ARKIT_CHANNELS``; a coefficient that was not recorded is absent.
+    channels: C different names of ``ARKIT_CHANNELS``, without coefficients that were not recorded.
     weights: (T, C) from 0, at rest, to 1.
 
-    Raises ``InputError`` for another name, one that comes twice, another shape, or a weight outside 0 to 1.
+    Raises ``InputError`` for an unknown or repeated name, another shape, or a weight outside 0 to 1.
     """
 
     channels: tuple[str, ...]
@@ -75,40 +75,40 @@ class Face:
         return len(self.weights)
 
     def __getitem__(self, frames: slice) -> Face:
-        """The face in some frames, as views of its weights."""
+        """Return the face in some frames, with views of its weights."""
         return Face(self.channels, self.weights[frames])
 
     def of(self, channels: Sequence[str]) -> FloatArray:
-        """The weights (T, len(channels)) of some coefficients; 0, at rest, where one is absent."""
-        out = np.zeros((len(self), len(channels)))
+        """Return the weights (T, len(channels)) of some coefficients; 0, at rest, for absent ones."""
+        weights = np.zeros((len(self), len(channels)))
         column = {name: k for k, name in enumerate(self.channels)}
         for k, name in enumerate(channels):
             if name in column:
-                out[:, k] = self.weights[:, column[name]]
-        return out
+                weights[:, k] = self.weights[:, column[name]]
+        return weights
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """The coefficients that are not at rest all the time."""
-        most = self.weights.max(axis=0, initial=0.0).tolist()
-        return tuple(name for name, weight in zip(self.channels, most, strict=True) if weight > 0.0)
+        """The coefficients that are not always at rest."""
+        peaks = self.weights.max(axis=0, initial=0.0).tolist()
+        return tuple(name for name, weight in zip(self.channels, peaks, strict=True) if weight > 0.0)
 
     def mirror(self) -> Face:
-        """The face in the mirror: coefficients of the left and of the right change places."""
+        """Return the mirrored face: left and right coefficients swapped."""
         return Face(tuple(_counterpart(name) for name in self.channels), self.weights)
 
 
 def _counterpart(name: str) -> str:
-    """A coefficient's name on the other side; the name itself in the middle."""
-    for side, other in (SIDES, SIDES[::-1]):
+    """Return the name of the coefficient on the other side; the name itself if it has no side."""
+    for side, opposite in (SIDES, SIDES[::-1]):
         if name.endswith(side):
-            return name.removesuffix(side) + other
+            return name.removesuffix(side) + opposite
     return name
 
 
 def concatenate_faces(parts: Sequence[tuple[Face | None, int]]) -> Face | None:
-    """Faces one after another, each with its number of frames, with all coefficients that any has; a part without a
-    face, or without a coefficient, is at rest. None where no part has a face.
+    """Join faces in time, each given with its number of frames, with the coefficients of all; a part without a face, or
+    without a coefficient, is at rest. Returns None if no part has a face.
     """
     known = {name for face, _ in parts if face is not None for name in face.channels}
     if not known:
@@ -119,7 +119,7 @@ def concatenate_faces(parts: Sequence[tuple[Face | None, int]]) -> Face | None:
 
 
 def _both(**parts: float) -> dict[str, float]:
-    """Coefficients of both sides: mouthSmile -> mouthSmileLeft, mouthSmileRight."""
+    """Return coefficients of both sides: mouthSmile -> mouthSmileLeft, mouthSmileRight."""
     return {f"{part}{side}": weight for part, weight in parts.items() for side in SIDES}
 
 
@@ -157,7 +157,7 @@ PRESETS: Mapping[str, Mapping[str, float]] = {
 """VRM 1.0 preset -> coefficients."""
 _EMOTIONS = [PRESETS[name] for name in ("happy", "angry", "sad", "relaxed", "surprised")]
 MOUTH = ("jaw", "mouth", "tongue")
-"""How the names of a mouth's coefficients begin."""
+"""Prefixes of the names of a mouth's coefficients."""
 _OTHER_NAMES = {
     **{"a": "aa", "i": "ih", "u": "ou", "e": "ee", "o": "oh", "joy": "happy", "sorrow": "sad", "fun": "relaxed"},
     **{"blinkl": "blinkLeft", "blinkr": "blinkRight", "fcleyeclose": "blink"},
@@ -168,106 +168,111 @@ _OTHER_NAMES = {
 
 
 def _plain(name: str) -> str:
-    """A target's name without the mesh or namespace before it, in lower case, letters and digits alone."""
+    """Return a target's name without mesh or namespace, in lower case, letters and digits only."""
     return re.sub("[^a-z0-9]", "", re.split("[.:|]", name)[-1].lower())
 
 
 def _channel_names() -> dict[str, str]:
     """Plain name -> coefficient, also with L and R for the sides."""
-    found = {_plain(channel): channel for channel in ARKIT_CHANNELS}
+    channels = {_plain(channel): channel for channel in ARKIT_CHANNELS}
     for channel in ARKIT_CHANNELS:
         short = re.sub("Left$", "L", re.sub("Right$", "R", channel))
         if channel not in ("jawLeft", "jawRight", "mouthLeft", "mouthRight"):
-            found[_plain(short)] = channel
-    return found
+            channels[_plain(short)] = channel
+    return channels
 
 
 _CHANNELS = _channel_names()
 _MIXED: Mapping[str, Mapping[str, float]] = {
     **{_plain(name): shape for name, shape in PRESETS.items()},
-    **{other: PRESETS[name] for other, name in _OTHER_NAMES.items()},
+    **{alias: PRESETS[name] for alias, name in _OTHER_NAMES.items()},
     **{f"{mark}{name.lower()}": shape for name, shape in VISEMES.items() for mark in ("viseme", "v")},
 }
-_SHOWN, _APART = 0.1, 0.2
-"""A coefficient that reaches the first is seen to be lost where a target is off by more than the second."""
+_SHOWN = 0.1
+"""Only a coefficient whose peak exceeds this can count as lost."""
+_APART = 0.2
+"""A coefficient is lost if the targets miss it by more than this in some frame."""
 
 
 def channel_of(name: str) -> str | None:
-    """The coefficient whose name, as ARKit has it, a target bears; None for any other."""
+    """Return the ARKit coefficient that a target's name means; None for any other name."""
     return _CHANNELS.get(_plain(name))
 
 
 def preset_of(name: str) -> str | None:
-    """The preset of VRM 1.0 that a name means, also one of VRM 0.x; None for any other."""
+    """Return the VRM 1.0 preset that a name of VRM 1.0 or 0.x means; None for any other name."""
     return _OTHER_NAMES.get(_plain(name)) or (name if name in PRESETS else None)
 
 
 def shape_of(name: str) -> Mapping[str, float] | None:
-    """What a target by a name shows, coefficient -> weight, empty for a face at rest; None for an unknown name."""
+    """Return the shape of a target by its name, coefficient -> weight, empty for a face at rest; None if unknown."""
     channel = channel_of(name)
     return _MIXED.get(_plain(name)) if channel is None else {channel: 1.0}
 
 
 def face_from(names: Sequence[str], weights: FloatArray) -> Face | None:
-    """The face that targets show by their weights (T, N); None where no name is known. Where some are ARKit's own,
-    those alone count for their coefficient, and for the whole mouth: presets beside them say the same again.
+    """Return the face that targets show by their weights (T, N); None if no name is known.
+
+    Targets with ARKit's names alone set their coefficient and, if any is of the mouth, the whole mouth: presets
+    repeat them.
     """
-    own = {channel: k for k, name in enumerate(names) if (channel := channel_of(name)) is not None}
-    has_mouth = any(channel.startswith(MOUTH) for channel in own)
-    out = np.zeros((len(weights), len(ARKIT_CHANNELS)))
-    known = set(own)
+    arkit_columns = {channel: k for k, name in enumerate(names) if (channel := channel_of(name)) is not None}
+    has_mouth = any(channel.startswith(MOUTH) for channel in arkit_columns)
+    combined = np.zeros((len(weights), len(ARKIT_CHANNELS)))
+    known = set(arkit_columns)
     for name, values in zip(names, weights.T, strict=True):
         for channel, weight in _MIXED.get(_plain(name), {}).items():
-            if channel not in own and not (has_mouth and channel.startswith(MOUTH)):
-                out[:, ARKIT_CHANNELS.index(channel)] += weight * values
+            if channel not in arkit_columns and not (has_mouth and channel.startswith(MOUTH)):
+                combined[:, ARKIT_CHANNELS.index(channel)] += weight * values
                 known.add(channel)
-    for channel, k in own.items():
-        out[:, ARKIT_CHANNELS.index(channel)] = weights[:, k]
+    for channel, k in arkit_columns.items():
+        combined[:, ARKIT_CHANNELS.index(channel)] = weights[:, k]
     channels = tuple(channel for channel in ARKIT_CHANNELS if channel in known)
     columns = [ARKIT_CHANNELS.index(channel) for channel in channels]
-    return Face(channels, np.clip(out[:, columns], 0.0, 1.0)) if channels else None
+    return Face(channels, np.clip(combined[:, columns], 0.0, 1.0)) if channels else None
 
 
 def target_weights(face: Face, names: Sequence[str]) -> tuple[FloatArray, tuple[str, ...]]:
-    """Weights (T, N) from 0 to 1 with which targets by these names show a face, and the coefficients that they cannot
-    show. ARKit's own names take their coefficient; what is left over, visemes and presets by least squares, emotions
-    never: no coefficient says what a person feels.
+    """Return weights (T, N) from 0 to 1 with which targets of these names show a face, and the coefficients that they
+    cannot show. Targets with ARKit's names take their coefficient; visemes and presets fit the rest by least squares,
+    except emotions: no coefficient says what a person feels.
     """
-    wanted, shown = face.of(ARKIT_CHANNELS), np.zeros((len(face), len(ARKIT_CHANNELS)))
-    out, mixed, left = np.zeros((len(face), len(names))), dict[int, Mapping[str, float]](), np.array(wanted)
+    goal, shown = face.of(ARKIT_CHANNELS), np.zeros((len(face), len(ARKIT_CHANNELS)))
+    weights, mixed, remaining = np.zeros((len(face), len(names))), dict[int, Mapping[str, float]](), np.array(goal)
     for k, name in enumerate(names):
         if (channel := channel_of(name)) is not None:
             column = ARKIT_CHANNELS.index(channel)
-            out[:, k] = shown[:, column] = wanted[:, column]
-            left[:, column] = 0.0
+            weights[:, k] = shown[:, column] = goal[:, column]
+            remaining[:, column] = 0.0
         elif (shape := _MIXED.get(_plain(name))) and shape not in _EMOTIONS:
             mixed[k] = shape
     if mixed:
         from scipy.optimize import nnls  # a conversion without a face does without scipy
 
         basis = np.array([[shape.get(name, 0.0) for shape in mixed.values()] for name in ARKIT_CHANNELS])
-        for t in np.flatnonzero(left.any(axis=1)):
-            out[t, list(mixed)] = np.minimum(nnls(basis, left[t])[0], 1.0)
-        shown = np.maximum(shown, out[:, list(mixed)] @ basis.T)
-    is_lost = (wanted.max(axis=0) > _SHOWN) & (np.abs(wanted - shown).max(axis=0) > _APART)
-    return out, tuple(name for name, lost in zip(ARKIT_CHANNELS, is_lost, strict=True) if lost)
+        for t in np.flatnonzero(remaining.any(axis=1)):
+            weights[t, list(mixed)] = np.minimum(nnls(basis, remaining[t])[0], 1.0)
+        shown = np.maximum(shown, weights[:, list(mixed)] @ basis.T)
+    is_lost = (goal.max(axis=0) > _SHOWN) & (np.abs(goal - shown).max(axis=0) > _APART)
+    return weights, tuple(name for name, lost in zip(ARKIT_CHANNELS, is_lost, strict=True) if lost)
 
 
 LOOKS = ("eyeLookIn", "eyeLookOut", "eyeLookDown", "eyeLookUp")
-"""How the names of the coefficients of a gaze begin, in the order of ``LookAt``."""
+"""Prefixes of the names of a gaze's coefficients, in the order of ``LookAt``."""
 _USUAL = (30.0,) * 4
+"""Usual ranges of a gaze inward, outward, down and up, degrees."""
 _JAW_DEG = 20.0
-"""A jaw's rotation with jawOpen at 1, our own: no source gives one."""
+"""Rotation of a jaw with jawOpen at 1, degrees; our own: no source gives one."""
 _STILL = 1e-3
-"""Bones that turn by less than this, rad, all the time say nothing."""
+"""Bones that never turn by more than this, rad, are ignored."""
 
 
 @dataclass(frozen=True)
 class LookAt:
-    """What a gaze at its limit, a coefficient of 1, is inward, outward, down and up, in degrees.
+    """Angles of a gaze at its limit, a coefficient of 1, inward, outward, down and up, degrees.
 
-    gaze: as a player of VRM is given it, the largest input of the avatar's range maps.
-    eyes: by how much eyes turn, the output of the range maps.
+    gaze: of the gaze given to a VRM player, the largest input of the avatar's range maps.
+    eyes: of the eyes, the output of the range maps.
 
     Without an avatar's maps both are 30 degrees, our own: ARKit gives none.
     """
@@ -277,58 +282,58 @@ class LookAt:
 
 
 def has_gaze(face: Face | None) -> bool:
-    """Whether a face has coefficients of a gaze."""
+    """Whether a face has gaze coefficients."""
     return face is not None and any(name.startswith(LOOKS) for name in face.channels)
 
 
 def eye_quats(face: Face, side: str, degrees: tuple[float, ...]) -> FloatArray:
-    """The rotations (T, 4) of the eye of one of ``SIDES``."""
+    """Return the rotations (T, 4) of the eye of one of ``SIDES``."""
     return _quats(*_angles(face, side, degrees))
 
 
 def gaze_quats(face: Face, look_at: LookAt) -> FloatArray:
-    """The rotations (T, 4) of the gaze of both eyes, as VRM animations have it: the mean of their angles."""
+    """Return the gaze (T, 4) of both eyes, the mean of their angles, as VRM animations store it."""
     (yaw, pitch), (other_yaw, other_pitch) = (_angles(face, side, look_at.gaze) for side in SIDES)
     return _quats(0.5 * (yaw + other_yaw), 0.5 * (pitch + other_pitch))
 
 
 def eye_coefficients(quats: FloatArray, side: str, degrees: tuple[float, ...]) -> dict[str, FloatArray]:
-    """Coefficient -> values (T,) from 0 to 1, of the rotations (T, 4) of an eye or a gaze."""
+    """Convert rotations (T, 4) of an eye or a gaze to coefficient -> values (T,) from 0 to 1."""
     x, y, z = rotation.rotate(quats, [0.0, 0.0, 1.0]).T
-    out, down = np.arctan2(x, z) * (1.0 if side == "Left" else -1.0), -np.arcsin(np.clip(y, -1.0, 1.0))
+    outward, downward = np.arctan2(x, z) * (1.0 if side == "Left" else -1.0), -np.arcsin(np.clip(y, -1.0, 1.0))
     shown = (
         np.clip(np.degrees(angle) / limit, 0.0, 1.0) if limit > 0.0 else np.zeros(len(quats))
-        for angle, limit in zip((-out, out, down, -down), degrees, strict=True)
+        for angle, limit in zip((-outward, outward, downward, -downward), degrees, strict=True)
     )
     return {f"{name}{side}": values for name, values in zip(LOOKS, shown, strict=True)}
 
 
 def bone_quats(face: Face, look_at: LookAt | None, opens_jaw: bool) -> dict[str, FloatArray]:
-    """Role -> rotations (T, 4) of the eyes and the jaw that show a face; ``look_at``: None where eyes are no bones."""
-    found = {}
+    """Return role -> rotations (T, 4) of the eyes and jaw that show a face; ``look_at``: None if eyes are no bones."""
+    quats = {}
     if look_at is not None and has_gaze(face):
-        found = {f"{side.lower()}Eye": eye_quats(face, side, look_at.eyes) for side in SIDES}
+        quats = {f"{side.lower()}Eye": eye_quats(face, side, look_at.eyes) for side in SIDES}
     if opens_jaw and "jawOpen" in face.channels:
-        found["jaw"] = rotation.exp(np.radians(_JAW_DEG) * face.of(["jawOpen"]) * [1.0, 0.0, 0.0])
-    return found
+        quats["jaw"] = rotation.exp(np.radians(_JAW_DEG) * face.of(["jawOpen"]) * [1.0, 0.0, 0.0])
+    return quats
 
 
 def bone_coefficients(quats: Mapping[str, FloatArray], look_at: LookAt) -> dict[str, FloatArray]:
-    """Coefficient -> values (T,) that the rotations (T, 4) of eyes and jaw show; none of bones that are still."""
-    found: dict[str, FloatArray] = {}
+    """Return coefficient -> values (T,) of the rotations (T, 4) of eyes and jaw, without bones that are still."""
+    coefficients: dict[str, FloatArray] = {}
     for role, rotations in quats.items():
         if float(rotation.angle_between(rotations, rotation.IDENTITY).max()) < _STILL:
             continue
         if role == "jaw":
             _, y, z = rotation.rotate(rotations, [0.0, 0.0, 1.0]).T
-            found["jawOpen"] = np.clip(np.degrees(np.arctan2(-y, z)) / _JAW_DEG, 0.0, 1.0)
+            coefficients["jawOpen"] = np.clip(np.degrees(np.arctan2(-y, z)) / _JAW_DEG, 0.0, 1.0)
         else:
-            found |= eye_coefficients(rotations, role.removesuffix("Eye").capitalize(), look_at.eyes)
-    return found
+            coefficients |= eye_coefficients(rotations, role.removesuffix("Eye").capitalize(), look_at.eyes)
+    return coefficients
 
 
 def _angles(face: Face, side: str, degrees: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Yaw to the left and pitch downward (T,), rad."""
+    """Return yaw to the left and pitch downward (T,), rad."""
     inward, outward, down, up = (face.of([name + side for name in LOOKS]) * np.radians(degrees)).T
     return (outward - inward) * (1.0 if side == "Left" else -1.0), down - up
 

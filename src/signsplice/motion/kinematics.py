@@ -1,4 +1,4 @@
-"""Forward kinematics, and what lies above and below a joint."""
+"""Forward kinematics, and the ancestors and descendants of joints."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from signsplice.motion.rotation import FloatArray
 def forward(
     clip: Clip, joints: Sequence[int] | None = None, origin: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Global rotations (T, K, 3, 3) and positions (T, K, 3) of joints in the world.
+    """Compute global rotations (T, K, 3, 3) and positions (T, K, 3) of joints.
 
     joints: K joint indices, all by default; only they and their ancestors are computed.
-    origin: a joint above all of them, in whose axes and from whose position they are given; by default the world's.
+    origin: a common ancestor whose axes and position are the frame of the result; by default the world.
 
     global_j = global_parent local_j; position_j = position_parent + global_parent offset_j; the root is at
     root_positions.
     """
     skeleton = clip.skeleton
     path = _joint_path(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
-    # Components first, frames last, all joints of one depth together: few operations on long rows. Rotation and
-    # position are computed together, as the three columns of a matrix and a fourth: (3, 4, K, T).
+    # Components first, frames last, all joints of one depth together: few operations on long rows. Each joint has a
+    # 3 x 4 matrix of rotation and position: (3, 4, K, T).
     local = np.empty((3, 4, len(path.order), len(clip.local_rotations)))
     _components_first(clip.local_rotations[:, path.order], out=local[:, :3])
     if clip.translations is None:
@@ -40,21 +40,21 @@ def forward(
     else:
         local[:, :, 0] = np.eye(3, 4)[..., None]
     for rows, parents in path.levels:
-        over = local.take(parents, axis=2)
-        below = np.einsum("abkt,bckt->ackt", over[:, :3], local[:, :, rows])
-        below[:, 3] += over[:, 3]
-        local[:, :, rows] = below
-    found = local[:, :, path.wanted].transpose(3, 2, 0, 1)
-    return found[..., :3], found[..., 3]
+        parent_frames = local.take(parents, axis=2)
+        child_frames = np.einsum("abkt,bckt->ackt", parent_frames[:, :3], local[:, :, rows])
+        child_frames[:, 3] += parent_frames[:, 3]
+        local[:, :, rows] = child_frames
+    selected = local[:, :, path.wanted].transpose(3, 2, 0, 1)
+    return selected[..., :3], selected[..., 3]
 
 
 @dataclass(frozen=True, eq=False)
 class _JointPath:
     """The path down a skeleton to some joints.
 
-    order: all joints that are needed, by depth; the first is above all.
-    levels: for every depth below the first, the rows of ``order`` and the rows of their parents.
-    wanted: the rows of the joints asked for.
+    order: all required joints by depth, the common ancestor first.
+    levels: for each further depth, the rows of ``order`` and the rows of their parents.
+    wanted: the rows of the requested joints.
     """
 
     order: NDArray[np.intp]
@@ -63,7 +63,7 @@ class _JointPath:
 
 
 def _joint_path(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int) -> _JointPath:
-    """The path to some joints (None: all), kept as long as the skeleton lives."""
+    """Return the path to some joints (None: all), cached as long as the skeleton lives."""
     paths, key = skeleton.derived[_no_paths], (joints, origin)
     if key not in paths:
         paths[key] = _find_joint_path(skeleton, range(len(skeleton)) if joints is None else joints, origin)
@@ -95,15 +95,15 @@ def _find_joint_path(skeleton: Skeleton, wanted: Sequence[int], origin: int) -> 
 
 
 def path_to_root(skeleton: Skeleton, joint: int) -> list[int]:
-    """A joint and all above it, the root last."""
-    out = [joint]
-    while skeleton.parents[out[-1]] >= 0:
-        out.append(int(skeleton.parents[out[-1]]))
-    return out
+    """Return a joint and its ancestors, the root last."""
+    path = [joint]
+    while skeleton.parents[path[-1]] >= 0:
+        path.append(int(skeleton.parents[path[-1]]))
+    return path
 
 
 def subtree(skeleton: Skeleton, joint: int) -> list[int]:
-    """A joint and all below it."""
+    """Return a joint and its descendants, in order."""
     below = {joint}
     for child, parent in enumerate(skeleton.parents.tolist()):
         if parent in below:
@@ -112,13 +112,13 @@ def subtree(skeleton: Skeleton, joint: int) -> list[int]:
 
 
 def common_ancestor(skeleton: Skeleton, joints: Sequence[int]) -> int:
-    """The nearest joint that is, or lies above, each of these."""
+    """Return the nearest common ancestor of some joints, which may be one of them."""
     shared = set.intersection(*(set(path_to_root(skeleton, joint)) for joint in joints))
     return max(shared)
 
 
 def _components_first(q: FloatArray, out: FloatArray) -> None:
-    """Rotation matrices, written to ``out`` (3, 3, K, T), of quaternions (T, K, 4)."""
+    """Write the rotation matrices of quaternions (T, K, 4) to ``out`` (3, 3, K, T)."""
     x, y, z, w = np.ascontiguousarray(q.transpose(2, 1, 0))
     x2, y2, z2 = x + x, y + y, z + z
     xx, yy, zz = x * x2, y * y2, z * z2
@@ -130,7 +130,7 @@ def _components_first(q: FloatArray, out: FloatArray) -> None:
 
 
 def tip_positions(clip: Clip, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
-    """Positions (T, E, 3) of the skeleton's end sites, from the globals of ``forward`` for all joints."""
+    """Return positions (T, E, 3) of the skeleton's end sites, from ``forward`` of all joints."""
     sites = clip.skeleton.end_sites
     joints = [site.joint for site in sites]
     offsets = np.array([site.offset for site in sites]).reshape(-1, 3)
@@ -138,15 +138,15 @@ def tip_positions(clip: Clip, global_rotations: FloatArray, global_positions: Fl
 
 
 def global_quats(skeleton: Skeleton, local_quats: FloatArray) -> FloatArray:
-    """Global rotations (..., J, 4) of local ones (..., J, 4)."""
-    out = np.array(local_quats)
+    """Convert local rotations (..., J, 4) to global ones (..., J, 4)."""
+    quats = np.array(local_quats)
     for joint in range(1, len(skeleton)):
-        out[..., joint, :] = rotation.multiply(out[..., skeleton.parents[joint], :], out[..., joint, :])
-    return out
+        quats[..., joint, :] = rotation.multiply(quats[..., skeleton.parents[joint], :], quats[..., joint, :])
+    return quats
 
 
 def rest_positions(skeleton: Skeleton) -> FloatArray:
-    """Joint positions (J, 3) of the rest pose, every rotation identity, the root at the origin."""
+    """Return joint positions (J, 3) of the rest pose: all rotations identity, the root at the origin."""
     positions = np.zeros((len(skeleton), 3))
     for joint in range(1, len(skeleton)):
         positions[joint] = positions[skeleton.parents[joint]] + skeleton.offsets[joint]

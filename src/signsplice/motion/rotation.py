@@ -1,9 +1,9 @@
-"""Rotations in batches: what scipy's ``Rotation`` lacks.
+"""Batched operations on rotations that scipy's ``Rotation`` lacks.
 
-Convention: a rotation is a unit quaternion ``(..., 4)`` in scipy's order **x, y, z, w** (rejected: w first, since it
-would have to be reordered at every call of scipy). Quaternions act on column vectors; ``multiply(a, b)`` does ``b``
+Convention: a rotation is a unit quaternion ``(..., 4)`` in scipy's order **x, y, z, w** (rejected: w first, which
+every call of scipy would have to reorder). Quaternions act on column vectors; ``multiply(a, b)`` does ``b``
 first, then ``a``, so that ``global = multiply(parent_global, local)``. Angles are radians. All functions broadcast over
-leading axes, are pure and leave their arguments as they are.
+leading axes, are pure and leave their arguments unchanged.
 """
 
 from __future__ import annotations
@@ -19,21 +19,26 @@ IDENTITY.flags.writeable = False
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
 _TINY = 1e-12
 _COMPONENTS = np.arange(4)
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+_NEXT = np.array([1, 2, 0])
+"""Index of the axis after each axis, cyclically."""
+_LAST = np.array([2, 0, 1])
+"""Index of the axis before each axis, cyclically."""
 _FEW = 600
-"""Numbers in both factors up to which a product is fastest with few calls of numpy."""
+"""Largest total size of both factors for which a product with few numpy calls is fastest."""
 _W_FIRST = np.array([[3], [0], [1], [2]])
 _FACTORS = np.array([[0, 1, 2, 3], [3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
 _SIGNS = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0]])
-"""A product is the sum over w, x, y, z of the first factor, each times the second's components in this order."""
+"""A product is the sum over w, x, y, z of the first factor, each times the second's components in ``_FACTORS``' order
+with these signs.
+"""
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> FloatArray:
-    """Cross product (..., 3); several times as fast as numpy's on the small arrays of a seam."""
+    """Return the cross product (..., 3); several times as fast as numpy's on the small arrays of a seam."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    out = a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1)
-    out -= a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
-    return np.asarray(out)
+    product = a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1)
+    product -= a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
+    return np.asarray(product)
 
 
 def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
@@ -44,12 +49,12 @@ def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
         return np.asarray(terms[..., 0, :] + terms[..., 1, :] + terms[..., 2, :] + terms[..., 3, :])
     ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[..., 0] = aw * bx + ax * bw + ay * bz - az * by
-    out[..., 1] = aw * by - ax * bz + ay * bw + az * bx
-    out[..., 2] = aw * bz + ax * by - ay * bx + az * bw
-    out[..., 3] = aw * bw - ax * bx - ay * by - az * bz
-    return out
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    product[..., 0] = aw * bx + ax * bw + ay * bz - az * by
+    product[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    product[..., 3] = aw * bw - ax * bx - ay * by - az * bz
+    return product
 
 
 def inverse(q: ArrayLike) -> FloatArray:
@@ -58,7 +63,7 @@ def inverse(q: ArrayLike) -> FloatArray:
 
 
 def normalize(q: ArrayLike) -> FloatArray:
-    """``q`` at unit length, (..., 4). Raises ``ValueError`` for a quaternion of length 0."""
+    """Scale quaternions (..., 4) to unit length. Raises ``ValueError`` if one has length 0."""
     q = np.asarray(q, np.float64)
     length = np.linalg.norm(q, axis=-1, keepdims=True)
     if np.any(length < _TINY):
@@ -67,7 +72,7 @@ def normalize(q: ArrayLike) -> FloatArray:
 
 
 def rotate(q: ArrayLike, v: ArrayLike) -> FloatArray:
-    """Vectors ``v`` (..., 3) rotated by ``q`` (..., 4): v + 2w(u x v) + 2u x (u x v), u the vector part."""
+    """Rotate vectors ``v`` (..., 3) by ``q`` (..., 4): v + 2w(u x v) + 2u x (u x v), u the vector part."""
     q, v = np.asarray(q, np.float64), np.asarray(v, np.float64)
     u = q[..., :3]
     t = 2.0 * cross(u, v)
@@ -96,7 +101,7 @@ def to_matrix(q: ArrayLike) -> FloatArray:
 
 
 def from_matrix(m: ArrayLike) -> FloatArray:
-    """Unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3) (Bar-Itzhack 2000, by the largest
+    """Convert rotation matrices (..., 3, 3) to unit quaternions (..., 4), w >= 0 (Bar-Itzhack 2000, by the largest
     component).
     """
     m = np.asarray(m, np.float64)
@@ -119,7 +124,7 @@ def from_matrix(m: ArrayLike) -> FloatArray:
 
 
 def nearest(m: FloatArray) -> FloatArray:
-    """The unit quaternion (4,) of the rotation nearest to a matrix (3, 3) in least squares (Kabsch 1976)."""
+    """Return the rotation (4,) nearest to a matrix (3, 3) in least squares (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(m)
     return from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
@@ -134,7 +139,7 @@ def exp(rotvec: ArrayLike) -> FloatArray:
 
 
 def log(q: ArrayLike) -> FloatArray:
-    """Rotation vectors (..., 3) of unit quaternions (..., 4), by the short side (angle <= pi)."""
+    """Rotation vectors (..., 3) of unit quaternions (..., 4), along the shorter arc (angle <= pi)."""
     q = np.asarray(q, np.float64)
     sign = np.where(q[..., 3:] < 0.0, -1.0, 1.0)
     v, w = q[..., :3] * sign, q[..., 3:] * sign
@@ -156,13 +161,13 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> FloatArray:
 
 
 def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
-    """Great-circle interpolation (..., 4) from ``a`` (t = 0) to ``b`` (t = 1), by the short side."""
+    """Great-circle interpolation (..., 4) from ``a`` (t = 0) to ``b`` (t = 1), along the shorter arc."""
     t = np.asarray(t, np.float64)
     return multiply(a, exp(difference(a, b) * t[..., None]))
 
 
 def nlerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
-    """Normalised linear interpolation (..., 4), by the short side."""
+    """Normalised linear interpolation (..., 4), along the shorter arc."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     t = np.asarray(t, np.float64)[..., None]
     b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
@@ -171,7 +176,7 @@ def nlerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
 
 
 def continuous(q: ArrayLike) -> FloatArray:
-    """The same rotations (T, ..., 4) with signs chosen so that neighbours along the first axis never point apart."""
+    """Choose signs of rotations (T, ..., 4) so that neighbours along the first axis have no negative dot product."""
     q = np.array(q, np.float64)
     if len(q) > 1:
         flip = np.sum(q[1:] * q[:-1], axis=-1) < 0.0
@@ -202,8 +207,8 @@ def twist_angle(q: ArrayLike, axis: ArrayLike) -> FloatArray:
     decomposition).
     """
     q = np.asarray(q, np.float64)
-    along = np.einsum("...i,...i->...", q[..., :3], np.asarray(axis, np.float64))
-    angle = 2.0 * np.arctan2(along, q[..., 3])
+    axis_part = np.einsum("...i,...i->...", q[..., :3], np.asarray(axis, np.float64))
+    angle = 2.0 * np.arctan2(axis_part, q[..., 3])
     return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
 
 
@@ -238,10 +243,10 @@ def from_euler(angles: ArrayLike, axes: str) -> FloatArray:
         # Multiplying by (0, .., s at i, .., 0, c) on the right mixes the pairs (i, w) and (j, k).
         q[i], q[3] = q[i] * c + q[3] * s, q[3] * c - q[i] * s
         q[j], q[k] = q[j] * c + q[k] * s, q[k] * c - q[j] * s
-    out = np.empty((*half.shape[:-1], 4))
+    quats = np.empty((*half.shape[:-1], 4))
     for n, component in enumerate(q):
-        out[..., n] = component
-    return out
+        quats[..., n] = component
+    return quats
 
 
 def to_euler(q: ArrayLike, axes: str) -> FloatArray:
@@ -263,29 +268,29 @@ def to_euler(q: ArrayLike, axes: str) -> FloatArray:
 
 
 def nearest_euler(angles: ArrayLike, reference: ArrayLike) -> FloatArray:
-    """Those Euler angles (..., 3) of the same rotation that lie nearest to ``reference`` (..., 3).
+    """Return the Euler angles (..., 3) of the same rotation nearest to ``reference`` (..., 3).
 
     A rotation has the triples (a, b, c) and (a + pi, pi - b, c + pi), each up to whole revolutions of any angle.
     """
     angles, reference = np.asarray(angles, np.float64), np.asarray(reference, np.float64)
-    other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
+    alternative = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
     revolution = 2.0 * np.pi
-    near = angles + revolution * np.round((reference - angles) / revolution)
-    far = other + revolution * np.round((reference - other) / revolution)
-    cost_near = np.sum(np.abs(near - reference), axis=-1, keepdims=True)
-    cost_far = np.sum(np.abs(far - reference), axis=-1, keepdims=True)
-    return np.where(cost_far < cost_near, far, near)
+    direct = angles + revolution * np.round((reference - angles) / revolution)
+    flipped = alternative + revolution * np.round((reference - alternative) / revolution)
+    cost_direct = np.sum(np.abs(direct - reference), axis=-1, keepdims=True)
+    cost_flipped = np.sum(np.abs(flipped - reference), axis=-1, keepdims=True)
+    return np.where(cost_flipped < cost_direct, flipped, direct)
 
 
 def nearest_euler_sequence(angles: ArrayLike, before: ArrayLike | None = None) -> FloatArray:
-    """Euler angles (T, ..., 3) of the same rotations, in every frame those nearest to the frame before's, in the first
-    nearest to ``before`` (..., 3), where there is one: ``nearest_euler`` again and again, for all frames at once.
+    """Return Euler angles (T, ..., 3) of the same rotations, in each frame nearest to the frame before, in the first
+    frame nearest to ``before`` (..., 3) if given: ``nearest_euler`` frame by frame, computed for all frames at once.
     """
     angles = np.asarray(angles, np.float64)
     revolution = 2.0 * np.pi
-    other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
-    both = np.stack([angles, other])
-    # Cost of going on from either triple to either, up to whole revolutions.
+    alternative = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
+    both = np.stack([angles, alternative])
+    # Cost of each step from either triple to either triple, up to whole revolutions.
     step = both[:, None, :-1] - both[None, :, 1:]
     cost = np.abs(step - revolution * np.round(step / revolution)).sum(axis=-1)
     goes_over = cost[:, 1] < cost[:, 0]  # (from, T - 1, ...)
@@ -296,12 +301,12 @@ def nearest_euler_sequence(angles: ArrayLike, before: ArrayLike | None = None) -
         is_other[0] = first[1] < first[0]
     for frame in range(1, len(angles)):
         is_other[frame] = np.where(is_other[frame - 1], goes_over[1, frame - 1], goes_over[0, frame - 1])
-    out = np.where(is_other[..., None], other, angles)
-    revolutions = np.zeros_like(out)
-    revolutions[1:] = np.round((out[:-1] - out[1:]) / revolution)
+    chosen = np.where(is_other[..., None], alternative, angles)
+    revolutions = np.zeros_like(chosen)
+    revolutions[1:] = np.round((chosen[:-1] - chosen[1:]) / revolution)
     if before is not None:
-        revolutions[0] = np.round((np.asarray(before, np.float64) - out[0]) / revolution)
-    return np.asarray(out + revolution * np.cumsum(revolutions, axis=0))
+        revolutions[0] = np.round((np.asarray(before, np.float64) - chosen[0]) / revolution)
+    return np.asarray(chosen + revolution * np.cumsum(revolutions, axis=0))
 
 
 def to_6d(q: ArrayLike) -> FloatArray:
@@ -310,14 +315,14 @@ def to_6d(q: ArrayLike) -> FloatArray:
     x, y, z, w = (q[..., k] for k in range(4))
     x2, y2, z2 = x + x, y + y, z + z
     xx, xy, zz, wz = x * x2, x * y2, z * z2, w * z2
-    out = np.empty((*q.shape[:-1], 6))
-    out[..., 0], out[..., 1], out[..., 2] = 1.0 - y * y2 - zz, xy + wz, x * z2 - w * y2
-    out[..., 3], out[..., 4], out[..., 5] = xy - wz, 1.0 - xx - zz, y * z2 + w * x2
-    return out
+    columns = np.empty((*q.shape[:-1], 6))
+    columns[..., 0], columns[..., 1], columns[..., 2] = 1.0 - y * y2 - zz, xy + wz, x * z2 - w * y2
+    columns[..., 3], columns[..., 4], columns[..., 5] = xy - wz, 1.0 - xx - zz, y * z2 + w * x2
+    return columns
 
 
 def matrix_to_6d(m: ArrayLike) -> FloatArray:
-    """The same six numbers (..., 6) of rotation matrices (..., 3, 3)."""
+    """Return the same six numbers (..., 6) from rotation matrices (..., 3, 3)."""
     m = np.asarray(m, np.float64)
     return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
 

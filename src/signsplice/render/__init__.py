@@ -1,4 +1,4 @@
 """Pictures and films of a clip's signer."""
 
 PICTURE_SUFFIXES = (".png", ".gif", ".mp4")
-"""Suffixes that ``film.write_pictures`` writes."""
+"""File suffixes that ``film.write_pictures`` supports."""

@@ -1,4 +1,4 @@
-"""Contact sheets (``.png``) and films (``.gif``, ``.mp4``), written whole or not at all."""
+"""Contact sheets (``.png``) and films (``.gif``, ``.mp4``), written atomically."""
 
 from __future__ import annotations
 
@@ -22,13 +22,15 @@ from signsplice.render.sheet import INK, PAPER, SIGN, TRANSITION, Mark, caption,
 __all__ = ["Mark", "Progress", "find_ffmpeg", "gif_timing", "write_pictures"]
 
 GIF_FPS = 25.0
-"""Highest frame rate that viewers play reliably in a GIF; of faster clips frames are left out."""
+"""Highest frame rate that viewers play reliably in a GIF; faster clips lose frames."""
 
 GIF_SIZE = (480, 480)
+"""Default width and height of a GIF, pixels."""
 _N_FREE = 200
-"""Colours of a GIF chosen from its first picture; the others are reserved for marks, hands and mouth."""
+"""Number of GIF colours chosen from the first picture; the rest are reserved for marks, hands and mouth."""
 
 MP4_SIZE = (1080, 1080)
+"""Default width and height of an .mp4, pixels."""
 CRF = 20
 """x264's constant rate factor: 0 is lossless, 51 the lowest quality."""
 
@@ -45,8 +47,8 @@ def write_pictures(
     """Draw a clip from one of ``picture.VIEWS``: a contact sheet (.png) or a film (.gif, .mp4), by suffix.
 
     marks: spans shown in the picture. size: width and height of a film in pixels, both even, such as (1920, 1080).
-    crf: quality of .mp4, see ``CRF``. Raises ``MissingExtraError`` where Pillow or ffmpeg is missing, ``InputError``
-    for another suffix.
+    crf: quality of .mp4, see ``CRF``. Raises ``MissingExtraError`` if Pillow or ffmpeg is missing, ``InputError`` for
+    another suffix.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in PICTURE_SUFFIXES:
@@ -72,7 +74,7 @@ def write_pictures(
 def _pictures(
     clip: Clip, scene: Scene, size: tuple[int, int], frames: Iterable[int], marks: Sequence[Mark]
 ) -> Iterator[Any]:
-    """Pillow images of ``frames``: the signer, and below a bar with the caption, the spans and the playhead."""
+    """Yields Pillow images of ``frames``: the signer, with a bar below for the caption, the spans and the playhead."""
     image_, draw_ = pillow("Image"), pillow("ImageDraw")
     width, height = size
     bar = max(36, height // 14) // 2 * 2
@@ -87,7 +89,7 @@ def _pictures(
         write_line(pen, text, 0.5 * width, height - bar + 2, width - 16, ink, bar // 2)
         thick = max(8, height // 90)
         for mark in marks:
-            x0, x1 = (round(width * at / len(clip)) for at in (mark.start, mark.stop))
+            x0, x1 = (round(width * edge / len(clip)) for edge in (mark.start, mark.stop))
             colour = TRANSITION if mark.kind == "transition" else SIGN
             pen.rectangle((x0, height - thick, max(x1 - 1, x0), height - 1), fill=colour)
         now = round(width * (frame + 0.5) / len(clip))
@@ -96,19 +98,19 @@ def _pictures(
 
 
 def _write_gif(pages: Iterator[Any], delays: Sequence[int], path: Path) -> None:
-    """Write pictures as a film, each shown for so many hundredths of a second."""
+    """Write pictures as a GIF; ``delays``: duration of each, hundredths of a second."""
     image_, palette = pillow("Image"), None
     drawn: list[Any] = []
     for page in pages:
         palette = palette or _with_colours(page.quantize(colors=_N_FREE, method=image_.Quantize.MEDIANCUT))
         drawn.append(page.quantize(palette=palette, dither=image_.Dither.NONE))
     milliseconds = [10 * delay for delay in delays]
-    more = {"append_images": drawn[1:], "duration": milliseconds, "loop": 0, "optimize": False}
-    drawn[0].save(path, format="GIF", save_all=True, **more)
+    options = {"append_images": drawn[1:], "duration": milliseconds, "loop": 0, "optimize": False}
+    drawn[0].save(path, format="GIF", save_all=True, **options)
 
 
 def _with_colours(palette: Any) -> Any:
-    """The palette with the colours of marks, hands and mouth added, of which the first picture may show few."""
+    """Adds the colours of marks, hands and mouth to a palette; the first picture may show few of them."""
     colours = palette.getpalette()[: _N_FREE * 3]
     colours += [PAPER[0]] * (_N_FREE * 3 - len(colours))
     colours += [channel for colour in detail_colours() for channel in colour]
@@ -120,10 +122,9 @@ def _with_colours(palette: Any) -> Any:
 
 
 def gif_timing(n_frames: int, fps: float) -> tuple[list[int], list[int]]:
-    """Frames of a clip that a GIF shows, and the duration of each in hundredths of a second.
+    """Returns the frames of a clip for a GIF, and the duration of each in hundredths of a second.
 
-    GIF stores hundredths: each frame ends at the hundredth nearest to its time in the clip, so that errors do not add
-    up.
+    Each frame ends at the hundredth nearest to its time in the clip, so that rounding errors do not accumulate.
     """
     shown = max(1, int(np.ceil(n_frames * min(1.0, GIF_FPS / fps))))
     starts = np.floor(np.arange(shown) * n_frames / shown + 1e-9).astype(int)
@@ -133,7 +134,7 @@ def gif_timing(n_frames: int, fps: float) -> tuple[list[int], list[int]]:
 
 
 def _write_mp4(pages: Iterator[Any], size: tuple[int, int], fps: float, crf: int, path: Path) -> None:
-    """Write pictures of a size as a film by ffmpeg."""
+    """Write pictures as a film with ffmpeg."""
     command = [
         *(find_ffmpeg(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
         *("-s", f"{size[0]}x{size[1]}", "-r", f"{fps:.6f}", "-i", "-", "-an"),
@@ -150,7 +151,7 @@ def _write_mp4(pages: Iterator[Any], size: tuple[int, int], fps: float, crf: int
         _, errors = process.communicate()
     except BaseException:
         process.kill()
-        process.communicate()  # closes both pipes, and waits
+        process.communicate()  # closes both pipes and waits
         raise
     if process.returncode != 0:
         reason = errors.decode(errors="replace").strip().splitlines()
@@ -158,13 +159,13 @@ def _write_mp4(pages: Iterator[Any], size: tuple[int, int], fps: float, crf: int
 
 
 def find_ffmpeg() -> str:
-    """Path of an ffmpeg: the one on PATH, else that of imageio-ffmpeg. Raises ``MissingExtraError``."""
-    found = shutil.which("ffmpeg")
-    if found is None:
+    """Returns the path of ffmpeg, from PATH or else imageio-ffmpeg. Raises ``MissingExtraError`` if both lack it."""
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg is None:
         try:
-            found = import_module("imageio_ffmpeg").get_ffmpeg_exe()
+            ffmpeg = import_module("imageio_ffmpeg").get_ffmpeg_exe()
         except (ImportError, RuntimeError) as error:
             raise MissingExtraError(
                 "films in .mp4 need an ffmpeg: install one, or pip install imageio-ffmpeg; .gif works without"
             ) from error
-    return str(found)
+    return str(ffmpeg)

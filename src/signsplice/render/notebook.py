@@ -1,4 +1,4 @@
-"""A clip shown in a notebook: an animated drawing of its signer that needs no other package."""
+"""Shows a clip in a notebook: an animated drawing of its signer, without further packages."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ from signsplice.body.mesh import colour
 from signsplice.motion import Clip
 from signsplice.render.picture import make_scene
 
-_RATE, _MOST = 12.5, 10_000
-"""Drawn frames a second, with even movement between them, and most positions of capsules: a long clip stays small."""
-_HEIGHT, _OUTLINE = 400, 3
-"""Units of the drawing's height, which are about pixels; those by which a part's dark outline is wider than it."""
+_RATE = 12.5
+"""Drawn frames a second; the browser interpolates between them."""
+_MOST = 10_000
+"""Largest number of drawn capsule positions, which limits the size of a long clip."""
+_HEIGHT = 400
+"""Height of the drawing, about in pixels."""
+_OUTLINE = 3
+"""Extra width of a part's dark outline, in the units of ``_HEIGHT``."""
 _FRAME = """<style>body{{margin:0;font:14px sans-serif}}svg{{display:block;height:{height}px;margin:auto}}\
 path,use{{fill:none;stroke-linecap:round}}</style>{drawing}<button>Pause</button> \
 <input type=range min=0 max={seconds} step=.01 value=0 aria-label="Time" style="width:60%"><script>
@@ -28,8 +32,8 @@ if(matchMedia("(prefers-reduced-motion: reduce)").matches)show(false)
 
 
 def html(clip: Clip) -> str:
-    """The signer of a clip from the front as an animated SVG, below 300 kB, in a frame with a button and a slider that
-    reaches nothing of the notebook. It moves where scripts do not run, too.
+    """Returns the signer of a clip from the front as an animated SVG, below 300 kB, in a sandboxed frame with a button
+    and a slider. The animation also runs without scripts.
     """
     page = _FRAME.format(drawing=drawing(clip), height=_HEIGHT, seconds=f"{clip.seconds:.3f}")
     return (
@@ -40,7 +44,7 @@ def html(clip: Clip) -> str:
 
 
 def drawing(clip: Clip) -> str:
-    """The capsules of a clip's signer as moving lines of SVG, those that are usually farther away first."""
+    """Draws the capsules of a clip's signer as animated SVG lines, from the farthest to the nearest by median depth."""
     scene, body = make_scene(clip), body_capsules(clip.skeleton)
     n_drawn = int(np.clip(round(clip.seconds * _RATE) + 1, 2, max(2, _MOST // max(1, len(body.parts)))))
     frames = np.linspace(0, len(clip) - 1, n_drawn).round().astype(int)

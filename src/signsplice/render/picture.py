@@ -1,4 +1,4 @@
-"""Pictures of a clip's signer: the camera for a whole clip, and the drawing of single frames."""
+"""Pictures of a clip's signer: a fixed camera for the clip, and the drawing of single frames."""
 
 from __future__ import annotations
 
@@ -22,22 +22,23 @@ from signsplice.rig.roles import FINGERS, SIDES
 Image = NDArray[np.uint8]
 
 VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
+"""View -> angle of the camera about the vertical, degrees."""
 
 _LEGS = ("leg", "shoe")
-"""Body parts that the camera's frame may cut off."""
+"""Body parts that the camera may crop."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The mannequin as one mesh in its bind pose: V vertices, F triangles, J joints.
+    """The mannequin as a single mesh in its bind pose: V vertices, F triangles, J joints.
 
     vertices: (V, 3) clip units.
     normals: (V, 3) unit vectors.
-    weights: (V, J) weight of each joint in each vertex, sparse.
+    weights: (V, J) skinning weights, sparse.
     triangles: (F, 3) indices of vertices.
     tints: (F, 3) colour of each triangle, sRGB 0 to 1.
-    morphs: coefficient of the face -> vertices that it moves (N,), and how far at 1 (N, 3).
-    groups: (F,) number of the finger that a triangle belongs to, 0 for all else.
+    morphs: coefficient of the face -> vertices that it moves (N,), and their displacement at 1 (N, 3).
+    groups: (F,) number of the triangle's finger, 0 for all other parts.
     hands: (F,) "left" or "right" for triangles of a hand, else "".
     rotations: (J, 3, 3) global rotations of the joints in the bind pose.
     positions: (J, 3) positions of the joints in the bind pose, clip units.
@@ -57,7 +58,7 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A clip of T frames ready to be drawn. Camera axes are right, up, towards the viewer; the unit is stature.
+    """A clip of T frames, ready to draw. Camera axes are right, up, towards the viewer; the unit is stature.
 
     skin: the mannequin.
     rotations: (T, J, 3, 3) global rotations of joints.
@@ -65,9 +66,9 @@ class Scene:
     axes: (3, 3) rows are the camera axes in the world.
     origin: (3,) the point of the world at the camera's origin.
     height: stature, clip units.
-    window: left, right, bottom and top of what the camera shows: head and hands in every frame.
+    window: left, right, bottom and top of the camera's view: head and hands in every frame.
     hands: (T, 2, 3) centres of the left and right hand.
-    face: the face in every frame; None where the clip has none.
+    face: the face in every frame; None if the clip has none.
     depths: median and largest coordinate towards the viewer.
     """
 
@@ -84,11 +85,11 @@ class Scene:
 
 
 def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None, above_deg: float = 0.0) -> Scene:
-    """A clip seen from one of ``VIEWS`` by a camera that stays the same over the whole clip; ``body``: the signer's,
-    where it is not of usual proportions; ``above_deg``: how far from above.
+    """Sets up a clip for drawing from one of ``VIEWS`` with a fixed camera. ``body``: the signer's body, if its
+    proportions are unusual; ``above_deg``: elevation of the camera.
 
-    It shows everything from mid-thigh to above the head, and is wide enough for the hands in every frame. Raises
-    ``InputError`` for another view.
+    The view reaches from mid-thigh to above the head, and includes the hands in every frame. Raises ``InputError`` for
+    another view.
     """
     if view not in VIEWS:
         raise InputError(f"no view {view!r}, expected one of {', '.join(VIEWS)}")
@@ -96,8 +97,8 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     skeleton = _with_shown_bones(clip)
     height = rig_info(skeleton).sizes.stature or 1.0
     angle = np.deg2rad(VIEWS[view])
-    left = np.cross(signer.up, signer.forward)
-    level = np.cos(angle) * signer.forward + np.sin(angle) * left
+    leftward = np.cross(signer.up, signer.forward)
+    level = np.cos(angle) * signer.forward + np.sin(angle) * leftward
     cos, sin = np.cos(np.deg2rad(above_deg)), np.sin(np.deg2rad(above_deg))
     axes = np.stack([np.cross(signer.up, level), cos * signer.up - sin * level, cos * level + sin * signer.up])
     skin = skeleton.derived[_skin] if body is None else _skin_of(skeleton, capsule_mesh(skeleton, body))
@@ -126,7 +127,7 @@ def _skin(skeleton: Skeleton) -> Skin:
 
 
 def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
-    """A mesh in one piece. Every finger is a group of its own, so that outlines separate fingers."""
+    """Joins parts into one mesh. Each finger is a group, so that outlines separate fingers."""
     finger_of = {
         joint: FINGERS.index(finger) + 1
         for role, joint in rig_info(skeleton).roles.joints.items()
@@ -163,25 +164,27 @@ def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
 
 
 def _morphs(parts: Sequence[MeshPart], starts: NDArray[np.intp]) -> dict[str, tuple[NDArray[np.intp], Pixels]]:
-    """Coefficient -> vertices of the whole mesh that it moves, and how far; ``starts``: the first of each part."""
-    found: dict[str, list[tuple[NDArray[np.intp], Pixels]]] = {}
+    """Returns coefficient -> moved vertices of the whole mesh, and their displacement; ``starts``: first vertex of each
+    part.
+    """
+    moved: dict[str, list[tuple[NDArray[np.intp], Pixels]]] = {}
     for part, start in zip(parts, starts[:-1].tolist(), strict=True):
         for name, (rows, moves) in part.morphs.items():
-            found.setdefault(name, []).append((rows + start, moves.astype(np.float32)))
+            moved.setdefault(name, []).append((rows + start, moves.astype(np.float32)))
     return {
         name: (np.concatenate([r for r, _ in rows]), np.concatenate([m for _, m in rows]))
-        for name, rows in found.items()
+        for name, rows in moved.items()
     }
 
 
 def _hand_of(part: MeshPart) -> str:
-    """The side of a part that is a hand or a fingertip, else ""."""
+    """Returns the side of a hand or fingertip part, or "" for other parts."""
     side, _, kind = part.name.partition(" ")
     return side if kind in ("hand", "creases") or kind.endswith("Tip") else ""
 
 
 def _with_shown_bones(clip: Clip) -> Skeleton:
-    """The skeleton with the bone lengths of the frames, which may differ from those of the rest pose."""
+    """Returns the skeleton with the median bone lengths of the frames, which may differ from the rest pose."""
     if clip.translations is None:
         return clip.skeleton
     offsets = np.median(clip.translations, axis=0)
@@ -192,7 +195,7 @@ def _with_shown_bones(clip: Clip) -> Skeleton:
 def _window(
     body: BodyCapsules, starts: FloatArray, ends: FloatArray, radii: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top of the box around all parts but the legs, over all frames."""
+    """Returns left, right, bottom and top of the box around all parts except the legs, over all frames."""
     upper = np.array([part not in _LEGS for part in body.parts])
     points = np.concatenate([starts[:, upper], ends[:, upper]], axis=1)  # (T, 2 C, 3)
     margins = np.concatenate([radii[upper, :1], radii[upper, :1]])  # (2 C, 1)
@@ -202,7 +205,7 @@ def _window(
 
 
 def _hand_centres(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """Centres (T, 2, 3) of the left and right hand: mean of the far ends of the palm's capsules; 0 without a hand."""
+    """Returns centres (T, 2, 3) of the left and right hand: mean of the far ends of palm capsules; 0 without a hand."""
     centres = np.zeros((len(starts), 2, 3))
     for n, side in enumerate(SIDES):
         palm = [
@@ -214,8 +217,8 @@ def _hand_centres(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> F
 
 
 def draw(scene: Scene, frame: int, width: int, height: int, hand: str | None = None) -> Image:
-    """One frame as an image (H, W, 3), 0..255; the scene's window fills it as far as it fits. ``hand``: "left" or
-    "right", to draw that hand alone.
+    """Draws one frame as an image (H, W, 3), 0..255, with the scene's window fitted into it. ``hand``: "left" or
+    "right", to draw only that hand.
     """
     centre, scale = _fit_window(scene, width, height)
     canvas, zoom, skin = Canvas(2 * width, 2 * height), 2.0 * scale, scene.skin
@@ -224,42 +227,40 @@ def draw(scene: Scene, frame: int, width: int, height: int, hand: str | None = N
     points += np.array([width, height, 0.0], np.float32)
     shown = slice(None) if hand is None else np.flatnonzero(skin.hands == hand)
     canvas.mesh(points, lit(normals), skin.triangles[shown], skin.tints[shown], skin.groups[shown])
-    middle, near = scene.depths
-    return canvas.finish(step=0.010 * zoom, near=near * zoom, far=(middle - 0.1) * zoom)
+    middle, nearest = scene.depths
+    return canvas.finish(step=0.010 * zoom, near=nearest * zoom, far=(middle - 0.1) * zoom)
 
 
 def _fit_window(scene: Scene, width: int, height: int) -> tuple[tuple[float, float], float]:
-    """The centre of the scene's window, and pixels a stature at which it fills an image."""
+    """Returns the centre of the scene's window, and the pixels per stature that fit it into an image."""
     left, right, bottom, top = scene.window
     return (0.5 * (left + right), 0.5 * (bottom + top)), min(width / (right - left), height / (top - bottom))
 
 
 def around_hand(scene: Scene, frame: int, side: str) -> Scene:
-    """The scene with a window around one hand."""
+    """Returns the scene with a window around one hand."""
     x, y, _ = scene.hands[frame, 0 if side == "left" else 1].tolist()
     return replace(scene, window=(x - 0.1, x + 0.1, y - 0.1, y + 0.1))
 
 
 def draw_hand(scene: Scene, frame: int, side: str, size: int) -> Image:
-    """One hand enlarged, as an image (size, size, 3); what is in front of it is left out."""
+    """Draws one hand enlarged, as an image (size, size, 3), without the parts in front of it."""
     return draw(around_hand(scene, frame, side), frame, size, size, side)
 
 
 def draw_dots(image: Image, scene: Scene, points: FloatArray, colour: tuple[int, int, int], radius: float) -> Image:
-    """An image that ``draw`` made of the scene, with a dot of a radius in pixels at each point (N, 3) in camera axes,
-    statures.
-    """
+    """Draws dots on an image from ``draw``, at points (N, 3) in camera axes, statures; ``radius`` in pixels."""
     height, width = image.shape[:2]
     centre, scale = _fit_window(scene, width, height)
     x, y = ((points[:, :2] - centre) * scale * (1.0, -1.0) + (0.5 * width, 0.5 * height)).T[..., None, None]
     rows, columns = np.mgrid[:height, :width] + 0.5
-    out = image.copy()
-    out[(np.hypot(columns - x, rows - y) <= radius).any(axis=0)] = colour
-    return out
+    dotted = image.copy()
+    dotted[(np.hypot(columns - x, rows - y) <= radius).any(axis=0)] = colour
+    return dotted
 
 
 def deform_skin(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
-    """Vertices and normals (V, 3) of the skin in a frame, in camera axes and statures (linear blend skinning)."""
+    """Returns vertices and normals (V, 3) of the skin in a frame, camera axes, statures (linear blend skinning)."""
     skin = scene.skin
     rotations = scene.rotations[frame] @ skin.rotations.transpose(0, 2, 1)  # (J, 3, 3), from the bind pose
     shifts = scene.positions[frame] - np.einsum("jab,jb->ja", rotations, skin.positions) - scene.origin
@@ -274,25 +275,25 @@ def deform_skin(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
 
 
 def _with_face(skin: Skin, face: Face | None, frame: int) -> Pixels:
-    """Vertices (V, 3) in the bind pose with the face of a frame."""
+    """Returns vertices (V, 3) in the bind pose with the face of a frame."""
     if face is None:
         return skin.vertices
-    out = skin.vertices.copy()
+    vertices = skin.vertices.copy()
     for name, weight in zip(face.channels, face.weights[frame].tolist(), strict=True):
         if weight > 0.0 and name in skin.morphs:
             rows, moves = skin.morphs[name]
-            out[rows] += np.float32(weight) * moves
-    return out
+            vertices[rows] += np.float32(weight) * moves
+    return vertices
 
 
 def detail_colours() -> list[tuple[int, int, int]]:
-    """Colours 0..255 of hands, fingertips and mouth, small but important, from bright to shaded."""
+    """Returns colours 0..255 of the small details hands, fingertips and mouth, each from bright to shaded."""
     tints = [*TIPS.values(), *SKIN.values(), CLOTHES["mouth"]]
     shades = np.linspace(1.0, 0.5, 6)[:, None] * 255.0
     return [(int(r), int(g), int(b)) for tint in tints for r, g, b in shades * np.array(tint)]
 
 
 def has_hands(clip: Clip) -> bool:
-    """Whether the clip's rig has hands that can be enlarged."""
+    """Whether the clip's rig has both hands, so that they can be enlarged."""
     joints = rig_info(clip.skeleton).roles.joints
     return "leftHand" in joints and "rightHand" in joints

@@ -12,13 +12,19 @@ Pixels = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
 _LIGHT = np.array([-0.45, 0.62, 0.78], np.float32) / np.float32(np.linalg.norm([-0.45, 0.62, 0.78]))
-_AMBIENT, _DIFFUSE, _RIM = 0.50, 0.52, 0.10
+"""Unit vector towards the light: right, up, towards the viewer."""
+_AMBIENT = 0.50
+"""Brightness without light."""
+_DIFFUSE = 0.52
+"""Brightness that light adds to a surface that faces it."""
+_RIM = 0.10
+"""Brightness lost at the rim, as a surface turns away from the viewer."""
 _BOXES = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 64, 128, 512, 4096)
-"""Triangles are drawn in batches by the size of their bounding boxes; limits of the batches, pixels."""
+"""Limits of the size of bounding boxes that separate batches of triangles, pixels."""
 _AT_ONCE = 1 << 21
-"""Pixels tested in one batch."""
+"""Largest number of pixels tested in one batch."""
 _EDGE = np.float32(-1e-4)
-"""Tolerance of barycentric coordinates, so that no gap is left between triangles."""
+"""Tolerance of barycentric coordinates, which prevents gaps between triangles."""
 
 
 @dataclass(eq=False)
@@ -28,9 +34,9 @@ class Canvas:
     width, height: pixels.
     background: colour, 0..1.
     colour: (H, W, 3) 0..1.
-    depth: (H, W) towards the viewer, pixels; -inf where nothing is drawn.
-    group: (H, W) group of the triangle at each pixel; -1 where nothing is drawn. Groups above 0 are outlined where they
-        meet at the same depth.
+    depth: (H, W) towards the viewer, pixels; -inf for empty pixels.
+    group: (H, W) group of the triangle at each pixel; -1 for empty pixels. Two groups above 0 that meet at the same
+        depth get an outline.
     """
 
     width: int
@@ -47,7 +53,7 @@ class Canvas:
         self.group = np.full((self.height, self.width), -1, np.int16)
 
     def mesh(self, points: Pixels, light: Pixels, triangles: Indices, tints: Pixels, groups: NDArray[np.int16]) -> None:
-        """Draw a closed surface of triangles (F, 3); those whose corners run clockwise face away and are left out.
+        """Draw a closed surface of triangles (F, 3); triangles with clockwise corners face away and are skipped.
 
         points: (V, 3) pixels right, up, and towards the viewer. light: (V,) brightness of each vertex, interpolated
         over triangles (Gouraud 1971). tints: (F, 3) colour of each triangle. groups: (F,) group of each triangle.
@@ -63,39 +69,39 @@ class Canvas:
         visible = (area < 0.0) & (right >= left) & (bottom >= top)
         samples = [
             part
-            for least, most in pairwise(_BOXES)
-            for batch in _batches(np.flatnonzero(visible & (sizes > least) & (sizes <= most)), int(most))
-            for part in [_samples(x[batch], y[batch], area[batch], left[batch], top[batch], int(most), batch)]
+            for smallest, largest in pairwise(_BOXES)
+            for batch in _batches(np.flatnonzero(visible & (sizes > smallest) & (sizes <= largest)), int(largest))
+            for part in [_samples(x[batch], y[batch], area[batch], left[batch], top[batch], int(largest), batch)]
         ]
         if not samples:
             return
         owner, column, row, first, second = (np.concatenate(part) for part in zip(*samples, strict=True))
         inside = (column < self.width) & (row < self.height)
         owner, first, second = owner[inside], first[inside], second[inside]
-        at = row[inside] * self.width + column[inside]
+        pixels = row[inside] * self.width + column[inside]
         third = np.float32(1.0) - first - second
         height = first * z[owner, 0] + second * z[owner, 1] + third * z[owner, 2]
         depth, group, colour = self.depth.reshape(-1), self.group.reshape(-1), self.colour.reshape(-1, 3)
-        np.maximum.at(depth, at, height)
-        front = np.flatnonzero(height == depth[at])
-        owner, at = owner[front], at[front]
+        np.maximum.at(depth, pixels, height)
+        front = np.flatnonzero(height == depth[pixels])
+        owner, pixels = owner[front], pixels[front]
         corners = light[triangles[owner]]
         shade = first[front] * corners[:, 0] + second[front] * corners[:, 1] + third[front] * corners[:, 2]
-        group[at] = groups[owner]
-        colour[at] = shade[:, None] * tints[owner]
+        group[pixels] = groups[owner]
+        colour[pixels] = shade[:, None] * tints[owner]
 
     def finish(self, step: float, near: float, far: float) -> NDArray[np.uint8]:
-        """The picture (H/2, W/2, 3), 0..255: outlined, shaded by depth, and halved in size to smooth edges.
+        """Returns the picture (H/2, W/2, 3), 0..255: outlined, shaded by depth, and halved in size to smooth edges.
 
-        step: depth difference, pixels, at which one surface is outlined against another behind it. near, far: depths
-        that get the brightest and the darkest shade.
+        step: depth difference, pixels, above which a surface behind another is outlined. near, far: depths of the
+        brightest and the darkest shade.
         """
         shown = np.empty((self.height // 2, self.width // 2, 3), np.uint8)
         shown[:] = np.asarray(self.background, np.float32) * np.float32(255.0) + np.float32(0.5)
         rows, columns = (np.flatnonzero((self.group >= 0).any(axis=axis)) for axis in (1, 0))
         if not rows.size:
             return shown
-        # Only the drawn area with a small margin, aligned to even pixels.
+        # Process only the drawn area with a small margin, aligned to even pixels.
         y0, y1 = max(rows[0] - 2, 0) // 2 * 2, min(rows[-1] + 4, self.height) // 2 * 2
         x0, x1 = max(columns[0] - 2, 0) // 2 * 2, min(columns[-1] + 4, self.width) // 2 * 2
         box = slice(y0, y1), slice(x0, x1)
@@ -112,53 +118,55 @@ class Canvas:
 
 
 def lit(normals: Pixels) -> Pixels:
-    """Brightness (V,) of a surface with unit normals (V, 3): right, up, towards the viewer."""
+    """Returns the brightness (V,) of a surface with unit normals (V, 3): right, up, towards the viewer."""
     facing = np.clip(normals[:, 2], 0.0, 1.0)
     light = _AMBIENT + _DIFFUSE * np.maximum(normals @ _LIGHT, 0.0) - _RIM * (1.0 - facing) ** 3
     return np.asarray(light, np.float32)
 
 
 def _batches(triangles: Indices, side: int) -> list[Indices]:
-    """Triangles with boxes of ``side`` pixels, in batches of at most ``_AT_ONCE`` pixels."""
-    most = max(1, _AT_ONCE // side**2)
-    return [triangles[k : k + most] for k in range(0, len(triangles), most)]
+    """Splits triangles with boxes of ``side`` pixels into batches of at most ``_AT_ONCE`` pixels."""
+    count = max(1, _AT_ONCE // side**2)
+    return [triangles[k : k + count] for k in range(0, len(triangles), count)]
 
 
 def _samples(
     x: Pixels, y: Pixels, area: Pixels, left: Pixels, top: Pixels, side: int, numbers: Indices
 ) -> tuple[Indices, Indices, Indices, Pixels, Pixels]:
-    """Pixels inside triangles whose boxes have ``side`` pixels a side: triangle, column, row, and first and second
-    barycentric coordinate of each.
+    """Returns the pixels inside triangles with boxes of ``side`` pixels a side: triangle, column, row, and first and
+    second barycentric coordinate of each.
     """
-    across, down = (part.ravel() for part in np.meshgrid(*[np.arange(side, dtype=np.float32)] * 2))
+    x_steps, y_steps = (part.ravel() for part in np.meshgrid(*[np.arange(side, dtype=np.float32)] * 2))
     coordinates: list[Pixels] = []
-    for one, other in ((1, 2), (2, 0)):
+    for start, end in ((1, 2), (2, 0)):
         # A linear function of the pixel: its value at the box's corner, and its slopes to the right and down.
-        right, below = (y[:, one] - y[:, other]) / area, (x[:, other] - x[:, one]) / area
-        corner = ((x[:, one] - left) * (y[:, other] - top) - (x[:, other] - left) * (y[:, one] - top)) / area
-        coordinates.append(corner[:, None] + right[:, None] * across + below[:, None] * down)
+        right, below = (y[:, start] - y[:, end]) / area, (x[:, end] - x[:, start]) / area
+        corner = ((x[:, start] - left) * (y[:, end] - top) - (x[:, end] - left) * (y[:, start] - top)) / area
+        coordinates.append(corner[:, None] + right[:, None] * x_steps + below[:, None] * y_steps)
     first, second = coordinates
     inside = (first >= _EDGE) & (second >= _EDGE) & (first + second <= 1.0 - _EDGE)
     owner, cell = np.nonzero(inside)
-    column = left[owner].astype(np.intp) + across[cell].astype(np.intp)
-    row = top[owner].astype(np.intp) + down[cell].astype(np.intp)
+    column = left[owner].astype(np.intp) + x_steps[cell].astype(np.intp)
+    row = top[owner].astype(np.intp) + y_steps[cell].astype(np.intp)
     return numbers[owner], column, row, first[inside], second[inside]
 
 
 def _outlines(group: NDArray[np.int16], depth: Pixels, step: float) -> Pixels:
-    """Factors (H, W) that darken outlines: strong behind a nearer surface, light where two groups meet at one depth."""
+    """Returns factors (H, W) that darken outlines: strongly behind a nearer surface, lightly between two groups at one
+    depth.
+    """
     dark = np.ones(depth.shape, np.float32)
     depth = np.where(group >= 0, depth, np.float32(-1e6))
     height, width = depth.shape
     for reach, strong, light in ((2, 0.55, 0.85), (1, 0.30, 0.62)):
         for dy, dx in ((reach, 0), (-reach, 0), (0, reach), (0, -reach)):
-            at = slice(max(-dy, 0), height - max(dy, 0)), slice(max(-dx, 0), width - max(dx, 0))
-            beyond = tuple(slice(part.start + d, part.stop + d) for part, d in zip(at, (dy, dx), strict=True))
-            nearer = depth[beyond] - depth[at]
+            pixels = slice(max(-dy, 0), height - max(dy, 0)), slice(max(-dx, 0), width - max(dx, 0))
+            neighbours = tuple(slice(part.start + d, part.stop + d) for part, d in zip(pixels, (dy, dx), strict=True))
+            nearer = depth[neighbours] - depth[pixels]
             edge = nearer > step
-            view = dark[at]
+            view = dark[pixels]
             view[edge] = np.minimum(view[edge], np.float32(strong))
-            both = (group[at] > 0) & (group[beyond] > 0)
-            meets = (group[beyond] != group[at]) & (nearer > -step) & ~edge & both
+            both = (group[pixels] > 0) & (group[neighbours] > 0)
+            meets = (group[neighbours] != group[pixels]) & (nearer > -step) & ~edge & both
             view[meets] = np.minimum(view[meets], np.float32(light))
     return dark

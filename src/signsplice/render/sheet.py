@@ -1,5 +1,5 @@
 """Contact sheets: frames of a clip on one page, densest at seams, with both hands enlarged under every frame; and
-strips: many clips on one page, one row each. Captions, colours and marks are those of films too.
+strips: many clips on one page, one row each. Films share the captions, colours and marks.
 """
 
 from __future__ import annotations
@@ -20,10 +20,17 @@ from signsplice.motion import Clip
 from signsplice.progress import Progress, track_progress
 from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene
 
-INK, PAPER = (45, 45, 50), (244, 241, 236)
-SIGN, TRANSITION = (108, 128, 160), (222, 142, 32)
+INK = (45, 45, 50)
+"""Colour of text, RGB 0 to 255."""
+PAPER = (244, 241, 236)
+"""Colour of the background."""
+SIGN = (108, 128, 160)
+"""Colour of signs."""
+TRANSITION = (222, 142, 32)
+"""Colour of transitions."""
 
 _FONTS = ("NotoSans-Regular.ttf", "DejaVuSans.ttf", "Arial Unicode.ttf", "arial.ttf", "Arial.ttf")
+"""System fonts for letters beyond ASCII, in order of preference."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,7 @@ class Mark:
     """A span of frames to mark.
 
     kind: "sign" or "transition".
-    name: of the word, may be empty.
+    name: the word, may be empty.
     start: first frame.
     stop: frame after the last.
     """
@@ -43,7 +50,7 @@ class Mark:
 
 
 def pillow(module: str) -> ModuleType:
-    """A module of Pillow. Raises ``MissingExtraError`` where it is not installed."""
+    """Imports a module of Pillow. Raises ``MissingExtraError`` if Pillow is not installed."""
     try:
         return import_module(f"PIL.{module}")
     except ImportError as error:
@@ -51,12 +58,12 @@ def pillow(module: str) -> ModuleType:
 
 
 def mark_at(marks: Sequence[Mark], frame: int) -> Mark | None:
-    """The mark that contains a frame, None where none does."""
+    """Returns the mark that contains a frame, or None."""
     return next((mark for mark in marks if mark.start <= frame < mark.stop), None)
 
 
 def caption(marks: Sequence[Mark], frame: int) -> tuple[str, bool]:
-    """The caption of a frame, and whether it is in a transition: the word, or the words before and after."""
+    """Returns the caption of a frame (the word, or the words before and after) and whether it is in a transition."""
     mark = mark_at(marks, frame)
     if mark is None or mark.kind != "transition":
         return (mark.name if mark is not None else ""), False
@@ -69,7 +76,7 @@ def caption(marks: Sequence[Mark], frame: int) -> tuple[str, bool]:
 def write_line(
     pen: Any, text: str, centre: float, top: float, width: float, ink: tuple[int, int, int], size: int
 ) -> None:
-    """Draw one centred line with a Pillow pen; where it is wider than ``width`` pixels, its end becomes dots."""
+    """Draw one centred line with a Pillow pen; if it is wider than ``width`` pixels, dots replace its end."""
     text, font = _text_and_font(text, size)
     if pen.textlength(text, font=font) > width:
         while text and pen.textlength(text + "...", font=font) > width:
@@ -79,10 +86,10 @@ def write_line(
 
 
 def _text_and_font(text: str, size: int) -> tuple[str, Any]:
-    """The text and a font that has its letters.
+    """Returns the text and a font that has its letters.
 
-    Pillow's own font has only ASCII. Other letters need a font of the system; without one, accents are removed, and
-    letters that are not accented Latin become "?".
+    Pillow's own font has only ASCII. Other letters need a system font; without one, accents are removed and letters
+    other than accented Latin become "?".
     """
     font_ = pillow("ImageFont")
     if not text.isascii():
@@ -102,13 +109,17 @@ CELL = (224, 224)
 HAND = 110
 """Side of each enlarged hand, pixels."""
 GAP = 8
+"""Gap between cells, pixels."""
 COLUMNS = 8
+"""Largest number of columns."""
 N_CELLS = 32
+"""Usual number of cells."""
 _LINE = 20
+"""Height of a line of text, pixels."""
 
 
 def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None) -> None:
-    """Write a sheet as PNG: word, frame number and time under each picture, an amber border around transitions."""
+    """Write a sheet as PNG, with word, frame number and time under each picture and an amber border at transitions."""
     frames = sheet_frames(len(clip), marks)
     hands = has_hands(clip)
     columns = min(COLUMNS, len(frames))
@@ -124,29 +135,29 @@ def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], pro
         write_line(pen, text, centre, below + 2, CELL[0] - GAP, ink, 15)
         write_line(pen, f"frame {frame}   {frame / clip.fps:.2f} s", centre, below + _LINE, CELL[0] - GAP, INK, 13)
         if hands:  # the signer's right hand on the left, as in the picture
-            for side, left in (("right", x + 1), ("left", x + CELL[0] - HAND - 1)):
-                sheet.paste(image_.fromarray(draw_hand(scene, frame, side, HAND)), (left, below + 2 * _LINE))
+            for side, hand_x in (("right", x + 1), ("left", x + CELL[0] - HAND - 1)):
+                sheet.paste(image_.fromarray(draw_hand(scene, frame, side, HAND)), (hand_x, below + 2 * _LINE))
         if in_transition:
             pen.rectangle((x - 2, y - 2, x + w - GAP + 1, y + h - GAP + 1), outline=TRANSITION, width=3)
     sheet.save(path, format="PNG")
 
 
 def cell_size(hands: bool) -> tuple[int, int]:
-    """Width and height of a cell with its gap, pixels, with or without enlarged hands."""
+    """Returns width and height of a cell with its gap, pixels; ``hands``: with enlarged hands."""
     return CELL[0] + GAP, CELL[1] + 2 * _LINE + (HAND if hands else 0) + GAP
 
 
 def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = N_CELLS) -> list[int]:
-    """The frames that a contact sheet shows: the kept frames at both sides of every seam, the ends and the middle of
-    every transition, and others spread evenly over the cells that are left.
+    """Returns the frames of a contact sheet: the kept frames at both sides of every seam, the ends and the middle of
+    every transition, and evenly spread frames in the remaining cells.
     """
     chosen: set[int] = set()
     for mark in marks:
         if mark.kind == "transition":
             chosen |= {mark.start - 1, mark.start, (mark.start + mark.stop - 1) // 2, mark.stop - 1, mark.stop}
     chosen = {frame for frame in chosen if 0 <= frame < n_frames}
-    most = min(max(n_cells - len(chosen), COLUMNS), n_frames)
-    pages = [chosen | set(np.linspace(0, n_frames - 1, n).round().astype(int).tolist()) for n in range(most, 0, -1)]
+    limit = min(max(n_cells - len(chosen), COLUMNS), n_frames)
+    pages = [chosen | set(np.linspace(0, n_frames - 1, n).round().astype(int).tolist()) for n in range(limit, 0, -1)]
     whole_rows = (page for page in pages if len(page) % COLUMNS == 0 or len(page) < COLUMNS)
     return sorted(next(whole_rows, pages[0]))
 
@@ -158,7 +169,7 @@ class Strip:
     clip: the clip.
     caption: text above the row.
     frames: frames to show.
-    marked: those of them that are in a transition.
+    marked: the shown frames that are in a transition.
     view: one of ``picture.VIEWS``.
     hand: the hand to enlarge, "left", "right" or "".
     """
@@ -174,7 +185,7 @@ class Strip:
 def write_strips(
     strips: Sequence[Strip], path: Path, cell: int = 150, hand: int = 84, progress: Progress | None = None
 ) -> None:
-    """Write a page of strips as PNG; ``cell`` and ``hand``: side of pictures and of enlarged hands in px (0: none)."""
+    """Write a page of strips as PNG. ``cell``, ``hand``: side of pictures and of enlarged hands, pixels (0: none)."""
     image_ = pillow("Image")
     columns = max(len(strip.frames) for strip in strips)
     label, gap = 20, 6
@@ -186,20 +197,20 @@ def write_strips(
         scene = make_scene(strip.clip, strip.view)
         write_line(pen, strip.caption, 0.5 * sheet.width, top + 2, sheet.width - gap, INK, 14)
         for k, frame in enumerate(strip.frames):
-            left = gap + k * (cell + gap)
-            sheet.paste(image_.fromarray(draw(scene, frame, cell, cell)), (left, top + label))
+            cell_x = gap + k * (cell + gap)
+            sheet.paste(image_.fromarray(draw(scene, frame, cell, cell)), (cell_x, top + label))
             if strip.hand and hand:
                 enlarged = image_.fromarray(draw_hand(scene, frame, strip.hand, hand))
-                sheet.paste(enlarged, (left + (cell - hand) // 2, top + label + cell))
+                sheet.paste(enlarged, (cell_x + (cell - hand) // 2, top + label + cell))
             if frame in strip.marked:
-                box = (left - 1, top + label - 1, left + cell, top + label + cell + hand)
+                box = (cell_x - 1, top + label - 1, cell_x + cell, top + label + cell + hand)
                 pen.rectangle(box, outline=TRANSITION, width=2)
     with replacing(path) as temporary:
         sheet.quantize(96, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
 
 
 def write_cells(cells: Sequence[tuple[Image, str]], path: Path, columns: int, colours: int = 0) -> None:
-    """Write a page of pictures of one size, each with a line of text below it, as PNG, of so many colours (0: all)."""
+    """Write a page of equal-sized pictures as PNG, each above a line of text; ``colours``: size of palette (0: all)."""
     image_, line = pillow("Image"), 18
     height, width = cells[0][0].shape[:2]
     sheet = image_.new("RGB", (columns * width, -(-len(cells) // columns) * (height + line)), PAPER)

@@ -1,1 +1,1 @@
-"""Which joint is which part of a person, body proportions, and motion carried from rig to rig by rotations."""
+"""Roles of joints, body proportions, and rotations transferred from rig to rig."""

@@ -1,10 +1,9 @@
-"""Where a clip's signer stands, and clips of different rigs, units, rates and positions aligned to the first clip of a
-sentence.
+"""Aligns clips of different rigs, units, rates and positions to the first clip of a sentence.
 
-Same rig by names: local rotations are copied joint by joint. Same bones with other axes: by the axes that follow from
-them (``rest_pose.axes_on_one_body``). Different rigs: by the roles of the canonical humanoid, through global rotations
-relative to the T-pose. So every bone points in the same direction as before. Then each clip is moved and turned about
-the vertical as one rigid whole, so that its signer stands where the first one stands.
+On rigs with the same names, local rotations are copied joint by joint. Rigs with the same bones and other axes use the
+axes that follow from the bones (``rest_pose.axes_on_one_body``). Other rigs use the roles of the canonical humanoid,
+through global rotations relative to the T-pose. So every bone keeps its direction. Then each clip is moved and turned
+about the vertical as a rigid whole, so that its signer stands in the place of the first one.
 
 """
 
@@ -23,7 +22,7 @@ from signsplice.rig.rest_pose import IDENTICAL, axes_on_one_body, bones_apart, s
 from signsplice.rig.roles import ARM, SIDES
 
 _SAMPLES = 24
-"""Frames, evenly spread, from which a placement is found."""
+"""Number of evenly spread frames that determine a placement."""
 _BODY = (
     "hips",
     "head",
@@ -39,9 +38,9 @@ _BODY = (
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where and how a signer stands, in world coordinates.
+    """The place and orientation of a signer, in world coordinates.
 
-    position: (3,) a point on the ground between the feet (the root where there are no feet), clip units.
+    position: (3,) a point on the ground between the feet (the root without feet), clip units.
     up: (3,) unit vector.
     forward: (3,) unit vector, the facing, at right angles to ``up``.
     """
@@ -52,11 +51,11 @@ class Placement:
 
 
 ORIGIN = Placement(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
-"""The feet at the origin, up +Y, facing +Z: where words of a corpus stand whose places are not given."""
+"""The feet at the origin, up +Y, facing +Z: the placement of words of a corpus without given places."""
 
 
 def placement(clip: Clip) -> Placement:
-    """How the clip's signer stands: the median position and mean facing of a few frames; kept while the clip lives.
+    """Returns the placement of the clip's signer: median position and mean facing of a few frames; kept with the clip.
 
     Up is the world axis nearest to the direction from the hips to the head. Forward is at right angles to it and to
     the line of hips and shoulders. Skeletons without those roles stand at their root, up +Y, facing +Z (the usual axes
@@ -66,22 +65,22 @@ def placement(clip: Clip) -> Placement:
 
 
 def place(clip: Clip, target: Placement) -> Clip:
-    """The clip moved and turned as one rigid whole, so that its signer stands at ``target``.
+    """Moves and turns the clip as a rigid whole, so that its signer stands at ``target``.
 
-    The clip itself comes back where it stands there already. Otherwise ``Clip.source_clip`` of the result is the clip
-    that it was moved from: what does not depend on where a signer stands can be computed once for all placements.
+    Returns the clip itself if its signer already stands there. Otherwise ``Clip.source_clip`` of the result is the
+    original clip: values that do not depend on the placement can be computed once for all placements.
     """
-    own = placement(clip)
-    if own is target:
+    current = placement(clip)
+    if current is target:
         return clip
-    is_upright = np.array_equal(own.up, target.up)  # as it is in one set of clips
-    tilt = rotation.IDENTITY if is_upright else rotation.between_vectors(own.up, target.up)
-    forward = own.forward if is_upright else rotation.rotate(tilt, own.forward)
+    is_upright = np.array_equal(current.up, target.up)  # as it is in one set of clips
+    tilt = rotation.IDENTITY if is_upright else rotation.between_vectors(current.up, target.up)
+    forward = current.forward if is_upright else rotation.rotate(tilt, current.forward)
     yaw = np.arctan2(rotation.cross(forward, target.forward) @ target.up, forward @ target.forward)
     turn = rotation.exp(yaw * target.up)
     if not is_upright:
         turn = rotation.multiply(turn, tilt)
-    shift = target.position - rotation.rotate(turn, own.position)
+    shift = target.position - rotation.rotate(turn, current.position)
     size = float(np.abs(clip.skeleton.offsets).max())
     if np.linalg.norm(rotation.log(turn)) < 1e-9 and np.linalg.norm(shift) < 1e-9 * size:
         return clip
@@ -98,21 +97,21 @@ def place(clip: Clip, target: Placement) -> Clip:
 
 def _placement(clip: Clip) -> Placement:
     joints = rig_info(clip.skeleton).roles.joints
-    wanted = [role for role in _BODY if role in joints]
+    known = [role for role in _BODY if role in joints]
     n_frames = len(clip.local_rotations)
     n = min(_SAMPLES, n_frames)
     frames = np.round(np.arange(n) * ((n_frames - 1) / max(n - 1, 1))).astype(np.intp)
-    _, positions = kinematics.forward(at_frames(clip, frames), [0, *(joints[role] for role in wanted)])  # (n, K, 3)
-    at = {role: positions[:, k + 1] for k, role in enumerate(wanted)}
+    _, positions = kinematics.forward(at_frames(clip, frames), [0, *(joints[role] for role in known)])  # (n, K, 3)
+    points = {role: positions[:, k + 1] for k, role in enumerate(known)}
     root = positions[:, 0]
-    up = _up_axis(at, root)
-    forward = _forward(at, up)
-    feet = [at[role] for role in ("leftFoot", "rightFoot") if role in at]
+    up = _up_axis(points, root)
+    forward = _forward(points, up)
+    feet = [points[role] for role in ("leftFoot", "rightFoot") if role in points]
     return Placement(_median(np.sum(feet, axis=0) / len(feet) if feet else root), up, forward)
 
 
 def _median(rows: FloatArray) -> FloatArray:
-    """The median (3,) of rows (T, 3); several times as fast as numpy's on so few."""
+    """Returns the median (3,) of rows (T, 3); several times as fast as numpy's for few rows."""
     ordered, half = np.sort(rows, axis=0), len(rows) // 2
     return np.asarray(ordered[half] if len(rows) % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
 
@@ -128,12 +127,12 @@ def _up_axis(at: dict[str, FloatArray], root: FloatArray) -> FloatArray:
 
 
 def _forward(at: dict[str, FloatArray], up: FloatArray) -> FloatArray:
-    across = np.zeros(3)
+    to_left = np.zeros(3)
     for pair in (("leftUpperArm", "rightUpperArm"), ("leftUpperLeg", "rightUpperLeg")):
         if pair[0] in at and pair[1] in at:
             line = at[pair[0]] - at[pair[1]]
-            across += np.mean(line / np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), 1e-12), axis=0)
-    forward = rotation.cross(across, up)
+            to_left += np.mean(line / np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), 1e-12), axis=0)
+    forward = rotation.cross(to_left, up)
     length = np.linalg.norm(forward)
     if length > 1e-6:
         return np.asarray(forward / length)
@@ -141,20 +140,21 @@ def _forward(at: dict[str, FloatArray], up: FloatArray) -> FloatArray:
 
 
 SAME_DIRECTION_DEG = 20.0
-"""Rest bones that point within this angle of one another count as one rig's; local rotations then mean the same."""
+"""Largest angle between rest bones of the same rig, degrees; local rotations are then comparable."""
 SAME_ARM_DEG = 6.0
-"""So near the rest bones of arms, hands and fingers must be: 6 degrees at the shoulder are 5 cm at the wrist."""
+"""The same for rest bones of arms, hands and fingers: 6 degrees at the shoulder are 5 cm at the wrist."""
 
 MIN_COMMON_ROLES = 5
+"""Least number of common roles of two rigs that can be aligned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What every clip of a sentence is aligned to: properties of the first clip.
+    """The properties of the first clip to which every clip of a sentence is aligned.
 
     skeleton: its skeleton.
     fps: the output frame rate.
-    placement: where its signer stands.
+    placement: placement of its signer.
     held_pose: (J, 4) local rotations that joints without a counterpart hold.
     name: its name, for messages.
     """
@@ -167,65 +167,66 @@ class Reference:
 
 
 def reference(first: Clip, fps: float | None = None) -> Reference:
-    """The reference that the first clip of a sentence sets; ``fps`` where another rate than its own is wanted."""
+    """Returns the reference set by the first clip of a sentence; ``fps``: output rate, by default that of the clip."""
     return Reference(first.skeleton, fps or first.fps, placement(first), first.local_rotations[0], first.name)
 
 
 def settle(carried: Clip, to: Reference) -> Clip:
-    """A clip on the skeleton of a reference, at its position, facing and frame rate."""
+    """Brings a clip on the skeleton of a reference to its position, facing and frame rate."""
     return resample(place(carried, to.placement), to.fps)
 
 
 def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...], bool]:
-    """The clip on the reference's skeleton; warnings, about joints that hold their pose, those of the reference without
-    a counterpart, and about axes of joints that its rest pose does not show; and whether the two are one body.
+    """Transfers the clip to the reference's skeleton. Returns the clip; warnings about joints of the reference that
+    hold their pose because they have no counterpart, and about joint axes that its rest pose does not show; and whether
+    both skeletons are one body.
 
-    Every bone points where it pointed; the clip stays where it is, and what needs no change keeps its exact numbers. On
-    another body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` where the
-    two rigs have nothing in common.
+    Bones keep their directions, the clip its place, and rotations that need no change their exact numbers. On another
+    body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` if the two rigs have
+    nothing in common.
 
-    by_role: whether joints of the same names are still taken for joints of two rigs: on two bodies, rest poses of one
-        rig that differ by some degrees are else taken for the same.
+    by_role: whether to match joints by role even if names match: otherwise rest poses of one rig on two bodies that
+        differ by some degrees count as equal.
     """
     source, target = clip.skeleton, to.skeleton
     if source is target or is_same_skeleton(source, target):
         return (clip if source is target else replace(clip, skeleton=target)), (), True
-    named, found = None if by_role else _by_name(source, target), None
+    named, body_match = None if by_role else _by_name(source, target), None
     is_copied = named is not None and _rest_alike(source, target, named)
     is_one_body = named is not None and is_copied and bones_apart(source, target, named) < IDENTICAL
     if named is not None and not is_one_body:
-        found = axes_on_one_body(clip, target, to.name, named)
-    counterpart = named if named is not None and (is_copied or found) else _by_role(clip, to)
+        body_match = axes_on_one_body(clip, target, to.name, named)
+    counterpart = named if named is not None and (is_copied or body_match) else _by_role(clip, to)
     if named is None and not by_role:
-        found = axes_on_one_body(clip, target, to.name, counterpart)
+        body_match = axes_on_one_body(clip, target, to.name, counterpart)
     t_poses: tuple[FloatArray, FloatArray] | tuple[()] = ()
-    if found is not None:
-        t_poses = found.poses
+    if body_match is not None:
+        t_poses = body_match.poses
     elif not is_copied:
         t_poses = rig_info(source).t_pose.rotations, rig_info(target).t_pose.rotations
     local = _transfer(clip, target, counterpart, to.held_pose, *t_poses)
     scale = size_ratio(source, target, counterpart)
-    if found is None and not is_copied and (theirs := rig_info(source).sizes.stature) > 0.0:
+    if body_match is None and not is_copied and (theirs := rig_info(source).sizes.stature) > 0.0:
         scale = rig_info(target).sizes.stature / theirs
-    warnings = () if found is None else found.warnings
-    held = [
+    warnings = () if body_match is None else body_match.warnings
+    held_names = [
         target.names[j]
         for j in range(len(target))
         if j not in counterpart and (target.children[j] or j in rig_info(target).roles.role_of)  # else nothing moves
     ]
-    if held:
-        shown = ", ".join(held[:6]) + (f" and {len(held) - 6} more" if len(held) > 6 else "")
-        line = f"{clip.name}: no counterpart for {len(held)} joints of {to.name}, which hold their pose: {shown}"
+    if held_names:
+        shown = ", ".join(held_names[:6]) + (f" and {len(held_names) - 6} more" if len(held_names) > 6 else "")
+        line = f"{clip.name}: no counterpart for {len(held_names)} joints of {to.name}, which hold their pose: {shown}"
         warnings = (*warnings, line)
     # The file's Euler angles describe another rig's rotations: they are not carried over.
     carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name, face=clip.face)
     hips = rig_info(target).roles.joints.get("hips", 0)
     if hips in counterpart and (hips > 0 or counterpart[hips] > 0):
         # Where a rig has a joint above the hips, match the path of the hips, not of the root.
-        wanted = scale * forward(clip, [counterpart[hips]])[1][:, 0]
-        shift = wanted - forward(carried, [hips])[1][:, 0]
+        hips_path = scale * forward(clip, [counterpart[hips]])[1][:, 0]
+        shift = hips_path - forward(carried, [hips])[1][:, 0]
         carried = replace(carried, root_positions=carried.root_positions + shift)
-    return carried, warnings, is_one_body or found is not None
+    return carried, warnings, is_one_body or body_match is not None
 
 
 def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
@@ -238,8 +239,8 @@ def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
 
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
-    """Target joint -> source joint for two skeletons that have most names in common, None where they have not, or where
-    the names of arms mean others: a shoulder is the collar bone of one rig, the upper arm of another.
+    """Maps target joints to source joints if the skeletons have most names in common; None if not, or if the names of
+    arms differ in meaning: a shoulder is the collar bone of one rig, the upper arm of another.
     """
     ours, theirs = rig_info(target), rig_info(source)
     index = {name: j for j, name in enumerate(theirs.simple_names)}
@@ -253,15 +254,15 @@ def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
 
 
 def _rest_alike(source: Skeleton, target: Skeleton, pairs: Mapping[int, int]) -> bool:
-    """Whether two skeletons are one rig's: with all rotations at identity their bones point alike."""
+    """Whether two skeletons share a rig: with all rotations at identity their bones have the same directions."""
     rest_source, rest_target = rest_positions(source), rest_positions(target)
     role_of = rig_info(target).roles.role_of
     agree = total = 0
-    for joint, other in pairs.items():
+    for joint, source_joint in pairs.items():
         parent = int(target.parents[joint])
         if parent not in pairs:
             continue
-        a, b = rest_target[joint] - rest_target[parent], rest_source[other] - rest_source[pairs[parent]]
+        a, b = rest_target[joint] - rest_target[parent], rest_source[source_joint] - rest_source[pairs[parent]]
         length = float(np.linalg.norm(a) * np.linalg.norm(b))
         if length > 0.0:
             total += 1
@@ -276,7 +277,7 @@ def _carries_a_hand(role: str) -> bool:
 
 
 def _by_role(clip: Clip, to: Reference) -> dict[int, int]:
-    """Target joint -> source joint through the roles that both rigs have."""
+    """Maps target joints to source joints by the roles that both rigs have."""
     ours, theirs = rig_info(to.skeleton).roles, rig_info(clip.skeleton).roles
     common = [role for role in ours.joints if role in theirs.joints]
     if len(common) < MIN_COMMON_ROLES or not any(role.endswith("UpperArm") for role in common):
@@ -300,33 +301,32 @@ def _transfer(
     source_t_pose: FloatArray | None = None,
     target_t_pose: FloatArray | None = None,
 ) -> FloatArray:
-    """Local rotations (T, J, 4) on ``target`` that give each joint the global rotation of its counterpart.
+    """Returns local rotations (T, J, 4) on ``target`` that give each joint the global rotation of its counterpart.
 
-    ``*_t_pose``: (J, 4) global rotations that bring each rest skeleton into the T-pose; identity by default. A joint
-    whose parent's counterpart is its counterpart's parent keeps its local rotations bit for bit where no T-pose comes
-    between.
+    ``*_t_pose``: (J, 4) global rotations that bring each rest skeleton into the T-pose; identity by default. Without
+    T-poses, a joint whose parent's counterpart is its counterpart's parent keeps its local rotations bit for bit.
     """
     source = clip.skeleton
     plain = source_t_pose is None or target_t_pose is None
     source_globals = global_quats(source, clip.local_rotations)
-    out = np.empty((len(clip), len(target), 4))
+    local = np.empty((len(clip), len(target), 4))
     globals_: list[FloatArray] = []
     for joint in range(len(target)):
         parent = int(target.parents[joint])
         over = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(clip), 4))
-        other = counterpart.get(joint)
-        if other is None:
-            out[:, joint] = held_pose[joint]
+        source_joint = counterpart.get(joint)
+        if source_joint is None:
+            local[:, joint] = held_pose[joint]
             globals_.append(rotation.multiply(over, held_pose[joint]))
             continue
-        wanted = source_globals[:, other]
+        goal = source_globals[:, source_joint]
         if source_t_pose is not None and target_t_pose is not None:
-            change = rotation.multiply(rotation.inverse(source_t_pose[other]), target_t_pose[joint])
-            wanted = rotation.multiply(wanted, change)
-        other_parent = int(source.parents[other])
-        if plain and (parent < 0) == (other_parent < 0) and counterpart.get(parent, -1) == other_parent:
-            out[:, joint] = clip.local_rotations[:, other]
+            change = rotation.multiply(rotation.inverse(source_t_pose[source_joint]), target_t_pose[joint])
+            goal = rotation.multiply(goal, change)
+        source_parent = int(source.parents[source_joint])
+        if plain and (parent < 0) == (source_parent < 0) and counterpart.get(parent, -1) == source_parent:
+            local[:, joint] = clip.local_rotations[:, source_joint]
         else:
-            out[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(over), wanted))
-        globals_.append(wanted)
-    return out
+            local[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(over), goal))
+        globals_.append(goal)
+    return local

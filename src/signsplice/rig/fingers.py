@@ -1,7 +1,7 @@
-"""Which joints below a hand are its fingers: the names say which finger, the hierarchy says which segment.
+"""Finds the fingers below a hand: names identify the finger, the hierarchy identifies the segment.
 
-A finger is a chain of joints below a hand, counted from the palm outwards. A metacarpal at its beginning and whatever
-ends it are no segments. What a name says of the segment is only asked for where fewer than three joints are left.
+A finger is a chain of joints below a hand, counted from the palm outwards, without a metacarpal at its beginning and
+without end joints. The segment in a name is used only if fewer than three joints remain.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _SEGMENTS = tuple(
 
 
 class _Part(NamedTuple):
-    """What a joint's name says: the finger from 0 for the thumb, or the rig's own number of it; the segment's number;
-    the words that are left; and whether the rig surely numbers fingers from 0, as Biped does.
+    """The parts of a joint's name: the finger, from 0 for the thumb, or the rig's own finger number; the segment's
+    number; the remaining words; and whether the rig surely numbers fingers from 0, as Biped does.
     """
 
     finger: int
@@ -47,7 +47,7 @@ class _Part(NamedTuple):
 
 
 def _part(words: str) -> _Part | None:
-    """What a joint's words say of a finger; None where they name none."""
+    """Parses a joint's words; None if they name no finger."""
     if _NO_SEGMENT.search(words):
         return None
     match = next((match for pattern in _FINGER if (match := pattern.search(words))), None)
@@ -68,18 +68,18 @@ def _part(words: str) -> _Part | None:
 
 
 def starts_with_finger(word: str) -> bool:
-    """Whether a word begins with a finger's: "thumb1" does, "shldr" does not."""
+    """Whether a word begins with a finger's name: "thumb1" does, "shldr" does not."""
     return any(pattern.match(word) for pattern in (*_FINGER, _NUMBERED))
 
 
 def find_fingers(
     parents: Sequence[int], names: Sequence[tuple[str, str]], side: str, hand: int | None, first_of_thumb: int = 1
 ) -> dict[tuple[int, int], int]:
-    """(finger, segment) -> joint, both counted from 0: from the thumb, and from the palm out.
+    """Returns (finger, segment) -> joint, both counted from 0: from the thumb, and from the palm outwards.
 
-    parents: of each joint, after which it stands.
-    names: of each joint, its side ("" where it has none) and its words in lower case with blanks between them.
-    hand: joint above the fingers; where it is not known, only joints that name their side are seen.
+    parents: parent of each joint, which precedes it.
+    names: for each joint its side ("" without one) and its words in lower case, separated by blanks.
+    hand: joint above the fingers; if unknown, only joints that name their side are used.
     first_of_thumb: number that the rig gives to the first joint of the thumb.
     """
     parts: dict[int, _Part] = {}
@@ -100,7 +100,7 @@ def find_fingers(
                 over[joint] = above
             depths[joint] = depths[over[joint]] + 1 if joint in over else 1
             nearest[joint] = joint
-    found: dict[tuple[int, int], int] = {}
+    joint_of: dict[tuple[int, int], int] = {}
     from_zero = any(part.from_zero for part in parts.values())
     for key, finger in _fingers({part[:2] for part in parts.values()}, from_zero).items():
         last = max(
@@ -110,14 +110,14 @@ def find_fingers(
         chain = [last]
         while chain[-1] in over:
             chain.append(over[chain[-1]])
-        found |= {
+        joint_of |= {
             (finger, segment): joint for segment, joint in _segments(finger, chain[::-1], parts, first_of_thumb).items()
         }
-    return found
+    return joint_of
 
 
 def _fingers(keys: set[tuple[int, bool]], from_zero: bool) -> Mapping[tuple[int, bool], int]:
-    """(finger or number, whether it is a number) -> finger, for the fingers of one hand.
+    """Returns (finger or number, whether it is a number) -> finger, for the fingers of one hand.
 
     Numbers count the fingers that have no name, from 0 or from 1.
     """
@@ -131,7 +131,7 @@ def _fingers(keys: set[tuple[int, bool]], from_zero: bool) -> Mapping[tuple[int,
 
 
 def _segments(finger: int, chain: list[int], parts: Mapping[int, _Part], first_of_thumb: int) -> dict[int, int]:
-    """Segment from 0 -> joint, of a finger's joints from the palm out."""
+    """Returns segment, from 0, -> joint, for a finger's joints from the palm outwards."""
     first, has_end = first_of_thumb if finger == 0 else 1, False
     while chain and _END.search(parts[chain[-1]].words):
         has_end |= parts[chain.pop()].segment is None  # a fingertip of its own: the last of four joints is none
@@ -139,8 +139,8 @@ def _segments(finger: int, chain: list[int], parts: Mapping[int, _Part], first_o
         chain.pop(0)
     if len(chain) > 3:
         # Rigify's index.01.L.01 and index.01.L.02 are halves of one segment.
-        whole = [joint for over, joint in pairwise([-1, *chain]) if over < 0 or not _same_segment(parts, over, joint)]
-        chain = whole if len(whole) >= 3 else chain
+        starts = [joint for over, joint in pairwise([-1, *chain]) if over < 0 or not _same_segment(parts, over, joint)]
+        chain = starts if len(starts) >= 3 else chain
     if len(chain) > 3:
         numbers = [parts[joint].segment for joint in chain]
         if (finger and has_end) or (numbers[1] is not None and (numbers[0] is None or numbers[0] < first)):
@@ -156,7 +156,7 @@ def _same_segment(parts: Mapping[int, _Part], one: int, other: int) -> bool:
 
 
 def _segment(finger: int, part: _Part, first: int) -> int:
-    """The segment that a name says, from 0; -1 where it says none."""
+    """Returns the segment in a name, from 0; -1 if it has none."""
     ranks = (0, 1, 1, 2) if finger == 0 else (-1, 0, 1, 2)
     words = (rank for pattern, rank in zip(_SEGMENTS, ranks, strict=True) if pattern.search(part.words))
     return next(words, -1 if part.segment is None else part.segment - first)

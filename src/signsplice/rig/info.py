@@ -1,11 +1,11 @@
-"""What is known of a rig, and a clip's motion in terms that all rigs share: arms, and rotations of one humanoid.
+"""Properties of a rig, and a clip's motion in terms that all rigs share: arms, and rotations of one humanoid.
 
 ``rig_info`` ties roles, T-pose, sizes and the canonical map to a skeleton. Local rotations of any rig become rotations
 of the canonical humanoid, so that the same signing gives the same numbers, and small rotations of that humanoid go back
 to the rig exactly; joints without a role stay as they are.
 
-The canonical rotation of a joint brings its bone from the T-pose to where it is, seen from the nearest joint above that
-has a role. With G the global rotation of a joint, and C the one that poses the rest skeleton in the T-pose,
+The canonical rotation of a joint brings its bone from the T-pose to its pose, seen from the nearest joint above with a
+role. With G the global rotation of a joint, and C the one that poses the rest skeleton in the T-pose,
 
     K_j = G_j C_j^-1,    A_j = K_parent^-1 K_j = C_parent (G_parent^-1 G_j) C_j^-1.
 
@@ -35,7 +35,7 @@ def _side(side: str) -> tuple[str, ...]:
 
 
 ROLES: tuple[str, ...] = (*TRUNK, *_side("left"), *_side("right"))
-"""The R = 43 roles that sign: trunk, neck, head, then 19 joints of the left arm and hand, and as many of the right."""
+"""The R = 43 roles used in signing: trunk, neck, head, then 19 joints each of the left and right arm with hand."""
 N_SIDE = len(_side("left"))
 LEFT = slice(len(TRUNK), len(TRUNK) + N_SIDE)
 RIGHT = slice(LEFT.stop, LEFT.stop + N_SIDE)
@@ -49,17 +49,17 @@ MIRROR = np.concatenate([np.arange(len(TRUNK)), np.arange(RIGHT.start, RIGHT.sto
 
 @dataclass(frozen=True, eq=False)
 class CanonicalMap:
-    """How a skeleton carries the roles; R roles, K of which the rig has.
+    """The canonical roles on a skeleton; R roles, K of which the rig has.
 
-    joints: (R,) the joint of every role, -1 where there is none.
+    joints: (R,) the joint of every role, -1 if there is none.
     parent_rows: (R,) row of the nearest role above, -1 for the hips.
     t_pose_rotations: (J, 4) global rotations of the T-pose.
     last_joints: (K,) the joint whose local rotation leads to each role from the role above.
-    joint_paths: for rows of ``last_joints`` where one local rotation is not enough: all joints on the path from the
-        role above, with True where the path goes up and the rotation is undone.
+    joint_paths: for rows of ``last_joints`` that need more than one local rotation: all joints on the path from the
+        role above, with True if the path goes up and the rotation is undone.
     to_canonical: (K, 4, 4) matrices on quaternions that make canonical rotations of local ones.
     from_canonical: (K, 3, 3) matrices that bring a vector in canonical axes into those of its joint.
-    arms: the joints of ``TIPS`` (the wrist's where a finger is missing), both elbows and, last, both shoulders.
+    arms: the joints of ``TIPS`` (the wrist for a missing finger), both elbows and, last, both shoulders.
     chest: the joint that carries the shoulders.
     origin: the nearest joint above ``arms`` and ``chest``; kinematics starts there.
     arm_length: shoulder to wrist, clip units.
@@ -89,7 +89,7 @@ class CanonicalMap:
 
 
 def map_roles(skeleton: Skeleton, humanoid: Humanoid, t_pose: TPose, arm_length: float) -> CanonicalMap:
-    """How a skeleton carries the roles. Raises ``InputError`` where its arms are not known by name."""
+    """Maps the canonical roles to a skeleton. Raises ``InputError`` if its arms are not known by name."""
     arm_joints(skeleton, humanoid)
     roles = humanoid.joints
     hips = roles.get("hips", 0)
@@ -100,15 +100,15 @@ def map_roles(skeleton: Skeleton, humanoid: Humanoid, t_pose: TPose, arm_length:
         if joint >= 0:
             above = kinematics.path_to_root(skeleton, joint)[1:]
             parent_rows[row] = next((row_of[over] for over in above if over in row_of), -1)
-    own = joints[joints >= 0]
+    role_joints = joints[joints >= 0]
     parents = np.where(parent_rows >= 0, joints[parent_rows], hips)[joints >= 0]
     tips = np.array([roles.get(role, -1) for role in TIPS])
     tips = np.where(tips >= 0, tips, np.repeat(tips[[0, len(TIPS) // 2]], len(TIPS) // 2))
     arms = (*tips.tolist(), *(int(joints[side.start + k]) for k in (2, 1) for side in (LEFT, RIGHT)))
-    paths = [_joint_path(skeleton, int(a), int(b)) for a, b in zip(parents, own, strict=True)]
+    paths = [_joint_path(skeleton, int(a), int(b)) for a, b in zip(parents, role_joints, strict=True)]
     shoulder = LEFT.start if joints[LEFT.start] >= 0 else LEFT.start + 1
     chest = int(joints[parent_rows[shoulder]]) if parent_rows[shoulder] >= 0 else hips
-    inverses = rotation.inverse(t_pose.rotations[own])
+    inverses = rotation.inverse(t_pose.rotations[role_joints])
     return CanonicalMap(
         joints=joints,
         parent_rows=parent_rows,
@@ -125,7 +125,7 @@ def map_roles(skeleton: Skeleton, humanoid: Humanoid, t_pose: TPose, arm_length:
 
 
 def _joint_path(skeleton: Skeleton, start: int, end: int) -> tuple[tuple[int, bool], ...]:
-    """The joints whose local rotations lead from one joint to another, True where they are undone on the path up."""
+    """Returns the joints whose local rotations lead from one joint to another, with True if undone on the path up."""
     up, down = kinematics.path_to_root(skeleton, start), kinematics.path_to_root(skeleton, end)
     shared = set(up) & set(down)
     rising = [(joint, True) for joint in up if joint not in shared]
@@ -138,9 +138,9 @@ def _on_quaternions(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 class RigInfo:
-    """What follows from a skeleton alone; each part is computed when first asked for.
+    """Properties derived from a skeleton alone; each is computed at its first use.
 
-    skeleton: a copy, so that what is kept here does not keep the original alive.
+    skeleton: a copy, so that this object does not keep the original alive.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -148,7 +148,7 @@ class RigInfo:
 
     @cached_property
     def roles(self) -> Humanoid:
-        """Which joint plays which role. Raises ``InputError`` where the skeleton's own roles do not fit it."""
+        """Which joint plays which role. Raises ``InputError`` if the skeleton's own roles do not fit it."""
         return find_roles(self.skeleton)
 
     @cached_property
@@ -168,7 +168,7 @@ class RigInfo:
 
     @cached_property
     def arm_joints(self) -> list[int]:
-        """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` where both arms
+        """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` if both arms
         are not known by name.
         """
         return arm_joints(self.skeleton, self.roles)
@@ -188,16 +188,16 @@ class RigInfo:
 
 
 def rig_info(skeleton: Skeleton) -> RigInfo:
-    """What is known of a skeleton, kept as long as the skeleton lives."""
+    """Returns the properties of a skeleton, kept as long as it lives."""
     return skeleton.derived[RigInfo]
 
 
 _RAISED_FRACTION = 0.4
-"""An arm has left its rest when it has risen this fraction of the height from rest to its highest; less than half, so
-that a sign that begins low and ends high keeps its beginning.
+"""Fraction of the height from rest to its highest point at which an arm has left its rest; less than half, so that a
+sign that begins low and ends high keeps its beginning.
 """
 _NO_REST_LIFT = 0.1
-"""A clip whose arms rise by less than this fraction of an arm's length has no rest to trim."""
+"""Rise of the arms below which a clip has no rest to trim, arm lengths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,14 +227,14 @@ class Arms:
 
     @property
     def lift(self) -> FloatArray:
-        """Height of each wrist (T, 2): 0 where the arm hangs straight down, 1 at shoulder height."""
+        """Height of each wrist (T, 2): 0 if the arm hangs straight down, 1 at shoulder height."""
         return np.asarray(1.0 + (self.wrists - self.shoulders) @ self.up / self.length)
 
 
 def arms(clip: Clip) -> Arms:
-    """The arms of a clip, kept as long as the clip lives: a word has two seams, and each asks for its cut and duration.
+    """Returns the arms of a clip, kept as long as the clip lives: both seams of a word use them.
 
-    Raises ``InputError`` where the rig's arms are not known by name.
+    Raises ``InputError`` if the rig's arms are not known by name.
     """
     return clip.derived[_arms]
 
@@ -268,19 +268,19 @@ def hands_in_trunk_axes(own: Arms) -> tuple[FloatArray, FloatArray]:
     turn and lean with the trunk: a body that sways moves no hand.
     """
     neck = own.shoulders.mean(axis=1)
-    left, trunk = own.shoulders[:, 0] - own.shoulders[:, 1], neck - own.hips
-    front = np.cross(left, trunk)
-    axes = np.stack([left, np.cross(front, left), front], axis=1)  # (T, 3, 3)
+    leftward, trunk = own.shoulders[:, 0] - own.shoulders[:, 1], neck - own.hips
+    front = np.cross(leftward, trunk)
+    axes = np.stack([leftward, np.cross(front, leftward), front], axis=1)  # (T, 3, 3)
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
     wrists = np.einsum("tab,thb->tha", axes, own.wrists - neck[:, None])
     return wrists, np.einsum("tab,thbc->thac", axes, own.hand_rotations)
 
 
 def active_span(arms: Arms) -> tuple[int, int]:
-    """Frames [start, stop) in which the arms are away from rest; the whole clip where there is no rest.
+    """Returns frames [start, stop) in which the arms are away from rest; the whole clip if there is no rest.
 
-    A clip rests at an end where both wrists are below their elbows there. From it, the span begins with the first frame
-    (ends with the last) at which the higher hand has risen 40 % of the height from rest to its highest.
+    A clip rests at an end if both wrists are below their elbows there. The span then begins with the first frame (or
+    ends with the last) in which the higher hand has risen 40 % of the height from rest to its highest point.
     """
     return span_between_rests(arms.lift, (arms.elbows - arms.shoulders) @ arms.up / arms.length + 1.0)
 
@@ -306,9 +306,9 @@ FEATURE_FPS = 30.0
 class CanonicalMotion:
     """A clip on the canonical humanoid; R roles.
 
-    quats: (T, R, 4) canonical rotations A; identity where the rig has no such joint.
+    quats: (T, R, 4) canonical rotations A; identity if the rig has no such joint.
     positions: (T, 12, 3) the joints of ``TIPS`` from the middle between the shoulders, in the axes of the trunk (left
-        +X, up +Y, forward +Z), arm lengths; the wrist's where a finger is missing.
+        +X, up +Y, forward +Z), arm lengths; the wrist for a missing finger.
     elbow_positions: (T, 2, 3) the elbows, likewise.
     has_role: (R,) the roles that the rig has.
     fps: frame rate.
@@ -335,7 +335,7 @@ class CanonicalMotion:
 
 
 def canonical_motion(clip: Clip) -> CanonicalMotion:
-    """The clip on the canonical humanoid. Raises ``InputError`` where its arms are not known by name."""
+    """Brings the clip to the canonical humanoid. Raises ``InputError`` if its arms are not known by name."""
     canonical = rig_info(clip.skeleton).canonical
     # A = C_parent (G_parent^-1 G) C^-1, G global and C T-pose rotations: of the local rotations between
     # the two joints alone, without kinematics. The frame axis is last, for speed.
@@ -348,10 +348,10 @@ def canonical_motion(clip: Clip) -> CanonicalMotion:
     for k in range(4):
         quats += canonical.to_canonical[:, :, k, None] * between[:, None, k]
     if not canonical.has_role.all():
-        whole = np.empty((len(ROLES), *quats.shape[1:]))
-        whole[:] = rotation.IDENTITY[:, None]
-        whole[canonical.has_role] = quats
-        quats = whole
+        all_quats = np.empty((len(ROLES), *quats.shape[1:]))
+        all_quats[:] = rotation.IDENTITY[:, None]
+        all_quats[canonical.has_role] = quats
+        quats = all_quats
     rotations, positions = kinematics.forward(clip, [canonical.chest, *canonical.arms], canonical.origin)
     middle = positions[:, -2:].mean(axis=1)  # (T, 3), between the shoulders
     trunk = rotations[:, 0] @ canonical.from_chest
@@ -362,11 +362,11 @@ def canonical_motion(clip: Clip) -> CanonicalMotion:
 
 
 def _rotation_along(local: FloatArray, path: tuple[tuple[int, bool], ...]) -> FloatArray:
-    """The rotation (T, 4) from one joint to another, of local rotations (T, J, 4)."""
-    out = np.broadcast_to(rotation.IDENTITY, (len(local), 4))
+    """Returns the rotation (T, 4) along a path of joints, from local rotations (T, J, 4)."""
+    total = np.broadcast_to(rotation.IDENTITY, (len(local), 4))
     for joint, up in path:
-        out = rotation.multiply(out, rotation.inverse(local[:, joint]) if up else local[:, joint])
-    return out
+        total = rotation.multiply(total, rotation.inverse(local[:, joint]) if up else local[:, joint])
+    return total
 
 
 def apply_deltas(
@@ -380,15 +380,15 @@ def apply_deltas(
     turned = canonical.has_role if roles is None else canonical.has_role & roles
     joints = canonical.joints[turned]
     axes = canonical.from_canonical[turned[canonical.has_role]]
-    own = np.einsum("kab,nkb->nka", axes, delta_rotvecs[:, turned])
-    out = np.array(local_rotations, dtype=np.float64)
-    out[:, joints] = rotation.multiply(out[:, joints], rotation.exp(own))
-    return out
+    rotvecs = np.einsum("kab,nkb->nka", axes, delta_rotvecs[:, turned])
+    local = np.array(local_rotations, dtype=np.float64)
+    local[:, joints] = rotation.multiply(local[:, joints], rotation.exp(rotvecs))
+    return local
 
 
 def with_canonical_rotations(clip: Clip, quats: FloatArray) -> Clip:
     """The clip with each role's joint at canonical rotations ``quats`` (T, R, 4); joints without a role, and roles that
-    the rig lacks, stay. Raises ``InputError`` where the clip's arms are not known by name.
+    the rig lacks, stay. Raises ``InputError`` if the clip's arms are not known by name.
     """
     deltas = rotation.log(rotation.multiply(rotation.inverse(canonical_motion(clip).quats), quats))
     return replace(clip, local_rotations=apply_deltas(clip.skeleton, clip.local_rotations, deltas))

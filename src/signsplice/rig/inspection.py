@@ -1,10 +1,10 @@
-"""What a clip shows before it is spliced: facts, warnings, and frames at its ends that do not belong to its motion.
+"""Inspects a clip before splicing: facts, warnings, and stray frames at its ends that do not belong to its motion.
 
-Those are reference poses, and what lies beyond a jump. Exporters and capture systems put the pose in which a rig was
-bound or calibrated before or after a take; a word that begins so would bring that pose into the middle of a sentence.
-Poses are judged by the directions of arm bones and fingers seen from the chest, so that rigs with other rest poses are
-judged alike. Arms are spread in many signs: a reference pose counts only where a clip begins or ends in it, with arms,
-hands and fingers straight.
+Stray frames are reference poses and frames beyond a jump. Exporters and capture systems put the bind or calibration
+pose of a rig before or after a take; a word that begins so would bring that pose into the middle of a sentence. Poses
+are judged by the directions of arm bones and fingers seen from the chest, independently of the rest pose. Arms are
+spread in many signs: a reference pose counts only at the beginning or end of a clip, with arms, hands and fingers
+straight.
 
 """
 
@@ -28,33 +28,42 @@ from signsplice.rig.roles import FINGERS, SIDES
 
 Mask = NDArray[np.bool_]
 
-JUMP_DEG, JUMP_M_S = 60.0, 4.0
-"""A joint that turns by more in a frame, or a hand or root that moves faster, jumps; words that ship reach 3 m/s.
-Fingers do not count: where a capture loses them, they flip in the midst of motion that is right.
+JUMP_DEG = 60.0
+"""Rotation of a joint in one frame above which it jumps, degrees. Fingers do not count: if a capture loses them, they
+flip in otherwise correct motion.
 """
+JUMP_M_S = 4.0
+"""Speed above which a hand or the root jumps, m/s; shipped words reach 3."""
 _ABOVE_NEIGHBOURS = 3.0
-"""Times the median of two steps before and two after it that a jump is at least: fast motion gathers speed."""
-_END_S, _END_FRACTION = 0.5, 1.0 / 3.0
-"""What lies beyond a jump is left out where it takes no longer, and no larger fraction of the clip."""
-_NEAR_DEG, _EXACT_DEG = (12.0, 20.0), (5.0, 8.0)
-"""Largest angles in a reference pose, of arm bones to where they should point, and of hand and fingers to the forearm:
-where a jump leads out of it, and where none does. Nobody holds both arms and all fingers as straight as the latter.
+"""Least ratio of a jump to the median of the two steps before and after it: fast motion accelerates gradually."""
+_END_S = 0.5
+"""Longest part beyond a jump that is left out, s."""
+_END_FRACTION = 1.0 / 3.0
+"""Largest part beyond a jump that is left out, as a fraction of the clip."""
+_NEAR_DEG = (12.0, 20.0)
+"""Largest angles in a reference pose followed by a jump, degrees: of arm bones to their nominal direction, and of hand
+and fingers to the forearm.
 """
-_T_DEG, _A_DEG = 15.0, 60.0
-"""Angles below the horizontal up to which straight arms are a T-pose and an A-pose; at more they hang."""
+_EXACT_DEG = (5.0, 8.0)
+"""The same without a jump: nobody holds both arms and all fingers that straight."""
+_T_DEG = 15.0
+"""Angle below the horizontal up to which straight arms form a T-pose, degrees."""
+_A_DEG = 60.0
+"""Angle below the horizontal up to which straight arms form an A-pose, degrees; beyond it they hang."""
 _REST_DEG = 0.5
-"""A frame whose arm joints are all within this of the file's rest pose shows that pose."""
+"""Largest angle of arm joints from the file's rest pose in a frame that shows it, degrees."""
 _WAY_S = 1.0
-"""Longest way out of a reference pose that is left out with it."""
+"""Longest movement out of a reference pose that is left out with it, s."""
 _MOST_LINES = 5
+"""Largest number of lines about jumps."""
 
 
 @dataclass(frozen=True)
 class StrayFrames:
-    """Which frames of a clip belong to its motion.
+    """The frames of a clip that belong to its motion.
 
-    start, stop: frames [start, stop) belong; splices leave the others out.
-    warnings: about those others, and about jumps between frames that belong; one line each, frames as in the clip.
+    start, stop: frames [start, stop) belong to it; splices leave the others out.
+    warnings: about frames left out, and about jumps between the others; one line each, frames as in the clip.
     """
 
     start: int
@@ -62,33 +71,33 @@ class StrayFrames:
     warnings: tuple[str, ...] = ()
 
     def resample_span(self, step: float, n_frames: int) -> slice:
-        """The frames that belong, of the clip at another rate: ``n_frames``, each ``step`` of its frames on."""
+        """Returns the frames that belong, in the clip resampled to ``n_frames`` at intervals of ``step`` frames."""
         first = min(math.ceil(self.start / step - 1e-9), n_frames - 1)
         return slice(first, max(first + 1, min(math.floor((self.stop - 1) / step + 1e-9) + 1, n_frames)))
 
 
 def stray_frames(clip: Clip) -> StrayFrames:
-    """Which frames of a clip belong to its motion, kept as long as the clip lives.
+    """Returns the frames of a clip that belong to its motion, kept as long as the clip lives.
 
-    At either end these do not: frames of a T-pose, an A-pose or the file's own rest pose with raised arms, with the way
-    out of it; and up to half a second beyond a jump (``JUMP_DEG``, ``JUMP_M_S``), unless that leads to a few wrong
-    frames only. All are kept where fewer than two would remain.
+    Stray frames at either end are those of a T-pose, an A-pose or the file's own rest pose with raised arms, with the
+    movement out of it; and up to half a second beyond a jump (``JUMP_DEG``, ``JUMP_M_S``), unless that is a spike of a
+    few wrong frames. All frames are kept if fewer than two would remain.
     """
     return clip.derived[_stray_frames]
 
 
 def with_ends_held(clip: Clip) -> Clip:
-    """The clip with its first and last frame that belong in place of those that do not, so that frames keep their
-    numbers; the clip itself where all belong. Kept as long as the clip lives.
+    """Replaces stray frames by the first or last frame that belongs, so that frames keep their numbers; returns the
+    clip itself if all belong. Kept as long as the clip lives.
     """
-    found = stray_frames(clip)
-    is_whole = found.stop - found.start == len(clip.local_rotations)
+    stray = stray_frames(clip)
+    is_whole = stray.stop - stray.start == len(clip.local_rotations)
     return clip if is_whole else clip.derived[_with_ends_held]
 
 
 def _with_ends_held(clip: Clip) -> Clip:
-    found = stray_frames(clip)
-    frames = np.clip(np.arange(len(clip)), found.start, found.stop - 1)
+    stray = stray_frames(clip)
+    frames = np.clip(np.arange(len(clip)), stray.start, stray.stop - 1)
     return copy_unchecked(at_frames(clip, frames), channels=clip.channels)
 
 
@@ -150,7 +159,7 @@ def _jumps(steps: FloatArray, least: float) -> Mask:
 
 
 def _stray_at_start(clip: Clip, jumps: Mask, shown: str, is_exact: bool) -> tuple[int, str]:
-    """How many frames at the beginning do not belong, and what they show; 0 and nothing where all belong. The first
+    """Returns the number of stray frames at the beginning, and a description of them; 0 and "" if all belong. The first
     frame shows the reference pose ``shown``, empty for none.
     """
     n_stray = _n_until_out(clip) if shown else 0
@@ -158,20 +167,20 @@ def _stray_at_start(clip: Clip, jumps: Mask, shown: str, is_exact: bool) -> tupl
         n_stray, shown = 0, ""
     reach = n_stray + int(min(_END_S * clip.fps, _END_FRACTION * (len(clip) - n_stray)))
     steps = [n_stray + int(step) for step in np.flatnonzero(jumps[n_stray:reach])]
-    apart = [step for step in steps if not _is_spike(clip, jumps, step)]
-    if apart:
-        n_stray, shown = apart[-1] + 1, shown or "what is apart by a jump"
+    breaks = [step for step in steps if not _is_spike(clip, jumps, step)]
+    if breaks:
+        n_stray, shown = breaks[-1] + 1, shown or "what is apart by a jump"
     return n_stray, shown
 
 
 def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
-    """Whether the motion goes on behind a few wrong frames: of the jump at ``step`` and one of those within half a
-    second, one leads away and the other back.
+    """Whether the motion continues after a few wrong frames: the jump at ``step`` and another within half a second lead
+    away and back.
     """
     fps, metres = clip.fps, rig_info(clip.skeleton).sizes.unit.metres
-    near = np.flatnonzero(jumps[: step + int(_END_S * fps) + 1])
-    for other in near[(near != step) & (near >= step - int(_END_S * fps))]:
-        first, last = min(step, other), max(step, other) + 1  # the frames around the wrong ones
+    close_steps = np.flatnonzero(jumps[: step + int(_END_S * fps) + 1])
+    for other_step in close_steps[(close_steps != step) & (close_steps >= step - int(_END_S * fps))]:
+        first, last = min(step, other_step), max(step, other_step) + 1  # the frames around the wrong ones
         body = clip.skeleton.derived[_body_joints]
         turned = rotation.angle_between(clip.local_rotations[first, body], clip.local_rotations[last, body]).max()
         moved = metres * np.linalg.norm(clip.root_positions[last] - clip.root_positions[first])
@@ -184,7 +193,7 @@ def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
 
 
 def _reference_poses(clip: Clip, info: RigInfo) -> list[tuple[str, bool]]:
-    """Which reference poses the first and the last frame show, and whether exactly; empty where one shows none or the
+    """Which reference poses the first and the last frame show, and whether exactly; empty if one shows none or the
     rig's arms are not known.
     """
     if not info.has_arms:
@@ -216,7 +225,7 @@ def _bone_directions(clip: Clip) -> FloatArray:
     """Directions (T, 2, 15, 3) of upper arm, forearm and hand and of the twelve bones of four fingers, left then right,
     in the axes of the chest; those of the right arm in the mirror.
     """
-    quats = canonical_motion(clip).quats  # identity in the T-pose, where all these bones point to the side
+    quats = canonical_motion(clip).quats  # identity in the T-pose, in which all these bones point to the side
     sides = np.stack([quats[:, LEFT], quats[:, RIGHT]], axis=1)  # (T, 2, 19, 4): collar bone, arm, fingers by threes
     chain = sides[:, :, 0]
     rotations = []
@@ -247,23 +256,23 @@ def _is_straight(bones: FloatArray, arm_deg: float, finger_deg: float) -> bool:
 
 
 def _n_until_out(clip: Clip) -> int:
-    """How many frames pass until the arms are out of the reference pose that the first frame shows: those that show it
-    too, and the way until it ends or slows down. All where they stay.
+    """Returns the number of frames until the arms have left the reference pose of the first frame: the frames in the
+    pose, and the movement until it ends or slows down. All frames if the arms stay.
     """
     bones = _bone_directions(clip)
     arms = bones[:, :, :2]
-    away = np.rad2deg(np.arccos(np.clip(np.einsum("tskc,skc->tsk", arms, arms[0]), -1.0, 1.0))).max(axis=(1, 2))
-    out = np.flatnonzero(away > _NEAR_DEG[0])
-    if not len(out):
+    angles = np.rad2deg(np.arccos(np.clip(np.einsum("tskc,skc->tsk", arms, arms[0]), -1.0, 1.0))).max(axis=(1, 2))
+    outside = np.flatnonzero(angles > _NEAR_DEG[0])
+    if not len(outside):
         return len(clip)
-    last = int(out[0]) - 1  # the last frame in the pose
-    rates = np.diff(away)[last : last + max(1, math.ceil(_WAY_S * clip.fps))]
+    last = int(outside[0]) - 1  # the last frame in the pose
+    rates = np.diff(angles)[last : last + max(1, math.ceil(_WAY_S * clip.fps))]
     fastest = np.maximum.accumulate(rates)
     slow = np.flatnonzero(rates < 0.5 * fastest)
-    at = int(slow[0]) if len(slow) else len(rates)
-    while at < len(rates) and 0.1 * fastest[at] < rates[at] < rates[at - 1]:  # a way that slows down gently
-        at += 1
-    return last + at
+    end = int(slow[0]) if len(slow) else len(rates)
+    while end < len(rates) and 0.1 * fastest[end] < rates[end] < rates[end - 1]:  # the movement slows down gently
+        end += 1
+    return last + end
 
 
 # --- warnings ---
@@ -287,16 +296,16 @@ def _jump_warnings(clip: Clip, jumps: Mask, angles: FloatArray, speeds: FloatArr
     return lines
 
 
-_RAISED, _BEHIND = 0.4, 0.15
-"""Height of a wrist (``Arms.lift``) from which on it signs, and how far behind the shoulders, in arm lengths, it is in
-half of such frames where left and right are exchanged: no sign is made at one's back.
-"""
+_RAISED = 0.4
+"""Height of a wrist (``Arms.lift``) from which on it signs."""
+_BEHIND = 0.15
+"""Median distance of signing wrists behind the shoulders from which on left and right are exchanged, arm lengths."""
 _NAMED = 12
-"""Most names in a warning."""
+"""Largest number of names in a warning."""
 
 
 def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
-    """Facts about a clip, ready for JSON: rig, roles, rate, frames, unit, axes, keyedness, rest and warnings."""
+    """Returns a clip's facts, ready for JSON: rig, roles, rate, frames, unit, axes, keyedness, rest and warnings."""
     skeleton = clip.skeleton
     info = rig_info(skeleton)
     humanoid, unit = info.roles, info.sizes.unit
@@ -327,8 +336,8 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
 
 
 def clip_warnings(clip: Clip) -> tuple[str, ...]:
-    """What a user should know about a clip before it is spliced, one line each, without its name; kept as long as the
-    clip lives. Raises ``InputError`` where the skeleton's own roles do not fit it.
+    """Returns warnings about a clip before splicing, one line each, without its name; kept as long as the clip lives.
+    Raises ``InputError`` if the skeleton's own roles do not fit it.
     """
     return clip.derived[_clip_warnings]
 
@@ -410,10 +419,10 @@ def _rig_warnings(clip: Clip) -> list[str]:
 
 
 def left_out_warnings(clip: Clip) -> tuple[str, ...]:
-    """Lines about what a clip's file holds and the clip does not, or otherwise; none where there is nothing."""
+    """Returns lines about content of a clip's file that the clip lacks or holds in another form."""
     lines = list(clip.notes)
     if clip.left_out:
-        some, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
-        more = f" and {n_more} more" if n_more > 0 else ""
-        lines.insert(0, f"{', '.join(some)}{more} left out: a clip holds the motion of joints and faces")
+        names, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
+        suffix = f" and {n_more} more" if n_more > 0 else ""
+        lines.insert(0, f"{', '.join(names)}{suffix} left out: a clip holds the motion of joints and faces")
     return tuple(f"{clip.name}: {line}" for line in lines)

@@ -1,4 +1,4 @@
-"""Whether a clip was drawn between keys or captured, judged once for all of its frames and joints.
+"""Judges whether a clip was drawn between keys or captured, once for all of its frames and joints.
 
 Between two keys of an animation program a joint follows a line or a cubic: second or fourth differences vanish. At a
 key in frame 0 with none in the three frames on either side, a cubic with continuous velocity has the fourth differences
@@ -23,26 +23,33 @@ from signsplice.rig.metrics import MOVING_RAD
 from signsplice.rig.roles import ARM
 
 KEYED_DENSITY = 0.1375
-"""Fraction of the moving frames in which a line or cubic fits, from which on a clip is keyed: the best at equal costs
-of 2,300 clips of a take and of words of three bodies, re-keyed in eight ways, or with noise, filtered or resampled.
+"""Fraction of the moving frames fitted by a line or cubic from which on a clip is keyed: the optimum at equal costs for
+2,300 clips of a take and of words of three bodies, re-keyed in eight ways, or with noise, filtered or resampled.
 """
-_EXACT, _LEVEL_FRAMES, _ROUNDING_RAD = 0.05, 9, 1e-7
-"""A difference counts as none up to this fraction of the root mean square over so many frames, and below rounding."""
+_EXACT = 0.05
+"""Fraction of the local root mean square up to which a difference counts as zero."""
+_LEVEL_FRAMES = 9
+"""Number of frames of that root mean square."""
+_ROUNDING_RAD = 1e-7
+"""Rounding error below which a difference counts as zero, radians."""
 _LEAST_S = 1.0
-"""Seconds of motion, summed over joints, that are judged."""
+"""Least motion that is judged, seconds summed over joints."""
 _KEYED_SECOND = 0.2
-"""The density from which on one second of one joint counts as keyed: it has too few frames for ``KEYED_DENSITY``."""
-_RATES, _MOST_FPS = (24.0, 25.0, 30.0), 60.0
+"""Density from which on one second of one joint is keyed: it has too few frames for ``KEYED_DENSITY``."""
+_RATES = (24.0, 25.0, 30.0)
+"""Rates from which a clip may have been resampled, frames a second."""
+_MOST_FPS = 60.0
+"""Approximate largest rate at which clips are judged, frames a second."""
 
 
 @dataclass(frozen=True)
 class Keyedness:
     """Whether a clip was drawn between keys.
 
-    is_keyed: whether it was. All joints count, but no more than twice what the arms show, if these move for a second.
-    fraction: how much of their motion follows lines or cubics between keys.
-    every: frames from key to key, roughly: too few where joints are fast. None where it is captured.
-    reason: a line that says so.
+    is_keyed: whether it was. All joints count, up to twice the score of the arms if these move for a second.
+    fraction: fraction of the motion that follows lines or cubics between keys.
+    every: approximate frames from key to key: too few if joints are fast. None if captured.
+    reason: a line that explains the result.
     """
 
     is_keyed: bool
@@ -52,12 +59,12 @@ class Keyedness:
 
 
 def judge_keyedness(*clips: Clip) -> Keyedness:
-    """Whether clips of one skeleton and rate were drawn between keys; that of one clip is kept as long as it lives."""
+    """Judges whether clips of one skeleton and rate were drawn between keys; the result for one clip is cached."""
     return (clips[0].source_clip or clips[0]).derived[_judge_clip] if len(clips) == 1 else _judge(*clips)
 
 
 def explain_keyedness(clip: Clip) -> Keyedness:
-    """The same with all joints in the reason, which takes longer for captured clips."""
+    """Judges a clip with all joints in the reason, which takes longer for captured clips."""
     return _judge(clip, explain=True)
 
 
@@ -67,10 +74,10 @@ def _judge_clip(clip: Clip) -> Keyedness:
 
 @dataclass(frozen=True, eq=False)
 class _MotionFit:
-    """Where lines and curves fit a motion of T frames and J joints.
+    """The frames in which lines and curves fit a motion of T frames and J joints.
 
     rate: frames a second.
-    speed: (T, J) radians a frame; 0 where a joint hardly moves.
+    speed: (T, J) radians a frame; 0 if a joint hardly moves.
     lines, curves: (T, J) whether four frames lie on a line, and whether a line, a cubic, or two with a key between fit.
     """
 
@@ -80,8 +87,8 @@ class _MotionFit:
     curves: NDArray[np.bool_]
 
     def density(self, joints: NDArray[np.bool_]) -> float:
-        """Fraction of the frames in which joints move that curves fit: the mean over joints, by motion; -1 where they
-        move for less than ``_LEAST_S``.
+        """Returns the fraction of moving frames that curves fit, averaged over joints by motion; -1 if the joints move
+        for less than ``_LEAST_S``.
         """
         n_moving, speed = np.sum(self.speed[:, joints] > 0.0, axis=0), self.speed[:, joints].sum(axis=0)
         if n_moving.sum() < _LEAST_S * self.rate:
@@ -89,7 +96,7 @@ class _MotionFit:
         return float(np.average(self.curves[:, joints].sum(axis=0) / np.maximum(n_moving, 1), weights=speed))
 
     def keyframe_share_and_step(self, joints: NDArray[np.bool_]) -> tuple[float, float]:
-        """How much of the joints' motion lies in seconds in which curves fit, and frames from key to key there."""
+        """Returns the fraction of the joints' motion in seconds that curves fit, and frames from key to key there."""
         speed, curves, width = self.speed[:, joints], self.curves[:, joints], round(self.rate) | 1
         n_fit, n_moving = (_running_mean(mask.astype(np.float64), width, "constant") for mask in (curves, speed > 0.0))
         is_keyed = n_fit > _KEYED_SECOND * n_moving
@@ -108,7 +115,7 @@ def _judge(*clips: Clip, explain: bool = False) -> Keyedness:
     is_arm[[joint for role, joint in roles.items() if role.endswith(ARM)]] = True
     everything = np.ones_like(is_arm)
     if not explain and is_arm.any():
-        # The score is at most twice the arms' density, so most captured clips are told by these alone.
+        # The score is at most twice the arms' density, so the arms suffice for most captured clips.
         of_arms = everything[is_arm]
         fit = max(_fits(clips, is_arm), key=lambda fit: fit.density(of_arms))
         if 0.0 <= 2.0 * fit.density(of_arms) <= KEYED_DENSITY:
@@ -119,7 +126,7 @@ def _judge(*clips: Clip, explain: bool = False) -> Keyedness:
     judged, name = (is_arm, _OF_ARMS) if moving else (everything, _OF_ALL)
 
     def density_of(fit: _MotionFit) -> float:
-        """All joints count, but what the arms do not show, they do not."""
+        """Scores all joints, limited to twice the density of the judged joints."""
         of_judged = fit.density(judged)
         return min(0.5 * (of_judged + fit.density(everything)), 2.0 * of_judged)
 
@@ -142,12 +149,12 @@ _OF_ARMS, _OF_ALL = (f"{joints} motion follows lines or cubics" for joints in ("
 
 
 def _fits(clips: Sequence[Clip], joints: NDArray[np.bool_]) -> list[_MotionFit]:
-    """The fits of some joints (J,) of clips at every rate."""
+    """Returns the fits of some joints (J,) of clips at every rate."""
     return [_concatenate_fits(views) for views in zip(*(list(_views(clip, joints)) for clip in clips), strict=True)]
 
 
 def _concatenate_fits(fits: tuple[_MotionFit, ...]) -> _MotionFit:
-    """The same view of several clips as one."""
+    """Concatenates the fits of several clips at one rate."""
     arrays = (
         np.concatenate(parts) for parts in zip(*((fit.speed, fit.lines, fit.curves) for fit in fits), strict=True)
     )
@@ -155,8 +162,8 @@ def _concatenate_fits(fits: tuple[_MotionFit, ...]) -> _MotionFit:
 
 
 def _views(clip: Clip, joints: NDArray[np.bool_]) -> Iterator[_MotionFit]:
-    """The fit at the clip's rate, at most about 60 a second, and at those from which slerp may have brought it there:
-    frames between those of a slower clip lie on lines, whatever it shows.
+    """Yields the fit at the clip's rate, at most about 60 a second, and at the rates from which it may have been
+    resampled by slerp: frames between those of a slower clip always lie on lines.
     """
     step = max(1, round(clip.fps / _MOST_FPS))
     rotations, fps = clip.local_rotations[::step, joints], clip.fps / step
@@ -167,8 +174,8 @@ def _views(clip: Clip, joints: NDArray[np.bool_]) -> Iterator[_MotionFit]:
 
 
 def _source_frames(rotations: FloatArray, step: Fraction) -> FloatArray:
-    """Frames (S, J, 4) of the clip from which ``motion.resample`` made rotations (T, J, 4), each ``step`` frames on: in
-    every block that begins and ends with a frame of both, each is extrapolated from the one before, or after, it.
+    """Reconstructs frames (S, J, 4) of the clip from which ``motion.resample`` made rotations (T, J, 4) at intervals of
+    ``step`` frames: in every block between frames of both clips, each is extrapolated from the one before or after it.
     """
     n_source, n_shown = step.numerator, step.denominator
     n_blocks = (len(rotations) - 1) // n_shown
@@ -186,7 +193,7 @@ def _source_frames(rotations: FloatArray, step: Fraction) -> FloatArray:
 
 
 def _view(q: FloatArray, rate: float) -> _MotionFit:
-    """Where lines and curves fit rotations (T, J, 4); nowhere in fewer than five frames."""
+    """Fits lines and curves to rotations (T, J, 4); there are no fits in fewer than five frames."""
     if len(q) < 5:
         nowhere = np.zeros((0, q.shape[1]))
         return _MotionFit(rate, nowhere, nowhere > 0.0, nowhere > 0.0)
@@ -208,21 +215,21 @@ def _view(q: FloatArray, rate: float) -> _MotionFit:
 
 
 def _perpendicular_sizes(q: FloatArray, changes: FloatArray) -> FloatArray:
-    """Sizes (T, J), rad, of combinations (T, J, 4) of quaternions with weights that sum to 0, seen from q: the vector
-    part of q^-1 c, in which a slerp through q is odd in time, is as long as what of c is at right angles to q.
+    """Returns sizes (T, J), rad, of combinations c (T, J, 4) of quaternions with weights that sum to 0, seen from q:
+    the vector part of q^-1 c, in which a slerp through q is odd in time, is as long as c's part perpendicular to q.
     """
-    along = np.einsum("tjc,tjc->tj", q, changes)
-    return np.asarray(2.0 * np.sqrt(np.maximum(np.einsum("tjc,tjc->tj", changes, changes) - along**2, 0.0)))
+    parallel = np.einsum("tjc,tjc->tj", q, changes)
+    return np.asarray(2.0 * np.sqrt(np.maximum(np.einsum("tjc,tjc->tj", changes, changes) - parallel**2, 0.0)))
 
 
 def _tolerance(sizes: FloatArray) -> FloatArray:
-    """What counts as none of differences of ``sizes`` (T, J)."""
+    """Returns the size below which differences of ``sizes`` (T, J) count as zero."""
     mean = np.maximum(_running_mean(sizes**2, _LEVEL_FRAMES, "nearest"), 0.0)
     return np.asarray(np.maximum(_EXACT * np.sqrt(mean), _ROUNDING_RAD))
 
 
 def _running_mean(values: FloatArray, width: int, mode: Literal["constant", "nearest"]) -> FloatArray:
-    """Means of values (T, J) over an odd number of frames; beyond the ends they are the ``mode``'s."""
+    """Returns means of values (T, J) over an odd number of frames; ``mode`` defines the values beyond the ends."""
     from scipy.ndimage import uniform_filter1d  # its import takes longer than to convert a clip
 
     return np.asarray(uniform_filter1d(values, width, axis=0, mode=mode))

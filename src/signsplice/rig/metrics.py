@@ -1,4 +1,4 @@
-"""Scores of motion, each with a signature of its parameters: a number means nothing without them."""
+"""Scores of motion."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import numpy as np
 from signsplice.motion import FloatArray
 
 MOVING_RAD = 0.005
-"""Rotation of the fastest joint in a frame (0.3 degrees) from which on a body counts as moving."""
+"""Rotation of the fastest joint in a frame from which on a body counts as moving, radians (0.3 degrees)."""
 
 
 def velocity_jump(positions: FloatArray, first: int, stop: int, fps: float) -> float:
     """Largest change of velocity from one frame step to the next at either end of frames [first, stop).
 
-    positions: (T, K, 3) with at least two frames before ``first`` and after ``stop`` where the clip has them; the unit
-    is that of positions a second. At each end, the steps on either side of the last frame outside and of the first
-    inside are compared.
+    positions: (T, K, 3) with at least two frames before ``first`` and after ``stop`` if the clip has them; the unit is
+    that of positions a second. At each end, the steps on either side of the last frame outside and of the first inside
+    are compared.
     """
     velocity = np.diff(positions, axis=0) * fps
     changes = np.linalg.norm(np.diff(velocity, axis=0), axis=-1).max(
@@ -37,8 +37,8 @@ def jerk_ratio(positions: FloatArray, first: int, stop: int, least: float = 0.0)
     """Root mean square jerk of frames [first - 1, stop + 1) over that of the frames around them; 1 is as smooth as the
     signs.
 
-    positions: (T, K, 3). Jerk is the third difference. least: jerk that the frames around are taken to have at least,
-    in units of positions. NaN where there are none, or they are at rest and ``least`` is 0.
+    positions: (T, K, 3). Jerk is the third difference. least: lower limit of the jerk of the frames around, in units of
+    positions. NaN if there are no such frames, or they are at rest and ``least`` is 0.
     """
     jerk = np.linalg.norm(np.diff(positions, n=3, axis=0), axis=-1)  # [i] spans frames i .. i + 3
     inside = np.zeros(len(jerk), bool)

@@ -1,4 +1,4 @@
-"""Which joint of a skeleton plays which role of one canonical humanoid, found by the joints' names.
+"""Finds the joints of a skeleton that play the roles of one canonical humanoid, by their names.
 
 The roles are VRM 1.0's humanoid bones. The naming conventions of humanoid rigs are one table, in the form that
 ``simplify`` gives to the many spellings of one joint, without the side: ``LeftForeArm``, ``forearm.L`` and ``lForeArm``
@@ -26,9 +26,16 @@ from signsplice.motion import Skeleton
 from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.fingers import find_fingers, starts_with_finger
 
-HIPS, NECK, HEAD = "hips/hip/pelvis", "neck/neck1/neck01/necklower/lowerneck", "head"
-EYE, JAW = "eye/faceeye/eyesmplhf", "jaw/jawroot"
-"""Words that most rigs use, tried after a rig's own."""
+HIPS = "hips/hip/pelvis"
+"""Words of most rigs for the hips, tried after a rig's own."""
+NECK = "neck/neck1/neck01/necklower/lowerneck"
+"""The same for the neck."""
+HEAD = "head"
+"""The same for the head."""
+EYE = "eye/faceeye/eyesmplhf"
+"""The same for the eyes."""
+JAW = "jaw/jawroot"
+"""The same for the jaw."""
 SIDES = ("left", "right")
 """Left and right, as role names begin; arrays of both hands have them in this order."""
 
@@ -41,8 +48,8 @@ class NamingConvention:
     arm: collar bone, upper arm, lower arm, hand.
     leg: upper leg, lower leg, foot, toes.
     hips, neck, head: the convention's own words, tried before the usual ones.
-    spine: spine, chest, upper chest, where the rig names them apart; elsewhere they are counted off between hips and
-        neck.
+    spine: spine, chest, upper chest, if the rig has different names for them; else they are counted off between hips
+        and neck.
     marks: joints that are typical of the rig, beside those above.
     first_of_thumb: number of the thumb's first joint.
     """
@@ -107,15 +114,15 @@ mmd       | shoulder arm elbow wrist | leg knee ankle toe | hips waist/lowerbody
 
 def _conventions() -> Iterator[NamingConvention]:
     for row in re.sub(r"\n +", " ", re.sub(r"#.*\n", "", _TABLE)).strip().splitlines():
-        name, arm, leg, *others = (cell.strip() for cell in row.split("|"))
-        words = dict(cell.split(" ", 1) for cell in others)
+        name, arm, leg, *fields = (cell.strip() for cell in row.split("|"))
+        words = dict(cell.split(" ", 1) for cell in fields)
         yield NamingConvention(name, arm, leg, first_of_thumb=int(words.pop("thumb", "1")), **words)
 
 
 CONVENTIONS = tuple(_conventions())
-"""Where two rigs explain a skeleton equally well, the one that stands first here gives its name."""
+"""If two rigs explain a skeleton equally well, the first one here gives its name."""
 
-# What may follow a side's letter without a gap, as in "lshldr"; fingers may too, as in "rthumb1".
+# Words that may follow a side's letter without a gap, as in "lshldr"; so may fingers, as in "rthumb1".
 _LIMB_WORDS = frozenset(
     word
     for words in (EYE, *(f"{rig.arm} {rig.leg} {rig.marks}" for rig in CONVENTIONS))
@@ -133,17 +140,17 @@ _PREFIX = re.compile(
 
 
 def side_and_words(name: str) -> tuple[str, str]:
-    """A joint's side, "" where its name has none, and the words of the rest in lower case, with blanks between them.
+    """Returns a joint's side ("" without one) and the other words of its name in lower case, separated by blanks.
 
-    Both without namespace and rig prefix.
+    Namespace and rig prefix are removed.
     """
     bare = re.split(r"[:|]", name)[-1] or name
     while match := _PREFIX.match(bare):
         bare = bare[match.end() :]
     tokens = [token.lower() for token in _GAP.split(bare) if token]
-    at = next((n for n, token in enumerate(tokens) if token in _SIDE_OF), None)
-    if at is not None and len(tokens) > 1:
-        return _SIDE_OF[tokens.pop(at)], " ".join(tokens)
+    index = next((n for n, token in enumerate(tokens) if token in _SIDE_OF), None)
+    if index is not None and len(tokens) > 1:
+        return _SIDE_OF[tokens.pop(index)], " ".join(tokens)
     words = " ".join(tokens)
     for side, letter in ((side, side[0]) for side in SIDES):
         if words.startswith(side) and words != side:
@@ -155,17 +162,17 @@ def side_and_words(name: str) -> tuple[str, str]:
 
 
 def simplify(name: str) -> str:
-    """A joint's name in comparable form: no namespace or rig prefix, no gaps, lower case, the side in full in front.
+    """Returns a joint's name without namespace, rig prefix and gaps, in lower case, with the full side in front.
 
     "mixamorig:LeftArm", "Character1_LeftArm" and "Arm.L" give "leftarm", "Bip01 L UpperArm" gives "leftupperarm".
-    Numbers stay as they are. A name of nothing but prefix or gaps is only put in lower case.
+    Numbers do not change. A name of only prefix or gaps is converted to lower case.
     """
     side, words = side_and_words(name)
     return side + words.replace(" ", "") or name.lower()
 
 
 def without_shared(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names without what all but the root share: an actor's word in front, a word ("_JNT") or number at the end."""
+    """Removes what all names but the root's share: an actor's word in front, a word ("_JNT") or number at the end."""
     patterns = [r"_\d+$"]
     for pattern in (r"^([^\W_]+)[\W_]+", r"[\W_]+([^\W_]+)$"):
         match = re.search(pattern, names[-1])
@@ -185,8 +192,8 @@ FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
 
 
 def finger_roles(finger: str) -> tuple[str, str, str]:
-    """A finger's roles from the palm out, without the side: ThumbMetacarpal, ThumbProximal, ThumbDistal for the thumb,
-    proximal, intermediate and distal for the others.
+    """Returns a finger's roles from the palm outwards, without the side: ThumbMetacarpal, ThumbProximal, ThumbDistal
+    for the thumb, proximal, intermediate and distal for the others.
     """
     segments = ("Metacarpal", "Proximal", "Distal") if finger == "Thumb" else ("Proximal", "Intermediate", "Distal")
     first, middle, last = (finger + segment for segment in segments)
@@ -200,7 +207,7 @@ _LIMBS = (("head", "Eye"), ("hips", *ARM), *(("Hand", *finger_roles(finger)) for
 
 
 def _lines() -> dict[str, tuple[str, ...]]:
-    """Role -> all roles that it hangs from, the nearest first; those come before it."""
+    """Returns role -> all roles above it, the nearest first; these precede it."""
     lines: dict[str, tuple[str, ...]] = {"hips": ()}
     for chain in _TRUNK:
         for over, role in pairwise(chain):
@@ -216,17 +223,17 @@ _LINE = _lines()
 ROLES: tuple[str, ...] = tuple(_LINE)
 """Every role: the names of VRM 1.0's humanoid bones, each after those that it hangs from."""
 _LEAST_BONE = 1e-6
-"""Bones of an arm that are shorter than this fraction of the longest have no length."""
+"""Arm bones shorter than this fraction of the longest count as having no length."""
 _MIN_ROLES = 3
-"""Fewer joints than this that fit a table are chance, not a rig."""
+"""Least number of joints that must fit a table: fewer may fit by chance."""
 
 
 @dataclass(frozen=True)
 class Humanoid:
     """The body found in a skeleton.
 
-    rig: the naming convention, a name in ``CONVENTIONS``; "custom" where a user named roles, "unknown" where no
-        convention fits.
+    rig: the naming convention, a name in ``CONVENTIONS``; "custom" if a user named roles, "unknown" if no convention
+        fits.
     joints: role -> joint index, immutable, in the order of ``ROLES``.
 
     Raises ``InputError`` for an unknown role, or one joint in two roles.
@@ -245,7 +252,7 @@ class Humanoid:
         object.__setattr__(self, "joints", MappingProxyType(ordered))
 
     def joint(self, role: str) -> int | None:
-        """The joint that plays ``role``, None where none does."""
+        """Returns the joint that plays ``role``, None if none does."""
         return self.joints.get(role)
 
     @cached_property
@@ -258,7 +265,7 @@ class Humanoid:
 
 
 def _names(convention: NamingConvention) -> dict[str, tuple[str, ...]]:
-    """Role -> the simplified names that a convention and common usage have for it, best first."""
+    """Returns role -> its simplified names in a convention and in common usage, best first."""
     words = {
         "hips": f"{convention.hips}/{HIPS}",
         "neck": f"{convention.neck}/{NECK}",
@@ -289,7 +296,7 @@ _Joints = dict[str, int]
 
 
 class _Ancestors(dict[int, frozenset[int]]):
-    """All joints above each joint that is asked for; those of every joint would take the square of a chain's length."""
+    """All joints above a joint, computed on demand: for every joint, they would take the square of a chain's length."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         super().__init__()
@@ -305,18 +312,18 @@ class _Ancestors(dict[int, frozenset[int]]):
 
 
 def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) -> Humanoid:
-    """The humanoid in a skeleton: which joint plays which role.
+    """Finds the humanoid in a skeleton: the joint of each role.
 
-    override: role -> joint name, which wins over the tables; ``skeleton.roles`` by default. ``info.rig_info`` keeps the
-    answer for a skeleton. Raises ``InputError`` where the override names a role or a joint that does not exist, or
+    override: role -> joint name, which overrides the tables; ``skeleton.roles`` by default. ``info.rig_info`` keeps the
+    answer for a skeleton. Raises ``InputError`` if the override names a role or a joint that does not exist, or
     gives one joint two roles.
     """
     return _find(skeleton, skeleton.roles or {} if override is None else override)
 
 
 def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
-    """Joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` where one of an
-    arm's is missing, or lies where the one before it does.
+    """Returns the joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` if one
+    of an arm's joints is missing or lies at the same place as the one before it.
     """
     names = [side + part for side in SIDES for part in ARM[1:]]
     missing = [name for name in names if name not in humanoid.joints]
@@ -334,25 +341,25 @@ def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
 
 
 def _find(skeleton: Skeleton, override: Mapping[str, str]) -> Humanoid:
-    given = _resolve_override(skeleton, override)
+    named = _resolve_override(skeleton, override)
     ancestors = _Ancestors(skeleton)
     for names in (skeleton.names, without_shared(skeleton.names)):
         index = _index(names)
-        found = {rig: _with_names(given, _NAMES[rig.name], index, ancestors) for rig in CONVENTIONS}
-        best, *others = sorted(
-            CONVENTIONS, key=lambda rig: _count_explained_joints(rig, found[rig], index), reverse=True
+        by_rig = {rig: _with_names(named, _NAMES[rig.name], index, ancestors) for rig in CONVENTIONS}
+        best, *runners_up = sorted(
+            CONVENTIONS, key=lambda rig: _count_explained_joints(rig, by_rig[rig], index), reverse=True
         )
-        if len(found[best]) >= len(given) + _MIN_ROLES:
+        if len(by_rig[best]) >= len(named) + _MIN_ROLES:
             break
     else:
-        if not given and len(_with_fingers(found[best], best, names, skeleton, ancestors)) < _MIN_ROLES:
+        if not named and len(_with_fingers(by_rig[best], best, names, skeleton, ancestors)) < _MIN_ROLES:
             return Humanoid("unknown", {})
-    joints = _with_spine(_with_hips(found[best], ancestors), ancestors)
-    for rig in others:  # roles that the best one left open
+    joints = _with_spine(_with_hips(by_rig[best], ancestors), ancestors)
+    for rig in runners_up:  # roles that the best one left open
         names_but_hips = {role: forms for role, forms in _NAMES[rig.name].items() if role != "hips"}
         joints = _with_names(joints, names_but_hips, index, ancestors)
     joints = _with_fingers(joints, best, names, skeleton, ancestors)
-    return Humanoid("custom" if given else best.name, joints)
+    return Humanoid("custom" if named else best.name, joints)
 
 
 def _count_explained_joints(convention: NamingConvention, joints: _Joints, index: Mapping[str, list[int]]) -> int:
@@ -372,8 +379,8 @@ def _resolve_override(skeleton: Skeleton, override: Mapping[str, str]) -> _Joint
             )
         joint = skeleton.index[name]
         if joint in joints.values():
-            other = next(role for role, taken in joints.items() if taken == joint)
-            raise InputError(f"override: joint {name!r} is both {other} and {role}, expected one role for a joint")
+            other_role = next(role for role, taken in joints.items() if taken == joint)
+            raise InputError(f"override: joint {name!r} is both {other_role} and {role}, expected one role for a joint")
         joints[role] = joint
     return joints
 
@@ -393,23 +400,23 @@ def _fits(role: str, joint: int, joints: _Joints, ancestors: _Ancestors) -> bool
         role not in joints
         and joint not in joints.values()
         and (over is None or joints[over] in ancestors[joint])
-        and all(joint in ancestors[other] for below, other in joints.items() if role in _LINE[below])
+        and all(joint in ancestors[lower] for below, lower in joints.items() if role in _LINE[below])
     )
 
 
 def _with_names(
     joints: _Joints, names: Mapping[str, tuple[str, ...]], index: Mapping[str, list[int]], ancestors: _Ancestors
 ) -> _Joints:
-    """``joints`` and what a rig's names (role -> simplified names) add without breaking the order of the body."""
+    """Adds the joints that fit a rig's names (role -> simplified names) without breaking the order of the body."""
     options = {role: [joint for form in forms for joint in index.get(form, ())] for role, forms in names.items()}
     if "hips" in options:
-        # The hips carry most of what was found; the pelvis of DAZ and Character Creator holds the legs alone.
-        rest = {*joints.values(), *(some[0] for role, some in options.items() if some and role != "hips")}
-        load = {joint: sum(joint in ancestors[other] for other in rest - {joint}) for joint in options["hips"]}
+        # The hips carry most of the found joints; the pelvis of DAZ and Character Creator carries only the legs.
+        rest = {*joints.values(), *(listed[0] for role, listed in options.items() if listed and role != "hips")}
+        load = {joint: sum(joint in ancestors[assigned] for assigned in rest - {joint}) for joint in options["hips"]}
         options["hips"] = sorted((j for j in load if 2 * load[j] >= len(rest - {j})), key=lambda j: -load[j])
     joints = dict(joints)
-    for role, some in options.items():
-        joint = next((joint for joint in some if _fits(role, joint, joints, ancestors)), None)
+    for role, candidates in options.items():
+        joint = next((joint for joint in candidates if _fits(role, joint, joints, ancestors)), None)
         if joint is not None:
             joints[role] = joint
     return joints
@@ -418,7 +425,7 @@ def _with_names(
 def _with_fingers(
     joints: _Joints, convention: NamingConvention, names: tuple[str, ...], skeleton: Skeleton, ancestors: _Ancestors
 ) -> _Joints:
-    """``joints`` and the fingers below the hands."""
+    """Adds the fingers below the hands."""
     joints = dict(joints)
     parents, parts = skeleton.parents.tolist(), [side_and_words(name) for name in names]
     for side in SIDES:
@@ -431,7 +438,7 @@ def _with_fingers(
 
 
 def _with_hips(joints: _Joints, ancestors: _Ancestors) -> _Joints:
-    """``joints`` with hips where legs and trunk meet, where no name gives them."""
+    """Adds the joint in which legs and trunk meet as hips if no name gives them."""
     legs = [joints[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in joints]
     trunk = [joints[role] for role in ("neck", "head", "leftUpperArm", "rightUpperArm") if role in joints]
     shared = frozenset.intersection(*(ancestors[joint] for joint in legs + trunk)) if len(legs) == 2 and trunk else ()
@@ -441,7 +448,7 @@ def _with_hips(joints: _Joints, ancestors: _Ancestors) -> _Joints:
 
 
 def _with_spine(joints: _Joints, ancestors: _Ancestors) -> _Joints:
-    """``joints`` with the roles of the spine counted off between hips and neck.
+    """Adds the roles of the spine, counted off between hips and neck.
 
     One joint is the spine, two are spine and chest. Of more, the first is the spine, the last that carries the
     shoulders is the upper chest, and the chest is the middle one.
@@ -471,7 +478,7 @@ def unknown_role(role: str) -> str:
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
-    """The known word most like ``word`` as a question to add to a message, nothing where none is like it."""
+    """Returns the known word most similar to ``word`` as a question for a message; empty if none is similar."""
     spelled = {simplify(name): name for name in reversed(tuple(known))}
-    near = difflib.get_close_matches(simplify(word), spelled, n=1, cutoff=0.5)
-    return f" (did you mean {spelled[near[0]]!r}?)" if near else ""
+    matches = difflib.get_close_matches(simplify(word), spelled, n=1, cutoff=0.5)
+    return f" (did you mean {spelled[matches[0]]!r}?)" if matches else ""

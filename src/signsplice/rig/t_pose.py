@@ -1,8 +1,8 @@
-"""The body of a rig: the T-pose, into which every rig can be brought whatever its own rest pose is, and its sizes.
+"""The T-pose of a rig, which does not depend on its rest pose, and its body sizes.
 
 In the T-pose up is +Y, forward is +Z, the signer's left is +X, palms face down. The rest pose of a file (all rotations
-identity) may lie on its back, hold its arms forward or bend its fingers. Turned into the T-pose, all rigs agree on
-where each bone points. Sizes are arm length, shoulder width, stature, and the length unit that they suggest.
+identity) may lie on its back, hold its arms forward or bend its fingers. In the T-pose, bones of all rigs have the same
+directions. Sizes are arm length, shoulder width, stature, and the length unit that they suggest.
 
 """
 
@@ -46,7 +46,7 @@ _UPRIGHT = (
     "rightFoot",
 )
 _BENT_DEG = 20.0
-"""Last phalanges that a rest pose bends by more are straight in the T-pose; tips of straight fingers point anywhere."""
+"""Bend of last phalanges, degrees, above which they are straightened; tips of straight fingers may point anywhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def t_pose(skeleton: Skeleton, roles: Humanoid) -> TPose:
 
     Trunk, head and feet are rotated as one, from the own up and left of the rest pose: the skeleton's ``rest_pose``, or
     all rotations at identity. Limbs and fingers are then swung until their bones point as in the T-pose, last phalanges
-    only where they are clearly bent. A hand follows the direction to its middle knuckle and its line of knuckles.
+    only if they are clearly bent. A hand follows the direction to its middle knuckle and its line of knuckles.
     Joints without a role follow their parents.
     """
     rotations = _rotations(skeleton, roles.joints)
@@ -105,15 +105,15 @@ def _rotations(skeleton: Skeleton, joints: Mapping[str, int]) -> FloatArray:
         elif role.endswith("Distal") and "Thumb" not in role:
             tip = _tip(skeleton, joint)
             bone = rotation.rotate(q, tip if rested is None else rotation.rotate(rested[joint], tip))
-            out = np.array([1.0 if role.startswith("left") else -1.0, 0.0, 0.0])
-            if bone @ out < np.cos(np.deg2rad(_BENT_DEG)) * np.linalg.norm(bone):
-                q = rotation.multiply(rotation.between_vectors(bone, out), q)
+            outwards = np.array([1.0 if role.startswith("left") else -1.0, 0.0, 0.0])
+            if bone @ outwards < np.cos(np.deg2rad(_BENT_DEG)) * np.linalg.norm(bone):
+                q = rotation.multiply(rotation.between_vectors(bone, outwards), q)
         rotations[joint] = q
     return rotations if rested is None else rotation.multiply(rotations, rested)
 
 
 def _tip(skeleton: Skeleton, joint: int) -> FloatArray:
-    """From the last joint of a finger to its tip (3,), in its axes; zero where that is not known."""
+    """Returns the offset (3,) of a finger's tip from its last joint, in its axes; zero if unknown."""
     ends = [skeleton.offsets[child] for child in skeleton.children[joint]]
     ends += [site.offset for site in skeleton.end_sites if site.joint == joint]
     return ends[0] if ends else np.zeros(3)
@@ -123,29 +123,29 @@ def _upright(rest: FloatArray, joints: Mapping[str, int]) -> FloatArray:
     """Rotation (4,) that brings the rest pose's up to +Y and its left to +X."""
     top = next((joints[r] for r in ("head", "neck", "upperChest", "chest", "spine") if r in joints), None)
     for part in ("UpperLeg", "Shoulder", "UpperArm"):  # hips and collar bones lie across in any rest pose; arms may not
-        left, right = joints.get(f"left{part}"), joints.get(f"right{part}")
-        if top is not None and left is not None and right is not None:
-            across, up = rest[left] - rest[right], rest[top] - rest[joints.get("hips", 0)]
-            if np.linalg.norm(np.cross(across, up)) > 1e-9 * np.linalg.norm(across) * np.linalg.norm(up):
-                return _frame(across, up)
+        left_joint, right_joint = joints.get(f"left{part}"), joints.get(f"right{part}")
+        if top is not None and left_joint is not None and right_joint is not None:
+            to_left, up = rest[left_joint] - rest[right_joint], rest[top] - rest[joints.get("hips", 0)]
+            if np.linalg.norm(np.cross(to_left, up)) > 1e-9 * np.linalg.norm(to_left) * np.linalg.norm(up):
+                return _frame(to_left, up)
     return rotation.IDENTITY
 
 
 def _hand_to_t_pose(side: str, rest: FloatArray, joints: Mapping[str, int], above: FloatArray) -> FloatArray:
     knuckles = [joints.get(f"{side}{finger}Proximal") for finger in ("Index", "Middle", "Little")]
     wrist = joints[f"{side}Hand"]
-    out = 1.0 if side == "left" else -1.0
+    sign = 1.0 if side == "left" else -1.0
     if knuckles[1] is None:
         return above
     if knuckles[0] is None or knuckles[2] is None:
-        along = rotation.rotate(above, rest[knuckles[1]] - rest[wrist])
-        return rotation.multiply(rotation.between_vectors(along, np.array([out, 0.0, 0.0])), above)
-    along, across = rest[knuckles[1]] - rest[wrist], rest[knuckles[0]] - rest[knuckles[2]]
-    back = np.cross(across, along) * out
-    if not np.linalg.norm(back) > 1e-9 * np.linalg.norm(along) * np.linalg.norm(across):
+        to_middle = rotation.rotate(above, rest[knuckles[1]] - rest[wrist])
+        return rotation.multiply(rotation.between_vectors(to_middle, np.array([sign, 0.0, 0.0])), above)
+    to_middle, knuckle_line = rest[knuckles[1]] - rest[wrist], rest[knuckles[0]] - rest[knuckles[2]]
+    back = np.cross(knuckle_line, to_middle) * sign
+    if not np.linalg.norm(back) > 1e-9 * np.linalg.norm(to_middle) * np.linalg.norm(knuckle_line):
         return above  # the knuckles lie in one line with the wrist, or at it: they span no palm
     # Fingers along +-X, the index side forward (+Z): palms down.
-    return _frame(along * out, back)
+    return _frame(to_middle * sign, back)
 
 
 def _frame(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -162,21 +162,25 @@ STATURE_M = 1.70
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
 """Length unit -> metres."""
 _PERSON_M = (0.5, 2.8)
-"""Heights outside of which a body is no person's, and the unit in which it has them is none of ``UNITS``."""
+"""Range of a person's height, m: a unit of ``UNITS`` that gives a height outside it is not the body's."""
 
 # Chains of joints -> length between joint centres as a fraction of stature (Drillis and Contini 1966, in Winter 2009,
 # fig. 4.1).
 _ARMS = (("leftUpperArm", "leftLowerArm", "leftHand"), ("rightUpperArm", "rightLowerArm", "rightHand"))
 _LEGS = (("leftUpperLeg", "leftLowerLeg", "leftFoot"), ("rightUpperLeg", "rightLowerLeg", "rightFoot"))
-_ARM_FRACTION, _LEG_FRACTION = 0.186 + 0.146, 0.245 + 0.246
+_ARM_FRACTION = 0.186 + 0.146
+"""Length of an arm without hand over stature."""
+_LEG_FRACTION = 0.245 + 0.246
+"""Length of a leg without foot over stature."""
 _SHOULDER_FRACTION = 0.259
+"""Shoulder width over stature."""
 
 
 @dataclass(frozen=True)
 class LengthUnit:
     """The length unit that a skeleton seems to be in.
 
-    name: a key of ``UNITS``; "unknown" where no person has the body's height in any of them.
+    name: a key of ``UNITS``; "unknown" if none gives the height of a person.
     metres: length of one unit.
     stature_m: body height that follows, m; 0 for a skeleton without extent.
     """
@@ -190,7 +194,7 @@ class LengthUnit:
 class BodySizes:
     """What a body measures.
 
-    stature: body height from arm and leg lengths, clip units; the rest pose's extent where no limb is known.
+    stature: body height from arm and leg lengths, clip units; the rest pose's extent if no limb is known.
     arm_length: shoulder to wrist, clip units.
     shoulder_width: distance of the two shoulder joints, clip units.
     unit: the length unit.
@@ -203,23 +207,23 @@ class BodySizes:
 
 
 def measure(skeleton: Skeleton, roles: Humanoid, t_pose_positions: Callable[[], FloatArray]) -> BodySizes:
-    """The sizes of a body with these roles; ``t_pose_positions`` gives joint positions (J, 3), asked
-    only where both shoulders are known.
+    """Measures a body with these roles; ``t_pose_positions`` returns joint positions (J, 3) and is called only if both
+    shoulders are known.
 
-    Where arms or shoulders are not known, their size follows from stature.
+    The sizes of unknown arms or shoulders follow from stature.
     """
     height = stature(skeleton, roles)
     arms = [length for length in (chain_length(skeleton, roles, chain) for chain in _ARMS) if length > 0.0]
     shoulders = [roles.joints[role] for role in ("leftUpperArm", "rightUpperArm") if role in roles.joints]
     width = _SHOULDER_FRACTION * height
     if len(shoulders) == 2:
-        left, right = t_pose_positions()[shoulders]
-        width = float(np.linalg.norm(left - right))
+        left_shoulder, right_shoulder = t_pose_positions()[shoulders]
+        width = float(np.linalg.norm(left_shoulder - right_shoulder))
     return BodySizes(height, float(np.mean(arms)) if arms else 0.332 * height, width, length_unit(height))
 
 
 def chain_length(skeleton: Skeleton, roles: Humanoid, chain: tuple[str, ...]) -> float:
-    """Length of the path through the joints of a chain of roles, clip units; 0.0 where one is missing."""
+    """Returns the length of the path through the joints of a chain of roles, clip units; 0.0 if one is missing."""
     joints = [roles.joints[role] for role in chain if role in roles.joints]
     if len(joints) < len(chain):
         return 0.0
@@ -228,7 +232,7 @@ def chain_length(skeleton: Skeleton, roles: Humanoid, chain: tuple[str, ...]) ->
 
 
 def stature(skeleton: Skeleton, roles: Humanoid) -> float:
-    """Body height in clip units, from the lengths of arms and legs; the rest pose's extent where no limb is known."""
+    """Returns the body height in clip units from the lengths of arms and legs; without them the rest pose's extent."""
     chains = [(chain, _ARM_FRACTION) for chain in _ARMS] + [(chain, _LEG_FRACTION) for chain in _LEGS]
     lengths = [(chain_length(skeleton, roles, chain), fraction) for chain, fraction in chains]
     heights = [length / fraction for length, fraction in lengths if length > 0.0]
@@ -239,10 +243,10 @@ def stature(skeleton: Skeleton, roles: Humanoid) -> float:
 
 
 def length_unit(height: float) -> LengthUnit:
-    """The unit in which a body of this height (clip units) comes nearest to a grown person (m, cm, mm, inch or foot);
-    one in which it is a grown person where it is no person in any of these.
+    """Returns the unit (m, cm, mm, inch or foot) in which a body of this height (clip units) is closest to an adult's;
+    a unit that makes it an adult if none gives a person's height.
 
-    A child of 1.1 m or a giant of 2.7 m is still read right; a body outside those limits may not be.
+    A child of 1.1 m or a giant of 2.7 m is still read correctly; a body outside those limits may not be.
     """
     if height <= 0.0:
         return LengthUnit("m", 1.0, 0.0)

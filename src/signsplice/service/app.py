@@ -1,4 +1,4 @@
-"""The routes of the service, which validate requests and pass them to worker processes, and the service on a socket."""
+"""Routes of the service, which validate requests and pass them to worker processes, and the service on a socket."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet, gi
 
 
 class Service:
-    """What the routes share: settings, lexicon, worker processes and counters."""
+    """State shared by the routes: settings, lexicon, worker processes and counters."""
 
     def __init__(self, settings: Settings, scenes: Sequence[Mapping[str, Any]]) -> None:
         self.settings, self.scenes = settings, scenes
@@ -93,19 +93,19 @@ class Service:
 
     @property
     def is_warm(self) -> bool:
-        """Whether every worker process has been ready, and so answers at once."""
+        """Whether every worker process has become ready, and so answers at once."""
         return self.request_workers.is_warm and self.stream_workers.is_warm
 
     async def run(self, request: Request, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """The result of a job for a request. Raises ``BusyError`` where too many wait, and as ``Workers.run``."""
+        """Run a job for a request. Raises ``BusyError`` if too many requests wait, and as ``Workers.run``."""
         with self.requests.hold(request):
             return await self.request_workers.run(job, *args)
 
     async def stream(self, socket: WebSocket) -> None:
-        """Serve one client's stream, on the worker that has the fewest."""
-        with ExitStack() as held:
+        """Serve one client's stream, on the worker with the fewest streams."""
+        with ExitStack() as stack:
             try:
-                held.enter_context(self.streams.hold(socket))
+                stack.enter_context(self.streams.hold(socket))
             except BusyError as error:
                 await socket.accept()
                 await socket.send_json({"type": "error", **failure(error)})
@@ -113,15 +113,15 @@ class Service:
                 return
             worker = self.stream_workers.least_loaded(self.n_streams.__getitem__)
             self.n_streams[worker] += 1
-            held.callback(self.n_streams.subtract, [worker])
-            held.enter_context(self.metrics.streams.track_inprogress())
+            stack.callback(self.n_streams.subtract, [worker])
+            stack.enter_context(self.metrics.streams.track_inprogress())
             await StreamSession(socket, self.settings, worker, self.metrics).run()
 
 
 def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> FastAPI:
-    """The service as an ASGI application. ``scenes``: what its page shows at first, as ``wire.Spliced``.
+    """Create the service as an ASGI application. ``scenes``: initial scenes of its page, as ``wire.Spliced``.
 
-    Raises ``InputError`` for a lexicon that cannot be opened or has a damaged word.
+    Raises ``InputError`` if the lexicon cannot be opened or has a damaged word.
     """
     service = Service(settings, scenes)
     app = FastAPI(
@@ -143,7 +143,7 @@ def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> Fast
 
 
 def _add_state_routes(app: FastAPI, service: Service) -> None:
-    """The page, and routes that describe the service."""
+    """Add the page, and routes that describe the service."""
     pages = page.PageResponses(service.scenes, service.settings.allowed_embedders)
 
     @app.api_route("/", methods=["GET", "HEAD"], include_in_schema=False)
@@ -198,7 +198,7 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
 
 
 def _add_work_routes(app: FastAPI, service: Service) -> None:
-    """Routes that make animations."""
+    """Add routes that make animations."""
     settings = service.settings
 
     @app.post("/v1/sentence", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
@@ -251,7 +251,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
 
 
 def _options(kind: TypeAdapter[ResultT], text: str) -> ResultT:
-    """The options of a form."""
+    """Parse the options of a form."""
     try:
         return kind.validate_json(text)
     except ValidationError as error:
@@ -259,7 +259,7 @@ def _options(kind: TypeAdapter[ResultT], text: str) -> ResultT:
 
 
 def _check_line(request: wire.SentenceRequest, settings: Settings) -> None:
-    """Raise ``InputError`` for what no schema says of glosses and text."""
+    """Raise ``InputError`` if glosses and text break rules that the schema cannot express."""
     if (request.glosses is None) == (request.text is None):
         raise InputError(f"{'no' if request.text is None else 'both'} glosses and text, expected one of them")
     if request.glosses is not None and len(request.glosses) > settings.max_glosses:
@@ -279,7 +279,7 @@ def _failures(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def _add_docs(app: FastAPI) -> None:
-    """A page of the routes, with Swagger UI from this host: FastAPI's own page loads it from a CDN."""
+    """Add a page of the routes, with Swagger UI from this host: FastAPI's own page loads it from a CDN."""
     files = page.BUILT / "docs"
     if not files.is_dir():
         return
@@ -306,7 +306,7 @@ def _add_docs(app: FastAPI) -> None:
 
 
 def _add_error_handlers(app: FastAPI) -> None:
-    """Answer every failure with ``wire.Failure``, whose message is one line."""
+    """Answer every failure with ``wire.Failure`` and a message of one line."""
 
     @app.exception_handler(SignspliceError)
     async def signsplice_error(_: Request, error: SignspliceError) -> Response:
@@ -332,9 +332,9 @@ def _add_error_handlers(app: FastAPI) -> None:
 def serve(
     settings: Settings, scenes: Sequence[Mapping[str, Any]] = (), on_open: Callable[[str], None] | None = None
 ) -> None:
-    """Listen until interrupted. ``on_open`` is called with the page's address once the socket is open.
+    """Listen until interrupted. Calls ``on_open`` with the page's address once the socket is open.
 
-    Raises ``InputError`` where the address cannot be listened on, or the lexicon cannot be opened.
+    Raises ``InputError`` if the service cannot listen on the address or the lexicon cannot be opened.
     """
     app = create(settings, scenes)
     http, websocket = protocols(settings)

@@ -1,6 +1,5 @@
-"""Limits on callers: sizes and times of bodies, host names, origins of pages, and what each client holds of things that
-there are few of, so that one client cannot hold all of them.
-
+"""Limits on callers: sizes and times of bodies, host names, origins of pages, and each client's share of scarce
+resources.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from signsplice.service.workers import BusyError
 
 
 def client_of(address: str | None) -> str:
-    """Whose address this is: an IPv4 address, or the /64 network of an IPv6 address, which one client has whole."""
+    """Return the client of an address: an IPv4 address, or the /64 network of an IPv6 address, owned by one client."""
     try:
         parsed = ip_address((address or "").partition("%")[0])
     except ValueError:
@@ -35,9 +34,9 @@ def client_of(address: str | None) -> str:
 
 
 class Shares:
-    """How many of something are held: in all, and by each client.
+    """Limits how many of a resource are held, in total and by each client.
 
-    noun: what is held, for the message of the error.
+    noun: name of the resource, for error messages.
     """
 
     def __init__(self, noun: str, limit: int, client_limit: int) -> None:
@@ -46,12 +45,12 @@ class Shares:
 
     @property
     def n_held(self) -> int:
-        """How many are held in all."""
+        """Total number held."""
         return self._held.total()
 
     @contextmanager
     def hold(self, connection: HTTPConnection) -> Iterator[None]:
-        """Hold one while the block runs. Raises ``BusyError`` where no more may be held."""
+        """Hold one while the block runs. Raises ``BusyError`` if the limit is reached."""
         client = client_of(connection.client.host if connection.client else None)
         if self.n_held >= self._limit:
             raise BusyError(f"too many {self._noun}; try again in a moment")
@@ -75,7 +74,7 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
-"""Headers of every answer that does not set them itself."""
+"""Default headers of every answer."""
 
 _PREFLIGHT = {
     "Access-Control-Allow-Methods": "GET, POST",
@@ -113,17 +112,17 @@ class Limits:
         origin = _header(scope, b"origin")
         is_allowed = origin is not None and origin.lower() in self.settings.allowed_origins
         limited_send = _SendWithHeaders(send, HEADERS | (_readable_by(scope) if is_allowed else {}))
-        with ExitStack() as held:
-            body = _LimitedReceive(self, HTTPConnection(scope), receive, held)
+        with ExitStack() as stack:
+            body = _LimitedReceive(self, HTTPConnection(scope), receive, stack)
             try:
                 await self.app(scope, body, limited_send)
-            except asyncio.CancelledError:  # the service stops, and the time for what runs is over
+            except asyncio.CancelledError:  # the service stops, and the time for running requests is over
                 if limited_send.has_begun:
                     raise
                 await _failure(503, "the service stopped before this was done; send it again")(scope, receive, send)
 
     def _refusal(self, scope: Scope) -> tuple[int, str] | None:
-        """Status and reason, None for a request whose head is allowed."""
+        """Return status and reason of a refusal; None if the request's head is allowed."""
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
         if sum(name == b"host" for name, _ in scope["headers"]) > 1:
             return 400, "two Host headers, expected one"
@@ -144,7 +143,7 @@ class Limits:
         return None
 
     def max_bytes(self, scope: Scope) -> int:
-        """The limit of a request's body: only forms, which hold files, may exceed that of JSON."""
+        """Return the size limit of a request's body: only forms, which hold files, may exceed that of JSON."""
         content_type = dict(scope["headers"]).get(b"content-type", b"")
         settings = self.settings
         if content_type.startswith(b"multipart/form-data"):
@@ -152,7 +151,7 @@ class Limits:
         return min(settings.max_body_bytes, settings.max_json_bytes)
 
     def _is_allowed(self, origin: str, host: str) -> bool:
-        """Whether a page of this origin may call."""
+        """Return whether a page of this origin may call."""
         try:
             return urlsplit(origin).netloc.lower() == host.lower() or origin.lower() in self.settings.allowed_origins
         except ValueError:
@@ -178,16 +177,16 @@ def _header(scope: Scope, name: bytes) -> str | None:
 
 
 def _readable_by(scope: Scope) -> dict[str, str]:
-    """Headers by which a browser lets the page of another origin read an answer; none where no page calls."""
+    """Return headers by which a browser lets a page of another origin read an answer; none if no page calls."""
     origin = _header(scope, b"origin")
     return {} if origin is None else {"Access-Control-Allow-Origin": origin, "Vary": "Origin"}
 
 
 def _preflight(scope: Scope) -> Response | None:
-    """The answer to a browser that asks whether the page of another origin may call; None for any other request.
+    """Return the answer to a browser's preflight request for a page of another origin; None for any other request.
 
-    It always may: what it sends is then refused by its Origin, with a reason that the page can read. A preflight that
-    fails leaves a page, and whoever looks for the fault, without one.
+    The answer always allows the call: the request itself is then refused by its Origin, with a reason that the page can
+    read. A failed preflight gives the page, and its developer, no reason.
     """
     asks = scope["type"] == "http" and scope["method"] == "OPTIONS"
     if not asks or _header(scope, b"access-control-request-method") is None:
@@ -196,7 +195,7 @@ def _preflight(scope: Scope) -> Response | None:
 
 
 class _LimitedReceive:
-    """Receives the parts of a body, and counts and times them. ``held``: what the request holds until its end."""
+    """Receives, counts and times the parts of a body. ``held``: resources that the request holds until its end."""
 
     def __init__(self, limits: Limits, connection: HTTPConnection, receive: Receive, held: ExitStack) -> None:
         self._limits, self._connection, self._receive, self._held = limits, connection, receive, held
@@ -230,7 +229,7 @@ class _LimitedReceive:
 
 
 class _SendWithHeaders:
-    """Sends the parts of an answer. What the client does not read is the connection's affair (``protocols``).
+    """Sends the parts of an answer. ``protocols`` handles clients that do not read them.
 
     has_begun: whether a part was sent.
     """

@@ -1,7 +1,4 @@
-"""What the service says of itself: counters for Prometheus, and lines on standard error of clients that are gone, one a
-minute, whatever they do.
-
-"""
+"""Monitoring of the service: counters for Prometheus, and log lines about disconnected clients, one a minute."""
 
 from __future__ import annotations
 
@@ -16,11 +13,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 LOG = logging.getLogger("signsplice.service")
 _QUIET_SECONDS = 60.0
 _INCOMPLETE = "ASGI callable returned without"
-"""How uvicorn begins when a client was gone before the answer, or the handshake of a stream, was complete."""
+"""Start of uvicorn's message if a client left before the answer, or the handshake of a stream, was complete."""
 
 
 class RateLimit(logging.Filter):
-    """Lets a line pass once a minute; the next that passes says how many were left out."""
+    """Passes each line once a minute; the next one that passes reports how many were dropped."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -28,7 +25,7 @@ class RateLimit(logging.Filter):
         self._n_left_out: dict[str, int] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the record passes."""
+        """Return whether the record passes."""
         line, now = record.getMessage(), time.monotonic()
         if now - self._passed.get(line, -_QUIET_SECONDS) < _QUIET_SECONDS:
             self._n_left_out[line] = self._n_left_out.get(line, 0) + 1
@@ -41,10 +38,10 @@ class RateLimit(logging.Filter):
 
 
 class GoneClients(logging.Filter):
-    """One line of ours in place of another library's traceback, where a client that is gone is its only reason."""
+    """Replaces another library's traceback by one line if a disconnected client is its only cause."""
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the record passes as it is."""
+        """Return whether the record passes unchanged."""
         error = record.exc_info[1] if record.exc_info else None
         is_closed = isinstance(error, RuntimeError) and "the handler is closed" in str(error)
         if isinstance(error, ConnectionError | ClientDisconnect) or is_closed or _INCOMPLETE in record.getMessage():
@@ -54,7 +51,7 @@ class GoneClients(logging.Filter):
 
 
 def quieten() -> None:
-    """Put the filters in place; called when uvicorn has set up its loggers."""
+    """Install the filters; called after uvicorn has set up its loggers."""
     for name, kind in ((LOG.name, RateLimit), ("uvicorn.error", GoneClients), ("asyncio", GoneClients)):
         logger = logging.getLogger(name)
         if not any(isinstance(entry, kind) for entry in logger.filters):
@@ -66,7 +63,7 @@ _LATE_SECONDS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 
 class Metrics:
-    """The counters of one service, in their own registry."""
+    """Counters of one service, in their own registry."""
 
     def __init__(self, waiting: Callable[[], int], lost: Callable[[], int]) -> None:
         registry = self.registry = CollectorRegistry()
@@ -84,12 +81,12 @@ class Metrics:
         Gauge("signsplice_workers_lost", "Worker processes replaced.", registry=registry).set_function(lost)
 
     def text(self) -> bytes:
-        """All counters in Prometheus' text format."""
+        """Return all counters in Prometheus' text format."""
         return generate_latest(self.registry)
 
 
 class CountRequests:
-    """ASGI middleware that counts and times requests by route; those without a route count as route "none"."""
+    """ASGI middleware that counts and times requests by route; "none" for requests without a route."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self.app, self.metrics = app, metrics
@@ -101,7 +98,7 @@ class CountRequests:
         start = time.perf_counter()
 
         async def counting_send(message: Message) -> None:
-            if message["type"] == "http.response.start":  # before the answer is out, so that the next request sees it
+            if message["type"] == "http.response.start":  # before the answer is sent, so that the next request sees it
                 route = getattr(scope.get("route"), "path", "none")
                 self.metrics.requests.labels(route, scope["method"], str(message["status"])).inc()
                 self.metrics.seconds.labels(route).observe(time.perf_counter() - start)

@@ -23,9 +23,9 @@ _EMPTY = '<script type="application/json" id="signsplice">null</script>'
 
 
 def html(scenes: Sequence[Mapping[str, Any]], live: bool) -> str:
-    """The page that shows ``wire.Spliced`` scenes; two are shown side by side.
+    """Return the page that shows ``wire.Spliced`` scenes; two appear side by side.
 
-    ``live``: whether the page can call a service. Raises ``MissingExtraError`` where the viewer was not built.
+    ``live``: whether the page can call a service. Raises ``MissingExtraError`` if the viewer was not built.
     """
     try:
         page = _INDEX.read_text(encoding="utf-8")
@@ -39,7 +39,7 @@ def html(scenes: Sequence[Mapping[str, Any]], live: bool) -> str:
 
 
 class PageResponses:
-    """Answers with the page of a service. The page is read and compressed once, when it is first asked for.
+    """Answers with the page of a service, which is read and compressed once, at the first request.
 
     ``scenes`` as in ``html``. ``embedders``: origins of pages that may show it in a frame.
     """
@@ -52,20 +52,20 @@ class PageResponses:
         self._contents: dict[str, bytes] = {}
 
     def answer(self, request: Headers) -> Response:
-        """The page, compressed where the client accepts gzip; 304 where the client has it. Raises as ``html``."""
+        """Return the page, compressed if the client accepts gzip; 304 if the client has it. Raises as ``html``."""
         if not self._contents:
-            whole = html(self._scenes, live=True).encode()
-            self._digest = hashlib.sha256(whole).hexdigest()[:32]
-            self._contents = {"identity": whole, "gzip": gzip.compress(whole, 9, mtime=0)}
+            page = html(self._scenes, live=True).encode()
+            self._digest = hashlib.sha256(page).hexdigest()[:32]
+            self._contents = {"identity": page, "gzip": gzip.compress(page, 9, mtime=0)}
         coding = "gzip" if _accepts_gzip(request.get("accept-encoding", "")) else "identity"
         tag = f'"{self._digest}-{coding}"'
         headers = {
-            **self._frames,  # the page itself names what it may load
+            **self._frames,  # the page itself declares what it may load
             "Cache-Control": "no-cache",
             "Vary": "Accept-Encoding",
             "ETag": tag,
         }
-        known = {one.strip().removeprefix("W/") for one in request.get("if-none-match", "").split(",")}
+        known = {entity_tag.strip().removeprefix("W/") for entity_tag in request.get("if-none-match", "").split(",")}
         if known & {tag, "*"}:
             return Response(status_code=304, headers=headers)
         if coding != "identity":
@@ -74,10 +74,10 @@ class PageResponses:
 
 
 def _accepts_gzip(accept_encoding: str) -> bool:
-    """Whether a client reads gzip, by its Accept-Encoding header (RFC 9110)."""
+    """Return whether a client accepts gzip, by its Accept-Encoding header (RFC 9110)."""
     weights: dict[str, float] = {}
-    for one in accept_encoding.lower().split(","):
-        coding, _, parameters = one.partition(";")
+    for item in accept_encoding.lower().split(","):
+        coding, _, parameters = item.partition(";")
         weight = re.fullmatch(r"q=([01](?:\.[0-9]{0,3})?)", parameters.strip())
         weights[coding.strip()] = float(weight[1]) if weight else 1.0
     return weights.get("gzip", weights.get("*", 0.0)) > 0.0

@@ -1,8 +1,7 @@
-"""HTTP and WebSocket as uvicorn speaks them, with limits on what may come outside of bodies and messages.
+"""uvicorn's HTTP and WebSocket protocols with limits on data outside of bodies and messages.
 
-Bodies are limited where they are received (``limits``), messages by uvicorn. What is left is what a parser reads before
-the application hears of it: heads, trailers, the framing of chunks, pings, fragments; and answers that a client does
-not read.
+``limits`` limits bodies on reception, uvicorn limits messages. This module limits what a parser reads before it calls
+the application: heads, trailers, the framing of chunks, pings, fragments; and answers that a client does not read.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 _CHECK_SECONDS = 0.5
-"""How often it is looked whether a client has read its answer."""
+"""Interval of checks whether a client reads its answer, seconds."""
 
 
 class UnreadWatch:
     """Closes a connection whose client reads nothing of an answer within ``idle_seconds``, or not all of it within
-    ``body_seconds``. Whether one has is counted in the protocol's ``n_unread``.
+    ``body_seconds``. The protocol's ``n_unread`` counts connections with unread answers.
     """
 
     def __init__(self, protocol: LimitedHttpProtocol) -> None:
@@ -65,19 +64,19 @@ class UnreadWatch:
                 del self._of_clients[self._client]
 
     def stop_if_read(self) -> None:
-        """Stop the clock where nothing waits to be read."""
+        """Stop the clock if nothing waits to be read."""
         if not self._transport.get_write_buffer_size():
             self.stop()
 
     def _n_unread(self) -> int:
-        """Bytes of answers that the client's machine has not confirmed. The system holds some MB of them, and takes
-        more only when a good part is gone: without these a slow client would seem to read nothing for long.
+        """Return the number of bytes that the client's machine has not confirmed. The system buffers some MB and
+        accepts more only after sending a good part: without these bytes a slow client would long seem to read nothing.
         """
-        held, end = bytearray(4), self._transport.get_extra_info("socket")
+        queued, end = bytearray(4), self._transport.get_extra_info("socket")
         if fcntl is not None and end is not None:
-            with suppress(OSError):  # a system that does not tell
-                fcntl.ioctl(end.fileno(), termios.TIOCOUTQ, held)
-        return self._transport.get_write_buffer_size() + int.from_bytes(held, sys.byteorder)
+            with suppress(OSError):  # the system does not support this
+                fcntl.ioctl(end.fileno(), termios.TIOCOUTQ, queued)
+        return self._transport.get_write_buffer_size() + int.from_bytes(queued, sys.byteorder)
 
     def _look(self) -> None:
         n_bytes, now = self._n_unread(), self._loop.time()
@@ -96,23 +95,25 @@ class UnreadWatch:
 
 
 _MAX_HEADERS = 100
-"""Fields of a head, and of a trailer. The WebSocket library reads no more than 128."""
+"""Maximum number of fields of a head, and of a trailer. The WebSocket library reads no more than 128."""
 _MAX_PIPELINED = 16
-"""Requests on a connection that wait until the one before them is answered."""
+"""Maximum number of requests on a connection that wait for an earlier answer."""
 _FRAMING = 16
-"""Bytes of a body for which one byte of framing is free, so that chunks of 100 bytes and more are no flood."""
-_PIECE_BYTES, _LEAST_PIECE_BYTES = 16 * 1024, 1024
-"""Data of a request that is parsed at one go; behind a head, which is where a body is, not less than the second."""
+"""Bytes of a body per free byte of framing, so that chunks of 100 bytes and more do not count as a flood."""
+_PIECE_BYTES = 16 * 1024
+"""Maximum data of a request that is parsed in one step, bytes."""
+_LEAST_PIECE_BYTES = 1024
+"""Minimum data that is parsed in one step after a head, i.e. in a body, bytes."""
 _STEP_BYTES = 4096
-"""Data of a WebSocket that is parsed at one go: some milliseconds' worth, where it consists of empty frames."""
+"""Data of a WebSocket that is parsed in one step, bytes: some milliseconds if it consists of empty frames."""
 _IDLE_FRAMES_SECONDS = 10.0
-"""Time in which a stream's client may send ``max_idle_frames``."""
+"""Time in which a stream's client may send ``max_idle_frames``, seconds."""
 _POLICY_VIOLATION = 1008
-"""Close code of a WebSocket."""
+"""WebSocket close code: the client exceeded a limit."""
 
 
 def _failure(text: str) -> bytes:
-    """``wire.Failure`` with this message, as JSON."""
+    """Return ``wire.Failure`` with this message, as JSON."""
     return json.dumps({"error": text, "unknown": {}}).encode()
 
 
@@ -121,13 +122,13 @@ class _ProtocolError(Exception):
 
 
 class LimitedHttpProtocol(HttpToolsProtocol):
-    """HTTP/1.1 in which everything but bodies has a limit in bytes, and everything has a clock.
+    """HTTP/1.1 with a size limit on everything but bodies, and a time limit on everything.
 
-    A clock of ``head_seconds`` runs until the head of a request is there, then one of ``body_seconds`` until its body
-    and trailer are, whether or not the application reads them. Answers have the same clocks as bodies: something of
-    one is read within ``idle_seconds``, all of it within ``body_seconds``.
+    The head of a request must arrive within ``head_seconds``, then its body and trailer within ``body_seconds``,
+    whether or not the application reads them. The client must read some of an answer within ``idle_seconds``, and all
+    of it within ``body_seconds``.
 
-    n_unread: how many connections of each client have an answer that it has not read.
+    n_unread: number of connections of each client with an unread answer.
     """
 
     settings: Settings
@@ -136,29 +137,29 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     client_name = ""
     _timer: asyncio.TimerHandle | None = None
     _n_bytes = 0
-    """Bytes of the request that came so far and are not body."""
+    """Bytes of the request received so far, without the body."""
     _n_fields, _has_head = 0, False
     _refusal = HTTPStatus.BAD_REQUEST, "the request is not valid HTTP/1.1"
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start the clock, or refuse a connection too many."""
+        """Start the clock, or refuse the connection if there are too many."""
         super().connection_made(transport)
         self.client_name = client_of(self.client[0] if self.client else None)
         self.unread = UnreadWatch(self)
         self._start_clock(self.settings.head_seconds)
         if len(self.connections) > self.settings.max_connections:
-            for other in list(self.connections):
-                if other.transport.is_closing():  # its client does not read the rest of an answer
-                    other.transport.abort()
+            for connection in list(self.connections):
+                if connection.transport.is_closing():  # its client does not read the rest of an answer
+                    connection.transport.abort()
             self._answer(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again in a moment")
         elif self._n_of_client() > self.settings.max_client_connections:
             self._answer(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections from this address")
 
     def _n_of_client(self) -> int:
-        """Connections of this client; none is counted for a trusted proxy, which has many clients."""
+        """Return the number of connections of this client; 0 for a trusted proxy, which has many clients."""
         if self._is_proxy():
             return 0
-        return sum(self.client_name == getattr(other, "client_name", None) for other in self.connections)
+        return sum(self.client_name == getattr(connection, "client_name", None) for connection in self.connections)
 
     def _is_proxy(self) -> bool:
         return bool(self.client and self.client[0] in self.settings.proxies)
@@ -170,14 +171,14 @@ class LimitedHttpProtocol(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Parse data, and count what of it is not body.
+        """Parse data, and count the bytes outside the body.
 
-        It is parsed in pieces, so that what one read brings complete has the limit too: a head goes on for one byte
-        beyond it, a trailer for 1 KiB, and one behind another request in the same read for 16 KiB.
+        Parses in pieces, so that the limit also holds for data that arrives in one read: a head exceeds it by at most
+        one byte, a trailer by 1 KiB, and a head after another request in the same read by 16 KiB.
         """
         limit, start = self.settings.max_head_bytes, 0
         while start < len(data) and not self.transport.is_closing() and self in self.connections:  # else handed over
-            if self._timer is None:  # also for bytes that begin no request
+            if self._timer is None:  # also for bytes that do not begin a request
                 self._start_clock(self.settings.head_seconds)
             self._n_bytes = max(self._n_bytes, 0)
             least = _LEAST_PIECE_BYTES if self._has_head else 1
@@ -189,10 +190,10 @@ class LimitedHttpProtocol(HttpToolsProtocol):
                 what = "the head or the trailer of the request, or the framing of its chunks,"
                 self._answer(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, f"{what} is longer than {limit} bytes")
 
-    # what the parser calls
+    # callbacks of the parser
 
     def on_message_begin(self) -> None:
-        """Refuse requests that come faster than answers go out, or are read."""
+        """Refuse requests that arrive faster than answers are sent or read."""
         self.unread.stop_if_read()
         if self.n_unread[self.client_name] >= self.settings.max_client_waiting and not self._is_proxy():
             reason = "too many answers that this address has not read; read them, or try again in a moment"
@@ -204,7 +205,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
         self._start_clock(self.settings.head_seconds)
 
     def on_header(self, name: bytes, value: bytes) -> None:
-        """Keep a field of the head; those of a trailer are not part of what was checked before, and are left out."""
+        """Keep a field of the head; drop fields of a trailer, which come after the checks of the head."""
         self._n_fields += 1
         if self._n_fields > _MAX_HEADERS:
             reason = f"more than {_MAX_HEADERS} header fields"
@@ -213,7 +214,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
             super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
-        """Go on to the clock of the body."""
+        """Start the clock of the body."""
         self._has_head, self._n_fields = True, 0
         self._start_clock(self.settings.body_seconds)
         super().on_headers_complete()
@@ -253,26 +254,26 @@ class LimitedHttpProtocol(HttpToolsProtocol):
         return self.cycle is not None and not self.cycle.response_complete
 
     def on_response_complete(self) -> None:
-        """Watch what the client does with an answer."""
+        """Watch whether the client reads the answer."""
         self.unread.start()
         super().on_response_complete()
 
     def pause_writing(self) -> None:
-        """Watch a client that reads more slowly than the answer is written."""
+        """Watch a client that reads an answer more slowly than it is written."""
         super().pause_writing()
         self.unread.start()
 
     def handle_websocket_upgrade(self) -> None:
-        """Hand the connection over; this protocol hears no more of it."""
+        """Hand the connection over; this protocol receives no more of its data."""
         self._stop_clock()
         super().handle_websocket_upgrade()
 
     def send_400_response(self, msg: str) -> None:
-        """Refuse what the parser could not read, or what a limit stopped."""
+        """Refuse a request that the parser could not read or a limit stopped."""
         self._answer(*self._refusal)
 
     def _answer(self, status: HTTPStatus, reason: str) -> None:
-        """Close the connection, with a reason where no answer has begun that the reason would be mixed with."""
+        """Close the connection, with a reason unless an answer has begun."""
         if self.transport.is_closing():
             return
         if not (self._is_answering() and self.cycle.response_started):
@@ -289,7 +290,7 @@ class _JsonServerProtocol(ServerProtocol):
     """The handshake of a WebSocket, refused with JSON."""
 
     def reject(self, status: int, text: str) -> Response:
-        """The answer that refuses a handshake."""
+        """Return the answer that refuses a handshake."""
         response = super().reject(status, _failure(text.strip() or "no stream here").decode())
         del response.headers["Content-Type"]
         response.headers.update({"Content-Type": "application/json", **HEADERS})
@@ -297,8 +298,8 @@ class _JsonServerProtocol(ServerProtocol):
 
 
 class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
-    """WebSocket that is parsed in small steps, others' turns between them, and in which frames that bring no message
-    (pings, pongs, fragments, all after a close) have a rate.
+    """WebSocket that is parsed in small steps, interleaved with other connections, with a rate limit on frames that
+    bring no message (pings, pongs, fragments, all frames after a close).
     """
 
     settings: Settings
@@ -318,7 +319,7 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
         self.client_name = client_of(self.client[0] if self.client else None)
 
     def data_received(self, data: bytes) -> None:
-        """Parse data: a step now, the others in later turns of the event loop."""
+        """Parse data: one step now, the others in later turns of the event loop."""
         self._unparsed += data
         if self._step is None:
             self._parse_some()
@@ -337,7 +338,7 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
             self._go_on()
 
     def _go_on(self) -> None:
-        """Parse what waits, unless the application has messages to read first; read no more meanwhile."""
+        """Parse waiting data, unless the application has messages to read first; read no more meanwhile."""
         if self.transport.is_closing() or self.read_paused:
             return
         if self._unparsed:
@@ -350,13 +351,13 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
             self.transport.resume_reading()
 
     async def receive(self) -> Any:
-        """The next message; parsing goes on when none is left."""
+        """Return the next message; parsing resumes when none is left."""
         event = await super().receive()
         self._go_on()
         return event
 
     async def send(self, message: Any) -> None:
-        """Send a message; after a close, parsing goes on until the client's."""
+        """Send a message; after a close, parsing continues until the client's close."""
         await super().send(message)
         self._go_on()
 
@@ -376,7 +377,7 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
         super().handle_cont(event)
 
     def send_receive_event_to_app(self) -> None:
-        """Pass a message on; after the close it is dropped."""
+        """Pass a message to the application; drop it after a close."""
         if self.close_sent:
             self._count_idle_frame()
         super().send_receive_event_to_app()
@@ -408,7 +409,7 @@ class LimitedWebSocketProtocol(WebSocketsSansIOProtocol):
 
 
 def protocols(settings: Settings) -> tuple[type[LimitedHttpProtocol], type[LimitedWebSocketProtocol]]:
-    """The two protocols with the limits of a service; uvicorn makes their objects itself."""
+    """Return the two protocol classes with the limits of a service; uvicorn creates their objects."""
     http = type("ServiceHttpProtocol", (LimitedHttpProtocol,), {"settings": settings, "n_unread": Counter()})
     websocket = type("ServiceWebSocketProtocol", (LimitedWebSocketProtocol,), {"settings": settings})
     return http, websocket

@@ -1,4 +1,4 @@
-"""Clips as the wire carries them: a report with files in base64, or frames in binary."""
+"""Encodes clips for the wire: a report with files in base64, or binary frames."""
 
 from __future__ import annotations
 
@@ -23,27 +23,29 @@ from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
 
 Rows = Sequence[Mapping[str, Any]]
-_FILM_FPS, _FILM_SIZE = 12.5, (320, 320)
-"""Of a film, whose every frame takes a worker some 40 ms to draw."""
+_FILM_FPS = 12.5
+"""Maximum frame rate of a film, Hz; a worker takes some 40 ms to draw each frame."""
+_FILM_SIZE = (320, 320)
+"""Width and height of a film, pixels."""
 
 
 def media_type(form: Format) -> str:
-    """The Content-Type of a format."""
+    """Return the Content-Type of a format."""
     return FORMATS[f".{form}"].media_type
 
 
 def encode(clip: Clip, form: Format, mesh: bool = True, whole_face: bool = False) -> bytes:
-    """The bytes of a clip's file; ``mesh``, ``whole_face``: what a .glb has (``glb.document``). Raises ``InputError``
-    where the format cannot hold the clip.
+    """Encode a clip as a file; ``mesh``, ``whole_face``: options of a .glb (``glb.document``). Raises ``InputError`` if
+    the format cannot hold the clip.
     """
     return glb.encode(clip, mesh, whole_face) if form == "glb" else encode_file(clip, f"clip.{form}")
 
 
 def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format]) -> dict[str, Any]:
-    """A clip from a file as ``wire.Spliced``. ``report``: of the splice that made it; None for one sign."""
+    """Return a clip from a file as ``wire.Spliced``. ``report``: of the splice that made it; None for one sign."""
     if report is None:
-        whole = (0, len(clip))
-        spans = (Span("sign", 0, clip.name, whole, whole),)
+        all_frames = (0, len(clip))
+        spans = (Span("sign", 0, clip.name, all_frames, all_frames),)
         unspliced = SpliceResult(clip, spans, (), (), cutter="", transition="", timing_ms={})
         report = {**reports.describe(unspliced), "timing_ms": {}}
     return splice_response(clip, report, formats)
@@ -52,8 +54,8 @@ def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Fo
 def splice_response(
     clip: Clip, report: Mapping[str, Any], formats: Sequence[Format], units: Rows = (), **glb_has: bool
 ) -> dict[str, Any]:
-    """A clip and the report of its splice as ``wire.Spliced``, JSON-ready. ``units``: how each gloss was read.
-    ``glb_has``: as ``encode`` has.
+    """Return a clip and the report of its splice as JSON-ready ``wire.Spliced``. ``units``: how each gloss was read.
+    ``glb_has``: further arguments of ``encode``.
     """
     files: Files = dict.fromkeys(FORMAT_NAMES)
     warnings = list(report["warnings"])
@@ -70,7 +72,7 @@ def splice_response(
 
 
 def picture(result: SpliceResult, form: str) -> bytes:
-    """A splice as one of ``wire.PICTURES``. Raises ``MissingExtraError`` where Pillow is not installed."""
+    """Draw a splice as one of ``wire.PICTURES``. Raises ``MissingExtraError`` if Pillow is not installed."""
     from signsplice.render import film
 
     clip = result.clip if form == "png" else resample(result.clip, min(_FILM_FPS, result.clip.fps))
@@ -83,12 +85,12 @@ def picture(result: SpliceResult, form: str) -> bytes:
 
 
 def to_json(message: Mapping[str, Any]) -> bytes:
-    """A message as compact JSON."""
+    """Encode a message as compact JSON."""
     return json.dumps(message, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
 
 def skeleton(clip: Clip) -> dict[str, Any]:
-    """The skeleton of a stream's frames as ``wire.SkeletonMessage``, without the names of the methods."""
+    """Return the skeleton of a stream's frames as ``wire.SkeletonMessage``, without the names of the methods."""
     return {
         "type": "skeleton",
         "fps": clip.fps,
@@ -100,7 +102,7 @@ def skeleton(clip: Clip) -> dict[str, Any]:
 
 
 def frames(clip: Clip, first: int) -> bytes:
-    """The binary message of a clip's frames (``wire.FRAMES_HEADER``); ``first``: number of the first one."""
+    """Encode a clip's frames as a binary message (``wire.FRAMES_HEADER``); ``first``: number of the first frame."""
     n_frames, n_joints = clip.local_rotations.shape[:2]
     rows = np.empty((n_frames, 3 + 4 * n_joints), "<f4")
     rows[:, :3] = clip.root_positions
@@ -109,7 +111,7 @@ def frames(clip: Clip, first: int) -> bytes:
 
 
 def safe_name(text: str) -> str:
-    """A caller's name as a file name without folder: printable, at most 80 characters; "clip" where nothing is left."""
+    """Return a caller's name as a file name without folder: printable, at most 80 characters; "clip" if it is empty."""
     name = PurePath(text.replace("\\", "/")).name
     return "".join(c if c.isprintable() and c not in '<>:"|?*/' else "_" for c in name)[:80] or "clip"
 
@@ -118,8 +120,8 @@ _ARM_REGIONS = {"sleeve": "upperArm", "cuff": "lowerArm"}
 
 
 def fit_source(clip: Clip) -> dict[str, Any] | None:
-    """What a page needs to fit a clip to an avatar: the clip's signer as ``wire.FitSource``, JSON-ready; None where
-    both arms are not known by name.
+    """Return the clip's signer as JSON-ready ``wire.FitSource``, with which a page fits the clip to an avatar; None
+    unless both arms are known by name.
     """
     if not rig_info(clip.skeleton).has_arms:
         return None
@@ -127,10 +129,10 @@ def fit_source(clip: Clip) -> dict[str, Any] | None:
 
 
 def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
-    """The capsules that hands may touch, of head, trunk, arms and hands, as ``wire.FitCapsule``."""
+    """Return the capsules that hands may touch, of head, trunk, arms and hands, as ``wire.FitCapsule``."""
     info, body = rig_info(skeleton), body_capsules(skeleton)
     metres, rest, role_of = info.sizes.unit.metres, info.t_pose, info.roles.role_of
-    groups, found = body.groups, []
+    groups, capsules = body.groups, []
     regions = dict.fromkeys(groups.head, "head") | dict.fromkeys(groups.trunk, "trunk")
     regions |= dict.fromkeys((*groups.left, *groups.right), "hand")
     regions |= {row: _ARM_REGIONS[part] for row, part in enumerate(body.parts) if part in _ARM_REGIONS}
@@ -139,8 +141,8 @@ def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
         bone = next((k for k in kinematics.path_to_root(skeleton, joint) if k in role_of), info.roles.joints["hips"])
         ends = rotation.rotate(rest.rotations[joint], np.stack([body.starts[row], body.ends[row]]))
         start, end = np.round(metres * (ends + rest.positions[joint] - rest.positions[bone]), 6).tolist()
-        found.append({
+        capsules.append({
             "key": body.keys[row], "bone": role_of[bone], "region": region, "side": body.sides[row],
             "start": start, "end": end, "radii": np.round(metres * body.radii[row], 6).tolist(),
         })  # fmt: skip
-    return found
+    return capsules

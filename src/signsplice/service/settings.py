@@ -1,4 +1,4 @@
-"""The settings of a service: where it listens, and a limit for everything that a caller can spend."""
+"""Settings of a service: its address, and limits on all resources that a caller can use."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 
 MIB = 1 << 20
 _LEAST_WORKER_BYTES = 256 * MIB
-"""What a worker needs at least."""
+"""Minimum memory of a worker, bytes."""
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://([^\s/?#@:*\[\]]+|\[[0-9a-f:.]+\])(:\d{1,5})?", re.IGNORECASE)
 _EMBEDDER = re.compile(r"https?://[a-z0-9.-]+(:\d{1,5})?", re.IGNORECASE)
-"""What may stand in a Content-Security-Policy, which has no IPv6 addresses."""
+"""Origins that a Content-Security-Policy may contain; it has no IPv6 addresses."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a service runs. Raises ``InputError`` for a limit that is not positive, or an address that is none."""
+    """How a service runs. Raises ``InputError`` for a limit that is not positive, or an invalid address."""
 
     host: str = "127.0.0.1"
     """Address to listen on."""
     port: int = 8000
     """Port to listen on; 0 for any free one."""
     lexicons: tuple[str, ...] = ()
-    """Folders of lexicons, the first that has a word counts; none for the words that ship."""
+    """Folders of lexicons, of which the first that has a word wins; empty for the shipped words."""
     avatars: tuple[Path, ...] = ()
     """Files of avatars that callers may name."""
     allowed_hosts: tuple[str, ...] = ()
@@ -92,14 +92,14 @@ class Settings:
     """Time for requests that run to be answered when the service stops."""
     work_seconds: float = 60.0
     """Processor time of one job in a worker, all its threads together; then the worker is killed and replaced. Other
-    processes that load the machine do not shorten it. Where a process's processor time is not known (macOS, Windows),
-    wall-clock time."""
+    processes that load the machine do not shorten it. If processor time is unknown (macOS, Windows), wall-clock
+    time."""
     work_wall_seconds: float = 600.0
     """Wall-clock time of one job in a worker, for jobs that block without using the processor."""
     stream_idle_seconds: float = 120.0
-    """Time after which a stream is closed in which the client is silent and there is nothing left to send."""
+    """Time after which a stream is closed if its client is silent and nothing remains to be sent."""
     worker_bytes: int = 4 << 30
-    """Memory of one worker, on Linux."""
+    """Memory of one worker, bytes; on Linux only."""
 
     def __post_init__(self) -> None:
         for name in limit_types():
@@ -146,14 +146,14 @@ class Settings:
 
     @cached_property
     def hosts(self) -> tuple[str, ...]:
-        """Values of the Host header that are answered."""
+        """Values of the Host header to which the service answers."""
         machine = () if self.host in LOOPBACK else (socket.gethostname(),)
         return tuple(dict.fromkeys(name.lower() for name in (*LOOPBACK, self.host, *machine, *self.allowed_hosts)))
 
     def answers_to(self, host: str) -> bool:
-        """Whether a request with this Host header, its port removed, is answered.
+        """Return whether the service answers to this Host header, given without its port.
 
-        This stops DNS rebinding, where a foreign page's name is resolved to this machine. A service that listens beyond
+        This stops DNS rebinding, in which a foreign page's name resolves to this machine. A service that listens beyond
         loopback also answers to any IP address.
         """
         host = host.lower()
@@ -169,7 +169,7 @@ def _is_address(host: str) -> bool:
 
 
 def limit_types() -> dict[str, type]:
-    """Every limit by name, with its type, int or float."""
+    """Return the type of every limit, int or float, by name."""
     return {
         field.name: type(field.default)
         for field in fields(Settings)

@@ -1,7 +1,7 @@
-"""Streams over WebSocket: words come in one at a time, frames go out as soon as they are final.
+"""Streams over WebSocket: words arrive one at a time, frames are sent as soon as they are final.
 
-Frame k of a paced stream is due k / fps after the first frame. Where words come too late, this clock waits for them, so
-that the sentence goes on where it stopped. Where the work is late, frames catch up.
+Frame k of a paced stream is due k / fps after the first frame. If words arrive too late, this clock waits for them, so
+that the sentence resumes where it stopped. If the work is late, frames catch up.
 """
 
 from __future__ import annotations
@@ -27,9 +27,13 @@ ResultT = TypeVar("ResultT")
 
 _CLIENT_MESSAGE: TypeAdapter[wire.ClientMessage] = TypeAdapter(wire.ClientMessage)
 _MAX_PREFETCHED = 16
-"""Messages, each with the frames of one span at most, that are made before the one that is sent."""
-GOING_AWAY, POLICY_VIOLATION, TRY_AGAIN_LATER = 1001, 1008, 1013
-"""Close codes of WebSockets."""
+"""Messages, each with the frames of at most one span, that are prepared ahead of the one being sent."""
+GOING_AWAY = 1001
+"""WebSocket close code: the client leaves."""
+POLICY_VIOLATION = 1008
+"""WebSocket close code: the client broke the protocol or a limit."""
+TRY_AGAIN_LATER = 1013
+"""WebSocket close code: the service is busy or failed."""
 
 
 class _RefusedError(Exception):
@@ -37,17 +41,18 @@ class _RefusedError(Exception):
 
 
 def failure(error: BaseException) -> dict[str, Any]:
-    """An error as ``wire.Failure``."""
+    """Return an error as ``wire.Failure``."""
     if isinstance(error, UnknownGlossError):
         lines = (
-            f"{gloss!r}" + (f" (nearest: {', '.join(near)})" if near else "") for gloss, near in error.unknown.items()
+            f"{gloss!r}" + (f" (nearest: {', '.join(nearest)})" if nearest else "")
+            for gloss, nearest in error.unknown.items()
         )
         return {"error": f"no gloss {'; '.join(lines)}", "unknown": {k: list(v) for k, v in error.unknown.items()}}
     return {"error": " ".join(str(error).split()), "unknown": {}}
 
 
 def first_fault(error: ValidationError) -> str:
-    """The first fault that validation found, in one line."""
+    """Return the first validation error in one line."""
     fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
     where = ".".join(str(part) for part in fault["loc"])
     return f"{where}: {fault['msg']}" if where else str(fault["msg"])
@@ -64,7 +69,7 @@ class StreamSession:
         self._out: asyncio.Queue[tuple[dict[str, Any] | bytes, float] | None] = asyncio.Queue(_MAX_PREFETCHED)
         self._last_activity = time.monotonic()
         self._is_working = False
-        self._behind = 0.0  # seconds that the client reads behind the motion's own speed
+        self._behind = 0.0  # delay of the client's reading against the motion, seconds
 
     async def run(self) -> None:
         """Serve the client until the stream is done or the client disconnects."""
@@ -82,12 +87,12 @@ class StreamSession:
         self._last_activity = time.monotonic()
         try:
             async with asyncio.TaskGroup() as tasks:
-                others = [tasks.create_task(task) for task in (self._read(), self._make(), self._watch())]
+                side_tasks = [tasks.create_task(task) for task in (self._read(), self._make(), self._watch())]
                 await self._send(opening.paced)
-                for task in others:
+                for task in side_tasks:
                     task.cancel()
         finally:
-            self._process.post(work.close_stream, self._key)  # not waited for: the process may be at work
+            self._process.post(work.close_stream, self._key)  # does not wait: the process may be busy
 
     async def _watch(self) -> None:
         """Raise ``WorkerLostError`` when the process that holds this stream ends."""
@@ -95,7 +100,7 @@ class StreamSession:
         raise WorkerLostError("the process that held this stream ended; open it again")
 
     async def _run_job(self, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """The result of one of the process's jobs on this stream; the client is not idle meanwhile."""
+        """Run one of the process's jobs on this stream; the client does not count as idle meanwhile."""
         self._is_working = True
         try:
             return await self._process.run(job, self._key, *args)
@@ -115,7 +120,7 @@ class StreamSession:
             await self._socket.close(POLICY_VIOLATION if is_clients_fault else TRY_AGAIN_LATER)
 
     async def _receive(self, seconds: float) -> wire.ClientMessage:
-        """The client's next message. Raises ``_RefusedError``, ``WebSocketDisconnect`` and ``TimeoutError``."""
+        """Return the client's next message. Raises ``_RefusedError``, ``WebSocketDisconnect`` and ``TimeoutError``."""
         async with asyncio.timeout(seconds):  # not wait_for, which in Python 3.11 can swallow a cancellation
             event = await self._socket.receive()
         if event["type"] == "websocket.disconnect":
@@ -153,7 +158,7 @@ class StreamSession:
                 if self._is_working:
                     self._last_activity = time.monotonic()
                 if time.monotonic() - self._last_activity < limit:
-                    continue  # the service was at work, or frames went out
+                    continue  # the service was busy, or frames were sent
                 raise _RefusedError(f"nothing came for {limit:g} s") from None
             if isinstance(message, wire.OpenMessage):
                 raise _RefusedError("open came twice, expected word, text or end")
@@ -164,7 +169,7 @@ class StreamSession:
             await self._words.put(word)
 
     async def _make(self) -> None:
-        """Turn words into messages, each with the time when the words for it were there."""
+        """Turn words into messages, each with the arrival time of its words."""
         while True:
             word = await self._words.get()
             if word is None:
@@ -177,9 +182,9 @@ class StreamSession:
                 words, heads = await self._run_job(work.parse_message, typed)
                 for head in heads:
                     await self._out.put((head, arrival))
-                # A job for each, so that other streams are served between the letters of a long name.
-                for one in words:
-                    for message in await self._run_job(work.add_word, one):
+                # One job per gloss, so that other streams are served between the letters of a long name.
+                for line_gloss in words:
+                    for message in await self._run_job(work.add_word, line_gloss):
                         await self._out.put((message, arrival))
                     self._metrics.words.inc()
             except InputError as error:
@@ -215,8 +220,8 @@ class StreamSession:
                 self._metrics.frames.inc()
 
     async def _deliver_motion(self, message: bytes, seconds: float) -> None:
-        """Deliver frames that last so long. Raises ``TimeoutError`` for a client that reads ever more slowly than they
-        are played, so that its place is free again.
+        """Deliver frames that play for ``seconds``. Raises ``TimeoutError`` if the client reads persistently more
+        slowly than they play, to free its place.
         """
         began = time.monotonic()
         await self._deliver(message)

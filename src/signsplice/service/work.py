@@ -1,4 +1,4 @@
-"""The jobs of a worker process: splices for requests, and growing sentences for streams. It does one at a time."""
+"""Jobs of a worker process, one at a time: splices for requests, and growing sentences for streams."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from signsplice.splicing.word import Word, words_of
 from signsplice.written.files import SUFFIXES as WRITTEN_SUFFIXES
 
 _MOST_WRITTEN_BYTES = 256 << 10
-"""Size of a file of written signs, each of which takes some 50 ms to sign."""
+"""Maximum size of a file of written signs, bytes; each sign takes some 50 ms to animate."""
 _N_CACHED_AVATARS = 8
 _N_CACHED_CLIPS = 256
 """Words that a process keeps in memory, about 0.3 MB each."""
 
 _N_WARMING = 3
-"""Signs, and as many letters, of the sentence with which a process is warmed."""
+"""Number of signs, and of letters, in the sentence that warms up a process."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Answer:
 
     content: the body.
     media_type: of the body.
-    name: of the file to download, None for JSON.
+    name: of the file to download; None for JSON.
     """
 
     content: bytes
@@ -58,8 +58,8 @@ class Answer:
 class _OpenStream:
     """A stream's growing sentence.
 
-    opening: what its client asked for.
-    n_frames: number of frames sent, the skeleton before them.
+    opening: options of its client.
+    n_frames: number of frames sent; the skeleton is sent before them.
     """
 
     stream: Stream
@@ -69,10 +69,10 @@ class _OpenStream:
 
 
 class _WorkerState:
-    """What a worker process keeps between jobs.
+    """State of a worker process between jobs.
 
-    clip: reads a word of the lexicon, and keeps the last ones, with what a network found in them.
-    avatar: reads an avatar of the settings by its name, and keeps it.
+    clip: reads and caches words of the lexicon, with the features that networks computed of them.
+    avatar: reads and caches avatars of the settings by name.
     streams: growing sentences, by the key of their stream.
     """
 
@@ -84,7 +84,7 @@ class _WorkerState:
         self.streams: dict[str, _OpenStream] = {}
 
     def _read_avatar(self, name: str) -> Avatar:
-        """An avatar of the service. Raises ``InputError`` for a name that it does not have."""
+        """Read an avatar of the service. Raises ``InputError`` for an unknown name."""
         files = self.settings.avatar_files
         if name not in files:
             known = f"expected one of {', '.join(sorted(files))}" if files else "this service was started without any"
@@ -93,8 +93,8 @@ class _WorkerState:
 
 
 _worker: _WorkerState
-"""The state of this process; only ``start_worker`` sets it, before the first job. Jobs are plain functions, which can
-be sent to the process; what stays there between them is here."""
+"""State of this process; only ``start_worker`` sets it, before the first job. Jobs are plain functions, which can be
+sent to the process; this keeps state between them."""
 
 
 def start_worker(settings: Settings) -> None:
@@ -110,11 +110,11 @@ def start_worker(settings: Settings) -> None:
 
 
 def warm_up(for_streams: bool) -> None:
-    """Do what is slow the first time, by a sentence of signs and letters as a request or a stream has it, which reads
-    the networks, makes the mannequin's mesh, and looks for words like one that is none.
+    """Warm up with a sentence of signs and letters, as a request or a stream: read the networks, build the mannequin's
+    mesh, and search for words similar to an unknown one.
     """
     lexicon = _worker.lexicon
-    if "NO-SUCH-WORD" not in lexicon:  # which reads the notation of the signs that ship, to look for a form
+    if "NO-SUCH-WORD" not in lexicon:  # reads the notation of the shipped signs, to look for a form
         lexicon.nearest("NO-SUCH-WORD")
     glosses = sorted(lexicon, key=lambda gloss: gloss.startswith(LETTER_MARK))
     n_letters = sum(gloss.startswith(LETTER_MARK) for gloss in glosses)
@@ -138,11 +138,11 @@ def warm_up(for_streams: bool) -> None:
 def splice_glosses(
     request: wire.SentenceRequest, file: wire.AnswerFile | None, uploaded: tuple[str, bytes] | None = None
 ) -> Answer:
-    """The answer to a sentence: one ``file`` of it, or all as JSON; on the avatar in a file (name, content) that was
-    ``uploaded``, where there is one. Raises ``InputError``.
+    """Answer a sentence with one ``file`` of it, or all as JSON; on the avatar of an ``uploaded`` file (name, content),
+    if given. Raises ``InputError``.
     """
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
-    token_glosses(units)  # raises where every word was left out
+    token_glosses(units)  # raises if every word was left out
     avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
     return _answer(words_of(units, _worker.clip, request.pauses), request, file, units, avatar)
 
@@ -150,7 +150,7 @@ def splice_glosses(
 def splice_files(
     files: Sequence[tuple[str, bytes]], request: wire.SpliceRequest, file: wire.AnswerFile | None
 ) -> Answer:
-    """The answer to files (name, content) in order: one ``file`` of the splice, or all as JSON. A file of written signs
+    """Answer files (name, content), in order, with one ``file`` of the splice, or all as JSON. A file of written signs
     stands for all of its signs.
 
     Raises ``InputError``.
@@ -162,7 +162,7 @@ def splice_files(
 
 
 def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
-    """The clip of a file, or those of at most so many written signs."""
+    """Yield the clip of a file, or the clips of at most ``most`` written signs."""
     if Path(name).suffix.lower() not in WRITTEN_SUFFIXES:
         yield parse_file(content, name, _worker.settings.read_limits)
         return
@@ -204,7 +204,7 @@ def _answer(
 
 
 def options(dials: wire.Dials) -> SpliceOptions:
-    """A caller's dials as the engine's options."""
+    """Return a caller's dials as the engine's options."""
     chosen = {field.name: getattr(dials, field.name) for field in fields(wire.Dials)}
     time = dials.transition_time
     chosen |= {"duration": time, "transition_time": None} if isinstance(time, str) else {"duration": methods.AUTO}
@@ -213,11 +213,11 @@ def options(dials: wire.Dials) -> SpliceOptions:
 
 
 def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
-    """How a line is signed. Raises ``InputError``, also for more words or letters than a sentence may have."""
-    most, lexicon = _worker.settings.max_glosses, _worker.lexicon
+    """Parse a line of glosses. Raises ``InputError``, also for more words or letters than a sentence may have."""
+    limit, lexicon = _worker.settings.max_glosses, _worker.lexicon
     n_words = len(split_words(text, lexicon.__contains__))
-    if n_words > most:  # before they are looked up, which takes long for many
-        raise InputError(f"{n_words} words, expected at most {most}")
+    if n_words > limit:  # before look-up, which is slow for many words
+        raise InputError(f"{n_words} words, expected at most {limit}")
     try:
         units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words)
     except UnknownGlossError:
@@ -225,8 +225,8 @@ def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds
     except InputError as error:  # callers need not know the lexicon's folder
         raise InputError(str(error).removeprefix(f"{lexicon.where}: ")) from error
     n_glosses = sum(len(unit.glosses) for unit in units)
-    if n_glosses > most:
-        raise InputError(f"{n_glosses} words and letters, expected at most {most}")
+    if n_glosses > limit:
+        raise InputError(f"{n_glosses} words and letters, expected at most {limit}")
     return units
 
 
@@ -240,11 +240,11 @@ def open_stream(key: str, opening: wire.OpenMessage) -> None:
 
 
 Typed = wire.WordMessage | wire.TextMessage
-"""What the client of a stream types."""
+"""Typed input of a stream's client."""
 
 
 def parse_message(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[str, Any]]]:
-    """The words and letters that sign what was typed into a stream, and messages of how it was read.
+    """Return the words and letters that sign a stream's typed input, and messages about how it was read.
 
     Raises ``InputError``.
     """
@@ -259,10 +259,9 @@ def parse_message(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[st
 
 
 def add_word(key: str, word: LineGloss) -> list[dict[str, Any] | bytes]:
-    """The messages that are final once a stream has one more word, or letter with which a spelled word begins or goes
-    on.
+    """Add a word, or a letter of a spelled word, to a stream and return the messages that become final.
 
-    Raises ``InputError`` for a word that does not become part of the sentence.
+    Raises ``InputError`` if the word cannot become part of the sentence.
     """
     opened, clip = _worker.streams[key], _worker.clip(word.gloss)
     options, limit = opened.options, _worker.settings.max_frames
@@ -273,7 +272,7 @@ def add_word(key: str, word: LineGloss) -> list[dict[str, Any] | bytes]:
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:
-    """The last messages of a stream."""
+    """End a stream and return its last messages."""
     opened = _worker.streams[key]
     messages = _messages(opened, opened.stream.end())
     return [*messages, {"type": "done", "frames": opened.n_frames}]

@@ -1,5 +1,5 @@
-"""Worker processes, among which jobs are distributed. Each does one job at a time until it ends, which is noticed at
-once; one that ends is replaced, whether it worked or not.
+"""Distributes jobs among worker processes. Each does one job at a time. A process that ends, busy or not, is noticed at
+once and replaced.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class WorkerLostError(SignspliceError):
 
 
 class NotStartedError(WorkerLostError):
-    """A worker process ended before it began a job, which another process can do."""
+    """A worker process ended before it began a job; another process can do it."""
 
 
 def _not_started() -> NotStartedError:
@@ -45,17 +45,17 @@ def _not_started() -> NotStartedError:
 
 
 class WorkerProcess:
-    """One process. It starts, is ready, and ends: killed by ``kill``, by a limit, or by something outside.
+    """One process. It starts, becomes ready, and ends: killed by ``kill``, by a limit, or from outside.
 
-    A thread waits for what the process sends. The pipe breaks when the process ends, whatever it was doing, so that
-    nobody waits for a process that is gone.
+    A thread waits for messages of the process. The pipe breaks when the process ends, so that no caller waits for a
+    dead process.
 
-    is_ready: whether its start is over, so that it does jobs.
+    is_ready: whether it has started, so that it does jobs.
     ended: set when the process has ended.
     """
 
     def __init__(self, settings: Settings, for_streams: bool, on_end: Callable[[WorkerProcess], None]) -> None:
-        """Start the process. ``for_streams``: whether its jobs are those of streams.
+        """Start the process. ``for_streams``: whether it does jobs of streams.
 
         ``on_end`` is called once, in the event loop, when it ends.
         """
@@ -76,18 +76,18 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int:
-        """The number of the process."""
+        """Process number."""
         return self._process.pid or 0
 
     def _receive(self) -> None:
-        """Pass what the process sends to the event loop, until it ends; in a thread."""
-        with suppress(RuntimeError):  # the event loop is closed: nobody waits any more
+        """Pass messages of the process to the event loop, until it ends; runs in a thread."""
+        with suppress(RuntimeError):  # the event loop is closed: no caller waits any more
             while True:
                 try:
                     answer = self._pipe.recv()
                 except (EOFError, OSError):
                     break
-                except Exception as error:  # an answer that cannot be read; the next one can
+                except Exception as error:  # an unreadable answer; the next one may be readable
                     answer = (False, error)
                 self._loop.call_soon_threadsafe(self._take, answer)
             self._process.join()
@@ -113,24 +113,24 @@ class WorkerProcess:
         self._on_end(self)
 
     def kill(self) -> None:
-        """End the process; the job that it does raises ``WorkerLostError``."""
+        """Kill the process; its running job raises ``WorkerLostError``."""
         self._process.kill()
         self._end()
 
     async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """The result of a function of ``work``, called in the process.
+        """Call a function of ``work`` in the process and return its result.
 
-        A caller that is cancelled stops neither the job nor its limits.
+        Cancelling the caller stops neither the job nor its limits.
 
-        Raises what the job raises; ``InputError`` where it needs more work time or memory than it may; ``BusyError``
-        where it takes longer than ``work_wall_seconds`` for another reason; ``WorkerLostError``.
+        Raises what the job raises; ``InputError`` if it exceeds its work time or memory; ``BusyError`` if it takes
+        longer than ``work_wall_seconds`` for another reason; ``WorkerLostError``.
         """
         return await asyncio.shield(self.post(job, *args))
 
     def post(self, job: Callable[..., ResultT], *args: object) -> asyncio.Task[ResultT]:
         """As ``run``, for callers that need not wait for the result."""
         task = asyncio.create_task(self._run_alone(job, *args))
-        self._jobs.add(task)  # keeps the task alive after its caller was cancelled
+        self._jobs.add(task)  # keeps the task alive after its caller is cancelled
         task.add_done_callback(self._jobs.discard)
         task.add_done_callback(lambda done: done.cancelled() or done.exception())
         return task
@@ -173,15 +173,15 @@ class WorkerProcess:
 
 
 def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
-    """What the process does until the service is gone: start, then a job at a time.
+    """Main function of the process: start, then do one job at a time until the service ends.
 
-    It sends None when it is ready and when it has begun a job, and whether a job was done with its result or error.
+    Sends None when it is ready and when it begins a job; after a job, whether it succeeded and its result or error.
     """
     work.start_worker(settings)
-    with suppress(Exception):  # if it is the lexicon's fault, jobs report it
+    with suppress(Exception):  # if the lexicon is at fault, jobs report it
         work.warm_up(for_streams)
     gc.collect()
-    gc.freeze()  # else the first request waits 50 ms for a look through all that was imported
+    gc.freeze()  # otherwise the first request waits 50 ms for a scan of all imported objects
     with suppress(EOFError, OSError):
         pipe.send(None)
         while True:
@@ -198,10 +198,10 @@ def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
 
 
 def _work_clock(pid: int) -> Callable[[], float]:
-    """A function that gives the seconds that a process has worked since this call; 0 once the process has ended.
+    """Return a function that returns the seconds that a process has worked since this call; 0 after it has ended.
 
-    On Linux this is processor time, of all threads together: other processes that keep the
-    processors busy do not count. Elsewhere it is wall-clock time.
+    On Linux this is processor time of all threads together, so that other processes that keep the processors busy do
+    not count. Elsewhere it is wall-clock time.
     """
     start, wall_start = _processor_seconds(pid), time.monotonic()
     if start is None:
@@ -210,31 +210,31 @@ def _work_clock(pid: int) -> Callable[[], float]:
 
 
 def _processor_seconds(pid: int) -> float | None:
-    """User and system time of a process, None where it is not known."""
+    """Return user plus system time of a process, seconds; None if unknown."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:
         return None
-    values = text.rpartition(")")[2].split()  # behind the program's name, from field 3 of proc(5) on
+    values = text.rpartition(")")[2].split()  # after the program's name, from field 3 of proc(5) on
     return (int(values[11]) + int(values[12])) / os.sysconf("SC_CLK_TCK")  # utime, stime
 
 
 _MAX_STARTS = 3
-"""Processes whose start a job waits for, one after another."""
+"""Maximum number of successive process starts that a job waits for."""
 _RESTART_SECONDS = 5.0
-"""Longest pause before the start of the next process, where one after another ends while it starts."""
+"""Pause before the next start if processes repeatedly end while they start, seconds."""
 
 
 class Worker:
-    """The place of one process. When that ends, the next one is started.
+    """A worker, backed by one process; if that ends, the next one starts.
 
     busy: number of jobs that run or wait for it.
-    is_warm: whether a process has been ready here.
+    is_warm: whether one of its processes has become ready.
     n_lost: number of processes replaced so far.
     """
 
     def __init__(self, settings: Settings, for_streams: bool) -> None:
-        """Start the process. ``for_streams``: whether its jobs are those of streams."""
+        """Start the process. ``for_streams``: whether it does jobs of streams."""
         self._settings, self._for_streams = settings, for_streams
         self.busy = self.n_lost = self._n_failed_starts = 0
         self._is_closed = False
@@ -244,7 +244,7 @@ class Worker:
 
     @property
     def is_warm(self) -> bool:
-        """Whether its process has been ready once, or is."""
+        """Whether one of its processes has become ready."""
         return self._was_ready or self._process.is_ready
 
     def _replace(self, ended: WorkerProcess) -> None:
@@ -262,11 +262,11 @@ class Worker:
         self._process = WorkerProcess(self._settings, self._for_streams, self._replace)
 
     async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """As ``WorkerProcess.run``. A process that ends before it begins the job is not the job's fault."""
+        """As ``WorkerProcess.run``, but tries again if a process ends before it begins the job."""
         return (await self.begin(job, *args))[1]
 
     async def begin(self, job: Callable[..., ResultT], *args: object) -> tuple[WorkerProcess, ResultT]:
-        """The process that did the job, for further jobs that need what it left there; and the job's result."""
+        """Run a job; return its process, for further jobs that need its state there, and its result."""
         self.busy += 1
         try:
             for _ in range(_MAX_STARTS):
@@ -298,7 +298,7 @@ class Workers:
 
     @property
     def is_warm(self) -> bool:
-        """Whether a process has been ready in every place."""
+        """Whether every worker is warm."""
         return all(worker.is_warm for worker in self._workers)
 
     async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
@@ -306,7 +306,7 @@ class Workers:
         return await self.least_loaded(lambda worker: worker.busy).run(job, *args)
 
     def least_loaded(self, load: Callable[[Worker], int]) -> Worker:
-        """The worker for which ``load`` is least."""
+        """Return the worker with the least ``load``."""
         return min(self._workers, key=load)
 
     def close(self) -> None:

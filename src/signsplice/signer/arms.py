@@ -1,18 +1,18 @@
-"""Where elbows, forearms and wrists go over time: elbows at their easy places, smoothed and turned out of the trunk and
-of the other arm; wrists that yield; forearms that turn no faster than people turn them.
+"""Moves elbows, forearms and wrists over time: elbows at their easy places, smoothed and turned out of the trunk and of
+the other arm; wrists that yield; forearms that turn no faster than people turn them.
 
-The easy place of an elbow depends on one pose (``pose.wrist_angles``) and can change suddenly with it. What is smoothed
-is the direction from the line between shoulder and wrist to the elbow, in the chest's axes: an angle about that line
-has no reference that is steady everywhere.
+The easy place of an elbow depends on one pose (``pose.wrist_angles``) and can change suddenly with it. The module
+smooths the direction from the line between shoulder and wrist to the elbow, in the chest's axes: an angle about that
+line has no reference that is steady everywhere.
 
-Hands of written signs yield a little in direction if a wrist or forearm would else bend far. Up to the easy ranges
-directions are as they are written; they are a little wider than the 40 degrees of flexion and of extension, and 40 from
-side to side, with which people do daily tasks (Ryu et al. 1991, Journal of Hand Surgery 16A: 409-419). Beyond, a hand
-yields by a part of the rest, never by more than ``YIELDS``; at a joint's limit it misses the rest.
+Hands of written signs yield a little in direction if a wrist or forearm would otherwise bend far. Within the easy
+ranges they keep the written directions; these ranges are a little wider than the 40 degrees of flexion and of
+extension, and 40 from side to side, of daily tasks (Ryu et al. 1991, Journal of Hand Surgery 16A: 409-419). Beyond
+them, a hand yields by a part of the excess, at most by ``YIELDS``; at a joint's limit it misses the rest.
 
-The forearm's twist that a written hand needs, and the wrist's swing, can pass half a turn: then they would go from one
-of their limits to the other in a frame. The twist of such an arm is chosen anew, on one path over the whole word
-(Viterbi 1967): near to what is written, and turned over in its own time if it must be; the swing is smoothed there.
+The forearm's twist that a written hand needs, and the wrist's swing, can pass half a turn and would then jump from one
+limit to the other in a frame. The twist of such an arm is chosen again on one path over the whole word (Viterbi 1967),
+near the written twist and turned over slowly if necessary; the swing is smoothed there.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from signsplice.signer.pose import MARGIN, swivel_costs
 from signsplice.signer.signer import COLLAR, SHOULDER, UPPER_ARM, HangingElbowSigner, Signer
 
 _WIDTH_S = 0.10
-"""Standard deviation of the Gaussian that smooths these directions in time, seconds."""
+"""Standard deviation of the Gaussian that smooths elbow directions in time, seconds."""
 _LED_S = 0.08
-"""The same for those on the path of least cost."""
+"""The same for directions on the path of least cost, seconds."""
 _CLEARING_S = 0.06
-"""The same for what keeps forearms free, which is smoothed as much once already."""
+"""The same for the turns that free forearms, which are already smoothed once as much, seconds."""
 TURNS = np.deg2rad(np.arange(-60.0, 61.0, 5.0))
-"""Turns of a led elbow that are tried to free its forearm: in coarser steps it would turn farther than it must."""
+"""Candidate turns of a led elbow that free its forearm, radians; coarser steps would turn it too far."""
 _PRESSED_M = 0.003
-"""Depth up to which a forearm may press into the trunk or the other arm, m: both give."""
+"""Depth to which a forearm may press into the trunk or the other arm, m: both give way."""
 
 
 def smooth_elbows(
     states: FloatArray, signer: Signer, fps: float, led: bool = False, figure: Figure | None = None
 ) -> FloatArray:
-    """States (T, 65) of a whole word with elbows that move smoothly and keep forearms out of the trunk and of the other
-    arm; in plain motion the states themselves. ``led``: elbows go where wrists can turn hands as they are written;
-    ``figure``: of these states but for their arms.
+    """Smooths the elbows of a word's states (T, 65) and keeps forearms out of the trunk and of the other arm; returns
+    plain motion unchanged. ``led``: elbows go where wrists can turn hands as written; ``figure``: of these states,
+    apart from their arms.
     """
     if not signer.manner.low_elbows:
         return states
@@ -65,52 +65,53 @@ def smooth_elbows(
 
 
 GRID = np.deg2rad(np.linspace(-105.0, 65.0, 26))
-"""Turns from where elbows hang that are tried where hands go as they are written; negative ones lift them outwards."""
+"""Candidate turns of hanging elbows for written hands, radians; negative turns lift elbows outwards."""
 _MISSED = np.deg2rad(6.0)
-"""Angle by which a hand misses its direction that costs 0.7; twice as much costs 8 times as much."""
+"""Angle by which a hand misses its direction that costs 0.7, radians; twice the angle costs 8 times as much."""
 _EFFORT = 0.35
-"""What an elbow costs that is not where it is easy, over what its angles cost."""
-_BEFORE, _ACROSS = 0.35, 0.08
-"""How far before the shoulder an elbow crosses the trunk freely, and how far, inwards by how far behind that, costs 1,
-over the upper arm's length."""
+"""Factor on the cost of an elbow away from its easy place."""
+_BEFORE = 0.35
+"""How far before the shoulder an elbow crosses the trunk at no cost, over the upper arm's length."""
+_ACROSS = 0.08
+"""Distance inwards times distance behind that plane that costs 1, squared upper arm lengths."""
 _RAISED = 0.1
-"""How high over both shoulder and wrist an elbow costs 1, over the upper arm's length."""
+"""Height of an elbow over both shoulder and wrist that costs 1, over the upper arm's length."""
 _STEP = 0.075
 """Step of an elbow in a thirtieth of a second that costs 1, over the upper arm's length."""
 _LEAST_OFF = 0.15
-"""How far from the line between shoulder and wrist an elbow counts as at least, over the same: a straight arm turns."""
+"""Least counted distance of an elbow from the line between shoulder and wrist, over the same: a straight arm turns."""
 
 
 def _easiest_directions(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
-    """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967): hands miss their
-    directions little, arms are easy, and elbows go no farther than they must. Found 15 times a second.
+    """Directions (T, 2, 3) to elbows on the path of least cost over a whole word (Viterbi 1967), solved 15 times a
+    second: hands miss their directions little, arms are easy, and elbows move little.
     """
-    some = sparse(len(states), fps / 15.0)
-    both = pose.hands(states[some])
+    frames = sparse(len(states), fps / 15.0)
+    both = pose.hands(states[frames])
     arm = pose.solve_arm(both[..., pose.WRIST], signer)
     hard, effort = hardship(arm, both[..., pose.ROTVEC], signer, GRID)
-    out, across = (x[..., None, :] for x in pose.elbow_axes(arm))
-    directions = np.cos(GRID)[:, None] * out + np.sin(GRID)[:, None] * across  # (T, 2, K, 3)
+    hang_axis, side_axis = (x[..., None, :] for x in pose.elbow_axes(arm))
+    directions = np.cos(GRID)[:, None] * hang_axis + np.sin(GRID)[:, None] * side_axis  # (T, 2, K, 3)
     bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])[..., None, :]
-    along = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
-    elbow = along + np.maximum(np.linalg.norm(bone - along, axis=-1, keepdims=True), _LEAST_OFF) * directions
+    projection = np.sum(bone * arm.direction[..., None, :], axis=-1, keepdims=True) * arm.direction[..., None, :]
+    elbow = projection + np.maximum(np.linalg.norm(bone - projection, axis=-1, keepdims=True), _LEAST_OFF) * directions
     across_trunk = np.maximum(0.0, elbow[..., 0]) * np.maximum(0.0, _BEFORE - elbow[..., 2])
     wrist = (both[..., 1] / signer.scale - (COLLAR + SHOULDER)[1]) / (UPPER_ARM * signer.arms)
     raised = np.maximum(0.0, elbow[..., 1] - np.maximum(0.0, wrist)[..., None])
     costs = hard + effort + np.square(across_trunk / _ACROSS) + np.square(raised / _RAISED)
-    rows, apart_s = np.arange(len(some)), (some[-1] / max(1, len(some) - 1)) / fps
-    led = np.empty((len(some), 2, 3))
+    rows, apart_s = np.arange(len(frames)), (frames[-1] / max(1, len(frames) - 1)) / fps
+    led = np.empty((len(frames), 2, 3))
     for which in (0, 1):
-        at, scale = elbow[:, which], 1.0 / (30.0 * apart_s * _STEP) ** 2
-        squares = scale * np.square(at).sum(axis=-1)
-        changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * at[:-1] @ at[1:].transpose(0, 2, 1)
+        elbows, scale = elbow[:, which], 1.0 / (30.0 * apart_s * _STEP) ** 2
+        squares = scale * np.square(elbows).sum(axis=-1)
+        changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * elbows[:-1] @ elbows[1:].transpose(0, 2, 1)
         led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]
-    return between(led, some)
+    return between(led, frames)
 
 
 def hardship(arm: pose.Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What it costs (..., S) that hands with rotation vectors ``rotvecs`` (..., 3) miss their directions, or reach them
-    with wrists bent farther than is comfortable, with elbows at ``swivels`` (S,); and what these elbows cost besides.
+    """Costs (..., S) of hands with rotation vectors ``rotvecs`` (..., 3) that miss their directions or reach them with
+    uncomfortable wrists, with elbows at ``swivels`` (S,); and the additional costs of these elbows.
     """
     missed, effort, strain = swivel_costs(arm, rotvecs, signer, swivels)
     missed = np.square(missed / _MISSED)
@@ -119,59 +120,61 @@ def hardship(arm: pose.Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatA
 
 
 def from_hanging(states: FloatArray, signer: Signer) -> tuple[FloatArray, HangingElbowSigner]:
-    """The same motion (T, 65) of a signer whose elbows are turned from where they hang: what is moved again and again
-    need not be compared with what is easy.
+    """The same motion (T, 65) with elbow turns relative to hanging elbows, and the signer for it: repeated changes need
+    no easy places then.
     """
-    made = states.copy()
-    made[:, pose.TURNS] = solve_arms(states, signer)[1]
-    return made, HangingElbowSigner(**vars(signer))
+    new_states = states.copy()
+    new_states[:, pose.TURNS] = solve_arms(states, signer)[1]
+    return new_states, HangingElbowSigner(**vars(signer))
 
 
 def from_easy(states: FloatArray, signer: Signer) -> FloatArray:
-    """The same motion (T, 65) with elbows turned from where they are easy."""
-    both, made = pose.hands(states), states.copy()
+    """The same motion (T, 65) with elbow turns relative to easy places again."""
+    both, new_states = pose.hands(states), states.copy()
     easy = pose.easy_swivels(pose.solve_arm(both[..., pose.WRIST], signer), both[..., pose.ROTVEC], signer)
-    made[:, pose.TURNS] = _short(states[:, pose.TURNS] - easy)
-    return made
+    new_states[:, pose.TURNS] = _short(states[:, pose.TURNS] - easy)
+    return new_states
 
 
 def keep_elbows(states: FloatArray, before: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) with elbows in the directions of those ``before`` (T, 65) hands were moved a little: an easy place
-    can be far from the one beside it.
+    """Gives states (T, 65) the elbow directions of the states ``before`` (T, 65) a small move of the hands: easy places
+    of similar poses can be far apart.
     """
     return turn_elbows(states, directions_of(before, signer), signer)
 
 
 def turn_arms(states: FloatArray, arm: pose.Arm, quats: FloatArray, swivels: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) whose hands are turned to ``quats`` (T, 2, 4) from their forearms in an ``arm`` with hanging
-    elbows, with elbows at ``swivels`` (T, 2).
+    """Turns hands of states (T, 65) to ``quats`` (T, 2, 4), relative to the forearms of an ``arm`` with hanging elbows,
+    and elbows to ``swivels`` (T, 2).
     """
-    made = states.copy()
-    both = pose.hands(made)
+    new_states = states.copy()
+    both = pose.hands(new_states)
     both[..., pose.ROTVEC] = rotation.log(quats)
     easy = pose.easy_swivels(arm, both[..., pose.ROTVEC], signer)
-    made[:, pose.TURNS] += _short(swivels - easy - made[:, pose.TURNS])
-    return made
+    new_states[:, pose.TURNS] += _short(swivels - easy - new_states[:, pose.TURNS])
+    return new_states
 
 
 _FASTEST_CM_S = 280.0
-"""Speed of an elbow about its shoulder from which on its direction is smoothed once more."""
-_SLOWED_S, _SLOWED_ROUNDS = 0.2, 6
-"""How far around that it is, seconds, and how often at most."""
+"""Speed of an elbow about its shoulder above which its direction is smoothed again, cm/s."""
+_SLOWED_S = 0.2
+"""How far around a fast frame directions are smoothed, seconds."""
+_SLOWED_ROUNDS = 6
+"""Largest number of smoothing rounds."""
 
 
 def limit_elbow_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
-    """States (T, 65) in which elbows that swing faster than people's go in more time; the states themselves without."""
+    """Slows elbows that swing faster than people's in states (T, 65); returns other states unchanged."""
     for _ in range(_SLOWED_ROUNDS):
         speed = np.linalg.norm(np.diff(elbow_positions(states, signer), axis=0), axis=-1) * fps
         fast = np.concatenate([np.zeros((1, 2)), speed > _FASTEST_CM_S])
         if not fast.any():
             break
-        near = maximum_filter1d(fast, 2 * round(_SLOWED_S * fps) + 1, axis=0)
-        near = gaussian_filter1d(near, 0.4 * _SLOWED_S * fps, axis=0)[..., None]
+        weight = maximum_filter1d(fast, 2 * round(_SLOWED_S * fps) + 1, axis=0)
+        weight = gaussian_filter1d(weight, 0.4 * _SLOWED_S * fps, axis=0)[..., None]
         directions = directions_of(states, signer)
         smooth = gaussian_filter1d(directions, _WIDTH_S * fps, axis=0, mode="nearest")
-        states = turn_elbows(states, directions + near * (smooth - directions), signer)
+        states = turn_elbows(states, directions + weight * (smooth - directions), signer)
     return states
 
 
@@ -195,33 +198,33 @@ def directions_of(states: FloatArray, signer: Signer) -> FloatArray:
 
 
 def directions_at(arm: pose.Arm, swivels: FloatArray) -> FloatArray:
-    """The same of arms with elbows at ``swivels`` (T, 2)."""
-    out, across = pose.elbow_axes(arm)
-    return np.asarray(np.cos(swivels)[..., None] * out + np.sin(swivels)[..., None] * across)
+    """``directions_of`` for arms with elbows at ``swivels`` (T, 2)."""
+    hang_axis, side_axis = pose.elbow_axes(arm)
+    return np.asarray(np.cos(swivels)[..., None] * hang_axis + np.sin(swivels)[..., None] * side_axis)
 
 
 def swivels_to(arm: pose.Arm, directions: FloatArray) -> FloatArray:
-    """The swivels (...) with which elbows are in these directions (..., 3) from the lines of shoulder and wrist."""
-    out, across = pose.elbow_axes(arm)
-    sin, cos = (np.einsum("...c,...c->...", directions, axis) for axis in (across, out))
+    """The swivels (...) of elbows in these directions (..., 3) from the lines between shoulders and wrists."""
+    hang_axis, side_axis = pose.elbow_axes(arm)
+    sin, cos = (np.einsum("...c,...c->...", directions, axis) for axis in (side_axis, hang_axis))
     return np.asarray(np.arctan2(sin, cos))
 
 
 def turn_elbows(states: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) with elbows turned to these directions (T, 2, 3), as nearly as the wrists allow."""
+    """Turns elbows of states (T, 65) to these directions (T, 2, 3), as far as the wrists allow."""
     arm, swivels = solve_arms(states, signer)
-    made = states.copy()
-    made[:, pose.TURNS] += _short(swivels_to(arm, directions) - swivels)
-    return made
+    new_states = states.copy()
+    new_states[:, pose.TURNS] += _short(swivels_to(arm, directions) - swivels)
+    return new_states
 
 
 def _short(angles: FloatArray) -> FloatArray:
-    """The same angles from -pi to pi."""
+    """Wraps angles to -pi to pi."""
     return np.asarray(np.angle(np.exp(1j * angles)))
 
 
 def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> FloatArray:
-    """By how much (T,) the swivels of the strong (0) or the weak arm (1) change for its forearm to be free."""
+    """Changes (T,) of the swivels of the strong (0) or the weak arm (1) that free its forearm, radians."""
     body, groups = posed.capsules.body, posed.capsules.body.groups
     solid = [*groups.below_arms, *(groups.right_arm if which else groups.left_arm)]
     radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
@@ -233,18 +236,16 @@ def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> Fl
 
 
 YIELDS = np.deg2rad(8.0)
-"""The most by which a hand yields."""
+"""Largest angle by which a hand yields, radians."""
 _EASY_RANGES = np.deg2rad([[-78.0, 78.0], [-28.0, 18.0], [-48.0, 52.0]])
-"""Twist of the forearm, deviation and flexion of the wrist from which on it does."""
+"""Ranges of the forearm's twist and the wrist's deviation and flexion beyond which it yields, radians."""
 _WRIST_LIMITS = np.array([[-pose.FOREARM_LIMIT, pose.FOREARM_LIMIT], *pose.WRIST_LIMITS])
 _YIELD_SCALE = np.deg2rad(18.0)
-"""How far beyond them it yields by 63 % of that."""
+"""Excess at which it yields by 63 % of ``YIELDS``, radians."""
 
 
 def turn_hands(states: FloatArray, written: FloatArray, signer: Signer) -> FloatArray:
-    """States (T, 65) whose hands have the rotations ``written`` (T, 2, 4) in the chest's axes, with the elbows where
-    they are.
-    """
+    """Turns hands of states (T, 65) to rotations ``written`` (T, 2, 4) in the chest's axes; elbows stay in place."""
     arm, swivels = solve_arms(states, signer)
     return turn_arms(states, arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels, signer)
 
@@ -257,8 +258,8 @@ def beyond_easy(angles: FloatArray) -> FloatArray:
 def ease_wrists(
     states: FloatArray, written: FloatArray, signer: Signer, added: FloatArray, room: FloatArray
 ) -> FloatArray:
-    """The same, as nearly as is easy, with what movements of forearm and wrist have ``added`` to their angles
-    (T, 2, 3); these have ``room`` (T, 2, 3) to either side before a joint's limit.
+    """``turn_hands`` within easy ranges, with the angles (T, 2, 3) ``added`` by movements of forearm and wrist, which
+    keep ``room`` (T, 2, 3) to either side before a joint's limit.
     """
     arm, swivels = solve_arms(states, signer)
     angles = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels).angles  # (T, 2, 3)
@@ -267,7 +268,7 @@ def ease_wrists(
     missed = np.linalg.norm(angles - np.clip(angles, *_WRIST_LIMITS.T), axis=-1, keepdims=True)
     share = (1.0 - np.exp(-size / _YIELD_SCALE)) * np.maximum(0.0, 1.0 - missed / YIELDS)
     angles = angles - YIELDS * share * off / np.maximum(size, 1e-9)
-    # Limits are approached softly from MARGIN before them on, which a movement needs free; without one nothing changes.
+    # Angles approach limits softly from MARGIN before them; a movement needs that range free. No movement, no change.
     inner = room + MARGIN * (2.0 * np.minimum(room / MARGIN, 1.0) - 1.0)
     low, high = _WRIST_LIMITS.T
     angles = np.where(room > 0.0, np.clip(angles, low + inner, high - inner), angles) + added
@@ -275,20 +276,22 @@ def ease_wrists(
 
 
 _FASTEST_TURN = 18.0
-"""Speed of a forearm's turn, radians a second, from which on its twist is chosen anew."""
+"""Speed of a forearm's turn above which its twist is chosen again, radians a second."""
 _SWING_WEIGHT = 0.6
 """Share of a wrist's swing that counts as such a turn: people nod with up to 12 radians a second."""
 _TWISTS = np.deg2rad(np.linspace(-92.0, 92.0, 25))
 _TWIST_MISSED = 0.5
-"""Angle by which a twist misses what is written that costs 1, radians."""
+"""Difference from the written twist that costs 1, radians."""
 _TWIST_CHANGE = 4.2
 """Change of the twist that costs 1 a frame, radians a second."""
-_TWIST_WIDTH_S, _TWIST_AROUND_S = 0.045, 0.25
-"""Standard deviation of the Gaussian that smooths what was chosen, and how far around it that is taken, seconds."""
+_TWIST_WIDTH_S = 0.045
+"""Standard deviation of the Gaussian that smooths the chosen twist, seconds."""
+_TWIST_AROUND_S = 0.25
+"""How far around a fast frame the chosen twist replaces the written one, seconds."""
 
 
 def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
-    """States (T, 65) in which no forearm or wrist turns over in a frame; the states themselves where none did."""
+    """Keeps forearms and wrists of states (T, 65) from turning over in a frame; returns other states unchanged."""
     arm, wrist = pose.solve_arms_and_wrists(states, signer)
     within = np.clip(wrist.angles, *_WRIST_LIMITS.T)  # (T, 2, 3)
     steps = np.diff(within, axis=0)
@@ -301,20 +304,20 @@ def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> Float
         path = _twist_path(wrist.twist[:, which], fps)
         odd = np.abs(path - within[:, which, 0]) > _TWIST_MISSED
         odd[1:] |= fast[:, which]
-        near = maximum_filter1d(odd.astype(np.float64), 2 * round(_TWIST_AROUND_S * fps) + 1)
-        near = gaussian_filter1d(near, 0.4 * _TWIST_AROUND_S * fps)
+        weight = maximum_filter1d(odd.astype(np.float64), 2 * round(_TWIST_AROUND_S * fps) + 1)
+        weight = gaussian_filter1d(weight, 0.4 * _TWIST_AROUND_S * fps)
         path = gaussian_filter1d(path, _TWIST_WIDTH_S * fps, mode="nearest")
         swing = gaussian_filter1d(within[:, which, 1:], _TWIST_WIDTH_S * fps, axis=0, mode="nearest")
-        angles[:, which] += near[:, None] * (np.column_stack([path, swing]) - within[:, which])
+        angles[:, which] += weight[:, None] * (np.column_stack([path, swing]) - within[:, which])
     quats = pose.hands_at(arm, angles, wrist.swivel)
-    made = states.copy()
+    new_states = states.copy()
     fast = fast.any(axis=0)
-    pose.hands(made)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]
-    return keep_elbows(made, states, signer)
+    pose.hands(new_states)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]
+    return keep_elbows(new_states, states, signer)
 
 
 def _twist_path(twist: FloatArray, fps: float) -> FloatArray:
-    """The twist (T,) of least cost for a wanted one (T,), in which half a turn may be added or taken away."""
+    """The twist (T,) of least cost for a wanted one (T,), compared modulo a full turn."""
     missed = np.angle(np.exp(1j * (twist[:, None] - _TWISTS)))
     change = np.square((_TWISTS[:, None] - _TWISTS) * fps / _TWIST_CHANGE)
     return np.asarray(_TWISTS[swivel.smoothest(np.square(missed / _TWIST_MISSED), [change] * (len(twist) - 1))])

@@ -1,13 +1,12 @@
-"""Motion of head and trunk during a word, hands that keep their places on the body meanwhile, and what segments lay
-over a trajectory: local movements of the hand, gestures of head and trunk.
+"""Moves head and trunk during a word, keeps hands at their places on the body, and adds the overlays of segments: local
+movements of the hand, gestures of head and trunk.
 
-The trunk turns and leans a little with the reach of the hands, and the head takes that back: it faces the addressee.
-It goes to meet a hand at face or chin, the trunk does not (Tyrone and Mauk 2016). Nothing else moves it, since a look
-away and a nod are grammar. All of it begins when the hands leave rest and is over when they are back.
+The trunk turns and leans a little with the reach of the hands; the head compensates and faces the addressee. The head
+goes to meet a hand at face or chin, the trunk does not (Tyrone and Mauk 2016). Nothing else moves the head, since
+looking away and nodding are grammar. This motion begins when the hands leave rest and ends when they are back.
 
-Hands are given from the chest, and places on the body for a head and trunk that are upright. A hand that is at a part
-of the body is carried with it, rigidly if it touches, less with distance, not at all in free space. Hanging hands stay
-beside the hips.
+Hands are given relative to the chest, and places on the body for an upright head and trunk. A part of the body carries
+a hand rigidly if it touches, less with distance, not at all in free space. Hanging hands stay beside the hips.
 """
 
 from __future__ import annotations
@@ -30,30 +29,39 @@ from signsplice.signer.signer import JOINTS, Signer, skeleton
 from signsplice.signer.timing import Events, TimedSegment
 
 _CARRIERS = ("Head", "Neck", "Spine2", "Hips")
-"""Joints that carry parts of the body, and so hands. What hangs on others is carried with the chest."""
-_HEAD, _CHEST, _HIPS = 0, 2, 3
-FREE_CM, _HELD_CM = 14.0, 0.5
-"""Distances from the skin at which a hand is free, and from which on it is carried wholly."""
+"""Joints that carry parts of the body, and so hands. The chest carries the parts of all other joints."""
+_HEAD = 0
+"""Index of the head in ``_CARRIERS``."""
+_CHEST = 2
+"""Index of the chest in ``_CARRIERS``."""
+_HIPS = 3
+"""Index of the hips in ``_CARRIERS``."""
+FREE_CM = 14.0
+"""Distance from the skin at which a hand is free, cm."""
+_HELD_CM = 0.5
+"""Distance from the skin below which a hand is carried fully, cm."""
 _WEIGHT_CM = 1.0
-"""How much farther a part of the body is that carries less by the factor e."""
+"""Additional distance of a part of the body that divides its weight by e, cm."""
 TOGETHER_CM = 8.0
-"""Distance of two hands up to which they are carried alike."""
+"""Distance of two hands up to which they are carried alike, cm."""
 _HANGING_CM = (24.0, 38.0)
-"""How far below the chest a hand begins to hang, and hangs."""
+"""Distances below the chest at which a hand begins to hang, and hangs fully, cm."""
 _TOUCH_CM = 2.0
-"""Distance from the skin up to which it is kept, where the wrist's limits would change it."""
-_ROUNDS, _SMOOTHED_FRAMES = 3, 1.0
-"""How often that distance is corrected, and how far a correction is spread in time."""
+"""Distance from the skin up to which it is kept although the wrist's limits would change it, cm."""
+_ROUNDS = 3
+"""How often that distance is corrected."""
+_SMOOTHED_FRAMES = 1.0
+"""Standard deviation of the Gaussian that spreads a correction in time, frames."""
 
 
 @dataclass(frozen=True)
 class Nearness:
-    """Where the hands (strong, weak) of an upright right-handed signer are.
+    """Positions of the hands (strong, weak) of an upright right-handed signer relative to the body.
 
     weights: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
     clearances: (T, 2, 4) distance of each hand's skin from that of each of these, cm, negative inside
     apart: (T,) distance of the hands from one another or a forearm, cm, up to ``TOGETHER_CM`` by the signer's scale
-    head_side: (T, 2) where at the head each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
+    head_side: (T, 2) side of the head at which each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
     """
 
     weights: FloatArray
@@ -68,8 +76,8 @@ class Nearness:
 
 
 def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearness:
-    """Where the hands of states (T, 65) are, were head and trunk upright. With ``most``, cm, at least ``FREE_CM`` by
-    the signer's scale, a hand that hangs, or that is farther than that from the skin, counts as so far.
+    """``Nearness`` of the hands of states (T, 65) with head and trunk made upright. ``most``, cm, at least ``FREE_CM``
+    times the signer's scale, limits the distances; a hanging hand counts as this far.
     """
     upright = states.copy()
     upright[:, 54:] = 0.0
@@ -77,40 +85,40 @@ def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearne
     begins, hangs = _HANGING_CM
     height = pose.hands(states)[..., 1] / signer.scale
     hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
-    clearances, out = _clearances(capsules, most, hanging[..., 0] < 1.0 if np.isfinite(most) else None)
-    apart = _apart(capsules, TOGETHER_CM * signer.scale)
-    weights = _weights(clearances / signer.scale, apart / signer.scale)
+    clearances, directions = _clearances(capsules, most, hanging[..., 0] < 1.0 if np.isfinite(most) else None)
+    hand_distance = _apart(capsules, TOGETHER_CM * signer.scale)
+    weights = _weights(clearances / signer.scale, hand_distance / signer.scale)
     weights = hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights
-    return Nearness(weights, clearances, apart, out[..., _HEAD, 0])
+    return Nearness(weights, clearances, hand_distance, directions[..., _HEAD, 0])
 
 
 def approximate_nearness(states: FloatArray, signer: Signer, fps: float) -> Nearness:
-    """``nearness`` about 8 times a second, linear between them, and no farther than hands are carried."""
-    some = sparse(len(states), fps / 7.5)
-    near = nearness(states[some], signer, FREE_CM * signer.scale)
-    return Nearness(*(between(x, some) for x in vars(near).values()))
+    """``nearness`` about 8 times a second, interpolated linearly, and limited to the range that carries hands."""
+    frames = sparse(len(states), fps / 7.5)
+    sampled = nearness(states[frames], signer, FREE_CM * signer.scale)
+    return Nearness(*(between(x, frames) for x in vars(sampled).values()))
 
 
 def _clearances(
     capsules: PosedCapsules, most: float = np.inf, where: NDArray[np.bool_] | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Distances (T, 2, 4) of both hands' skin from that of the carriers, cm, and the directions (T, 2, 4, 3) away from
-    it in the chest's axes; ``most`` and 0 where all are farther, and but ``where`` (T, 2).
+    it in the chest's axes; ``most`` and 0 if all are farther, or outside ``where`` (T, 2).
     """
     body, names = capsules.body, list(JOINTS)
     solid = (*body.groups.head, *body.groups.trunk)
     carriers = [n if (n := names[body.joints[k]]) in _CARRIERS else "Spine2" for k in solid]
     parts = [[k for k, n in zip(solid, carriers, strict=True) if n == name] for name in _CARRIERS]
     size = (len(capsules.starts), 2, len(_CARRIERS))
-    clearances, out = np.full(size, most), np.zeros((*size, 3))
+    clearances, directions = np.full(size, most), np.zeros((*size, 3))
     for n, group in enumerate((body.groups.right, body.groups.left)):
-        at = slice(None) if where is None else where[:, n]
-        clearances[at, n], out[at, n] = capsules[at].nearest(group, parts, most)
-    return clearances, out
+        rows = slice(None) if where is None else where[:, n]
+        clearances[rows, n], directions[rows, n] = capsules[rows].nearest(group, parts, most)
+    return clearances, directions
 
 
 def _apart(capsules: PosedCapsules, most: float) -> FloatArray:
-    """Distances (T,) of the hands from one another or a forearm, cm, or ``most`` where they are greater."""
+    """Distances (T,) of the hands from one another or a forearm, cm, at most ``most``."""
     body = capsules.body
     hands = body.groups.right, body.groups.left
     parts = [*zip(body.parts, body.sides, strict=True)]
@@ -120,7 +128,7 @@ def _apart(capsules: PosedCapsules, most: float) -> FloatArray:
 
 
 def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
-    """Shares (T, 2, 4) from the distances of hands to the parts of the body (T, 2, 4) and to one another (T,), cm."""
+    """Weights (T, 2, 4) from the distances of hands to parts of the body (T, 2, 4) and to one another (T,), cm."""
     nearest = clearances.min(axis=-1, keepdims=True)
     weights = np.exp((nearest - clearances) / _WEIGHT_CM)
     weights /= weights.sum(axis=-1, keepdims=True)
@@ -130,7 +138,7 @@ def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
 
 
 def attach_hands_to_body(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
-    """States (T, 65) of a right-handed signer with hands carried by head and trunk, as these are in ``states``."""
+    """Moves the hands of a right-handed signer's states (T, 65) with the head and trunk of ``states``."""
     turns, places = _carriers(states, signer)
     rest = rest_positions(skeleton(signer))[[JOINTS[name] for name in _CARRIERS]]
     rest = rest - rest[_CHEST]
@@ -158,42 +166,46 @@ def _carriers(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArra
 
 
 def keep_distances(states: FloatArray, near: Nearness, signer: Signer) -> FloatArray:
-    """States (T, 65) with hands as far from the skin as they were, where that was near to nothing: a wrist at its
-    limits does not follow wholly.
+    """Restores small distances of hands from the skin in states (T, 65): a wrist at its limits does not follow the body
+    fully.
     """
     states = states.copy()
     nearest = near.clearances.argmin(axis=-1)[..., None]  # (T, 2, 1)
-    wanted = np.take_along_axis(near.clearances, nearest, axis=-1)
-    weight = pose.smooth_step((_TOUCH_CM - wanted / signer.scale) / (_TOUCH_CM - _HELD_CM))
+    targets = np.take_along_axis(near.clearances, nearest, axis=-1)
+    weight = pose.smooth_step((_TOUCH_CM - targets / signer.scale) / (_TOUCH_CM - _HELD_CM))
     frames = weight.any(axis=(1, 2))
     pushes = np.zeros((len(states), 2, 3))
-    nearest, wanted, weight = nearest[frames], wanted[frames], weight[frames]
+    nearest, targets, weight = nearest[frames], targets[frames], weight[frames]
     if not frames.any():
         return states
     figure = Figure(states[frames], signer)
     for _ in range(_ROUNDS):
-        clearances, out = _clearances(figure.pose_arms(states[frames]).capsules)
-        missing = weight * (wanted - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
-        pushes[frames] = missing * np.take_along_axis(out, nearest[..., None], axis=2)[:, :, 0]
+        clearances, directions = _clearances(figure.pose_arms(states[frames]).capsules)
+        missing = weight * (targets - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
+        pushes[frames] = missing * np.take_along_axis(directions, nearest[..., None], axis=2)[:, :, 0]
         push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")
         pose.hands(states)[..., pose.WRIST] += push * pose.MIRRORS
     return states
 
 
 _GAZE = 0.9
-"""How much of the trunk's motion the head takes back, so that it keeps facing the addressee."""
-_MEET_NOD_DEG, _MEET_TILT_DEG = 4.0, 4.0
-"""How far the head goes to meet a hand in front of it, and one at its side."""
-_MEET_CM, _MEET_FULL_CM = 10.0, 3.0
-"""Distance of a hand from the head's skin from which the head goes to meet it, and at which it has done so."""
+"""Fraction of the trunk's motion that the head compensates to keep facing the addressee."""
+_MEET_NOD_DEG = 4.0
+"""How far the head nods to meet a hand in front of it, degrees."""
+_MEET_TILT_DEG = 4.0
+"""How far the head tilts to meet a hand at its side, degrees."""
+_MEET_CM = 10.0
+"""Distance of a hand from the head's skin at which the head begins to meet it, cm."""
+_MEET_FULL_CM = 3.0
+"""Distance at which the head has moved fully, cm."""
 
 
 def add_body_motion(
     states: FloatArray, events: Events, signer: Signer, fps: float, near: Nearness | None = None
 ) -> FloatArray:
-    """States (T, 65) of an isolated word with motion of head and trunk, where the signer's manner has any, and with
-    hands that keep their places on the body, and their distance from its skin where they touch; with ``near``, which
-    tells about where they are, their places alone.
+    """Adds motion of head and trunk to the states (T, 65) of a word if the signer's manner has any. Hands keep their
+    places on the body, and touching hands their distance from its skin; with ``near``, an approximation, they keep
+    their places alone.
     """
     manner = signer.manner
     if not manner.body_motion and not manner.head_to_hand:
@@ -213,28 +225,28 @@ def add_body_motion(
 
 
 def _level(n_frames: int, events: Events, fps: float) -> FloatArray:
-    """Weights (T,) that rise from 0 at ``up`` and are back at 0 at ``down``, with no jump of their acceleration."""
+    """Weights (T,) that rise from 0 at ``up`` and fall to 0 at ``down``, with continuous acceleration."""
     t = np.arange(n_frames)
     ramp = max(1.0, 0.22 * fps)
     return pose.smooth_step((t - events.up) / ramp) * pose.smooth_step((events.down - t) / ramp)
 
 
 def _reaching(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
-    """Rotation vectors (T, 3) of a trunk that goes with the hands: it turns the shoulder of a hand that reaches
-    forward to the front, turns to where both hands are, leans after far hands and away from the side of a high one.
+    """Rotation vectors (T, 3) of a trunk that follows the hands: it turns the shoulder of a hand that reaches forward
+    to the front, turns towards both hands, leans after far hands and away from the side of a high one.
     """
     wrists = pose.hands(states)[..., pose.WRIST] / signer.scale  # (T, 2, 3)
-    raised = pose.smooth_step((wrists[..., 1] + 36.0) / 30.0)  # 0 where a hand hangs, 1 in signing space
-    out, up, forward = (raised * wrists[..., k] for k in range(3))
+    raised = pose.smooth_step((wrists[..., 1] + 36.0) / 30.0)  # 0 for a hanging hand, 1 in signing space
+    outward, up, forward = (raised * wrists[..., k] for k in range(3))
     lean = 0.06 * (np.maximum(forward.max(axis=1), 10.0) - 10.0)
-    turn = 0.10 * (forward[:, 0] - forward[:, 1]) + 0.12 * (out[:, 0] - out[:, 1])
+    turn = 0.10 * (forward[:, 0] - forward[:, 1]) + 0.12 * (outward[:, 0] - outward[:, 1])
     aside = 0.06 * ((raised * (up + 20.0))[:, 1] - (raised * (up + 20.0))[:, 0])
     return np.deg2rad(_smooth(np.stack([lean, turn, aside], axis=-1), fps, 0.12))
 
 
 def _meeting(near: Nearness, signer: Signer, fps: float) -> FloatArray:
-    """Rotation vectors (T, 3) of a head that goes to meet the hands near it: forward to a hand at its front, to the
-    side to a hand there.
+    """Rotation vectors (T, 3) of a head that goes to meet the hands near it: forwards to a hand in front, sideways to a
+    hand at its side.
     """
     weight = pose.smooth_step((_MEET_CM - near.head / signer.scale) / (_MEET_CM - _MEET_FULL_CM))  # (T, 2)
     wide = 2 * round(0.13 * fps) + 1  # early, and for as long as a repeated movement lasts
@@ -251,14 +263,14 @@ def _smooth(values: FloatArray, fps: float, seconds: float) -> FloatArray:
 
 
 def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer, wrist: bool = True) -> None:
-    """Add a segment's local movements to its states (n, 65), in place; ``wrist``: those of the wrist, too."""
+    """Add a segment's local movements to its states (n, 65), in place; ``wrist``: include those of the wrist."""
     for which, local, phase in _locals(segment, hands):
         if wrist or local.kind not in _WRIST:
             _add_local(states[:, 27 * which : 27 * which + 27], local, phase, signer)
 
 
 def _locals(segment: Segment, hands: str) -> Iterator[tuple[int, Local, float]]:
-    """The local movements of a segment: which hand's (0 strong, 1 weak), and its phase."""
+    """Yields the hand (0 strong, 1 weak), the movement and the phase of each local movement of a segment."""
     mirrored = hands in MIRRORED_HANDS
     for which, local in enumerate((segment.local, segment.local if mirrored else segment.weak_local)):
         while local is not None:
@@ -267,27 +279,25 @@ def _locals(segment: Segment, hands: str) -> Iterator[tuple[int, Local, float]]:
 
 
 _WRIST = {"twist": (0,), "swing": (1,), "nod": (2,), "stir": (1, 2)}
-"""The angles that movements of the wrist change: twist of the forearm, deviation and flexion of the wrist."""
+"""Indices of the angles that wrist movements change: 0 forearm twist, 1 wrist deviation, 2 wrist flexion."""
 
 
 def wrist_movements(segments: Sequence[TimedSegment], hands: str, n_frames: int) -> tuple[FloatArray, FloatArray]:
-    """What movements of the wrist add to these angles of both hands (T, 2, 3), radians, and how far they go to either
-    side (T, 2, 3).
-    """
+    """Angles (T, 2, 3) that wrist movements add to both hands, and their amplitudes (T, 2, 3), radians."""
     added, room = np.zeros((2, n_frames, 2, 3))
-    for one in segments:
-        for which, local, phase in _locals(one.segment, hands):
-            angle, level = _cycles(local, one.end - one.begin + 1, phase)
+    for timed in segments:
+        for which, local, phase in _locals(timed.segment, hands):
+            angle, level = _cycles(local, timed.end - timed.begin + 1, phase)
             size = np.deg2rad(local.amplitude)
             for k, axis in enumerate(_WRIST.get(local.kind, ())):
-                part = slice(one.begin, one.end + 1), which, axis
+                part = slice(timed.begin, timed.end + 1), which, axis
                 added[part] += (-abs(size) * np.cos(angle) if k else size * np.sin(angle)) * level
                 room[part] += abs(size) * level
     return added, room
 
 
 def _cycles(local: Local, n: int, phase: float) -> tuple[FloatArray, FloatArray]:
-    """The angle (n,) of a local movement in its cycle, and how far (n,) it is made: less at both ends."""
+    """The phase angle (n,) of a local movement, and its weight (n,), which falls at both ends."""
     angle = 2.0 * np.pi * local.cycles * np.linspace(0.0, 1.0, n) + phase
     return angle, trajectory.window(n, max(1, round(0.18 * n)))
 
@@ -305,9 +315,9 @@ def _add_local(hand_states: FloatArray, local: Local, phase: float, signer: Sign
     fingers = hand_states[:, pose.FINGERS][:, :16].reshape(n, 4, 4)
     if local.kind == "wiggle":
         for f in range(4):
-            one = np.sin(angle - 1.2 * f) * level
-            fingers[:, f, 1] += amplitude * one
-            fingers[:, f, 2] += 0.4 * amplitude * (one + level)
+            flutter = np.sin(angle - 1.2 * f) * level
+            fingers[:, f, 1] += amplitude * flutter
+            fingers[:, f, 2] += 0.4 * amplitude * (flutter + level)
     elif local.kind == "bend":
         close = 0.5 * (1.0 - np.cos(angle)) * level
         fingers[:, :, 1] += (amplitude * close)[:, None]
@@ -340,9 +350,9 @@ def add_gesture(states: FloatArray, segment: Segment, begin: int, end: int, fps:
 
 
 _RAMP_S = 0.22
-"""How long a gesture takes to be reached and to be over."""
+"""Time in which a gesture rises, and falls, seconds."""
 _MOST_HZ = 2.5
-"""Nods or shakes a second at most."""
+"""Largest number of nods or shakes a second."""
 
 
 def add_gestures(states: FloatArray, gestures: tuple[Gesture, ...], events: Events, fps: float) -> None:
@@ -356,8 +366,8 @@ def add_gestures(states: FloatArray, gestures: tuple[Gesture, ...], events: Even
 def gesture_level(
     n_frames: int, fps: float, hands: tuple[int, int], gesture: Gesture, swings: bool = False
 ) -> FloatArray:
-    """How far (T,) a gesture has gone whose hands sign between the two frames ``hands``. ``swings``: a gesture with
-    cycles goes to both sides, and not there and back.
+    """Weight (T,) of a gesture over time; the hands sign between the two frames ``hands``. ``swings``: a gesture with
+    cycles goes to both sides instead of there and back.
     """
     t = np.arange(n_frames) / fps
     start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, 0.3)

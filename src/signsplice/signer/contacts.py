@@ -1,7 +1,7 @@
-"""Hands of written signs in touch with what they are written to touch, by the part that is written, in the written
-directions: where not all of that can be had, each gives way a little (damped least squares; Marquardt 1963).
+"""Brings the written parts of hands into their written touches, in the written directions; each requirement yields a
+little if they conflict (damped least squares; Marquardt 1963).
 
-What moves is the wrist, the hand about it, and the elbow, at the frames of touches; between them this fades.
+The solution moves the wrist, the hand about it, and the elbow at the frames of touches, and fades between them.
 """
 
 from __future__ import annotations
@@ -28,29 +28,38 @@ from signsplice.signer.location_targets import (
 from signsplice.signer.phonology import MIRRORED_HANDS, in_space
 from signsplice.signer.signer import JOINTS, Signer
 
-_ROUNDS, _STEPS = 5, 8
-"""How often all touches are brought about, and in how many steps each time."""
-_GAP_CM, _DEEP_CM, _PLACE_CM, _TURNED = 0.12, 0.1, 1.2, np.deg2rad(3.8)
-"""What costs 1: distance of the part from the skin, depth of the rest of the hand beyond what is free, distance from
-the written place along the skin, and angle from the written directions."""
+_ROUNDS = 5
+"""How often all touches are solved."""
+_STEPS = 8
+"""Largest number of steps of one solution."""
+_GAP_CM = 0.12
+"""Distance of the part from the skin that costs 1, cm."""
+_DEEP_CM = 0.1
+"""Depth of the rest of the hand beyond ``_FREE_CM`` that costs 1, cm."""
+_PLACE_CM = 1.2
+"""Distance from the written place that costs 1, cm."""
+_TURNED = np.deg2rad(3.8)
+"""Angle from the written directions that costs 1, radians."""
 _FREE_CM = 0.12
-"""Depth that is free."""
-_SETTLED, _REACHED = 1.0, 0.3
-"""Cost of a touch that is left as it is, and with which one that is worked on is left."""
+"""Depth that costs nothing, cm."""
+_SETTLED = 1.0
+"""Cost up to which a touch needs no solution."""
+_REACHED = 0.3
+"""Cost at which the solution of a touch stops."""
 _SIZE = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
-"""Movements of wrist, hand and elbow that cost 1."""
+"""Movements of wrist (cm), hand and elbow (radians) that cost 1."""
 _MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
-"""Movements in one step, at most."""
+"""Largest movements in one step."""
 _DIFFERENCE = np.array([0.02] * 3 + [0.004] * 3 + [0.01])
-"""Movements by which derivatives are found."""
+"""Movements for finite-difference derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
 class _ContactTarget(PostureHold):
-    """A touch that is written.
+    """A written touch.
 
-    meets: whether it is of both hands, which mirror one another
-    centre: (3,) of the part that touches, in its hand's axes, cm
+    meets: whether two mirrored hands touch one another
+    centre: (3,) centre of the touching part in its hand's axes, cm
     """
 
     meets: bool
@@ -80,12 +89,12 @@ class _Poses:
 
 @dataclass(frozen=True, eq=False)
 class _ContactProblem:
-    """N touches to be brought about, each in its pose.
+    """N touches to solve, each in its pose.
 
-    word: whose they are
-    poses: where the signer is
-    targets: what is to touch
-    goals: (N, 3) places of the parts that touch, in the chest's axes, cm
+    word: their word
+    poses: the signer's poses
+    targets: the written touches
+    goals: (N, 3) places of the touching parts, in the chest's axes, cm
     """
 
     word: WrittenMotion
@@ -95,48 +104,48 @@ class _ContactProblem:
 
     def __getitem__(self, rows: NDArray[np.intp]) -> _ContactProblem:
         """Some of the touches."""
-        at = self.poses
-        poses = _Poses(at.states[rows], at.quats[rows], at.elbows[rows])
+        current = self.poses
+        poses = _Poses(current.states[rows], current.quats[rows], current.elbows[rows])
         return _ContactProblem(self.word, poses, [self.targets[row] for row in rows], self.goals[rows])
 
 
 def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
-    """States (T, 65) of a whole word, free of collisions, in which hands touch as they are written to."""
+    """Brings hands of a whole word's states (T, 65), free of collisions, into their written touches."""
     signer, sign, mirrored = word.signer, word.sign, word.sign.hands in MIRRORED_HANDS
-    wanted, still = word.partition_holds(lambda posture: posture.touch)
+    touch_holds, still = word.partition_holds(lambda posture: posture.touch)
     targets = list[_ContactTarget]()
-    for one in wanted:
-        meets = mirrored and in_space(one.posture.location)
-        if not (one.which and meets):
-            centre = part_centre(states, one, signer) * pose.MIRRORS[one.which]
-            targets.append(_ContactTarget(**vars(one), meets=meets, centre=centre))
+    for hold in touch_holds:
+        meets = mirrored and in_space(hold.posture.location)
+        if not (hold.which and meets):
+            centre = part_centre(states, hold, signer) * pose.MIRRORS[hold.which]
+            targets.append(_ContactTarget(**vars(hold), meets=meets, centre=centre))
     if not targets:
         return states
     best, moved = np.inf, states
-    frames = np.array([one.first for one in targets])
+    frames = np.array([target.first for target in targets])
     for n in range(_ROUNDS + 1):
-        at = _Poses.of(moved[frames], signer)
-        posed = pose_figure(word.figure, at.states, frames)
-        goals = np.array([location_target(posed, row, one, sign) for row, one in enumerate(targets)])
-        touches = _ContactProblem(word, at, targets, goals)
+        poses = _Poses.of(moved[frames], signer)
+        posed = pose_figure(word.figure, poses.states, frames)
+        goals = np.array([location_target(posed, row, target, sign) for row, target in enumerate(targets)])
+        touches = _ContactProblem(word, poses, targets, goals)
         cost = np.square(_residuals(touches, np.zeros((len(frames), 1, 7)))).sum(axis=(1, 2))
         if cost.sum() < best:
             best, states = float(cost.sum()), moved
         if n == _ROUNDS:
             break
-        some = np.flatnonzero(cost > _SETTLED).tolist()
-        if not some:
+        unsettled = np.flatnonzero(cost > _SETTLED).tolist()
+        if not unsettled:
             break
-        like: dict[int, Hashable] = {row: row for row in some}
+        like: dict[int, Hashable] = {row: row for row in unsettled}
         if n == 0:  # repeated touches begin alike, and those of hands that mirror one another
-            like = {row: (mirrored or targets[row].which, targets[row].posture) for row in some}
+            like = {row: (mirrored or targets[row].which, targets[row].posture) for row in unsettled}
         elif sign.hands == "symmetric":
-            like = {row: (targets[row].first, targets[row].posture) for row in some}
+            like = {row: (targets[row].first, targets[row].posture) for row in unsettled}
         firsts = {key: row for row, key in reversed(like.items())}
         solved = dict(zip(firsts, _solve_arm_steps(touches[np.array([*firsts.values()])]), strict=True))
-        found = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(targets))])
-        missing = [(replace(one, which=which), x) for one, x in zip(targets, found, strict=True)
-                   for which in ((0, 1) if one.meets else (one.which,))]  # fmt: skip
+        steps = np.array([solved[like[row]] if row in like else np.zeros(7) for row in range(len(targets))])
+        missing = [(replace(target, which=which), x) for target, x in zip(targets, steps, strict=True)
+                   for which in ((0, 1) if target.meets else (target.which,))]  # fmt: skip
         moved = resolve_collisions(
             _move_arms(moved, word.interpolate_displacements(missing, still, 1 + n), signer), word
         )
@@ -144,7 +153,7 @@ def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
 
 
 def _move_arms(states: FloatArray, steps: FloatArray, signer: Signer) -> FloatArray:
-    """States (N, 65) with both hands' wrists, hands and elbows moved by ``steps`` (N, 2, 7)."""
+    """Moves wrists, hands and elbows of both arms in states (N, 65) by ``steps`` (N, 2, 7)."""
     wrists, (arm, quats, swivels) = _arms(_Poses.of(states, signer), steps, signer)
     changed = states.copy()
     pose.hands(changed)[..., pose.WRIST] = wrists
@@ -163,15 +172,15 @@ def _arms(at: _Poses, steps: FloatArray, signer: Signer) -> tuple[FloatArray, tu
 
 
 def _solve_arm_steps(touches: _ContactProblem) -> FloatArray:
-    """Movements (N, 7) of wrist, hand and elbow that bring about touches."""
+    """Movements (N, 7) of wrist, hand and elbow that solve touches."""
     n = len(touches.targets)
     going, damping = np.arange(n), np.full(n, 0.1)
     x, best_x, best = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf)
     slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
     probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
     for _ in range(_STEPS):
-        found = _residuals(touches[going], x[going, None] + probes)  # (G, 8, R)
-        for n, values in zip(going.tolist(), found, strict=True):
+        residuals = _residuals(touches[going], x[going, None] + probes)  # (G, 8, R)
+        for n, values in zip(going.tolist(), residuals, strict=True):
             cost = float(values[0] @ values[0])
             damping[n] *= 0.3 if cost < best[n] else 8.0
             if cost < best[n]:
@@ -188,14 +197,14 @@ def _solve_arm_steps(touches: _ContactProblem) -> FloatArray:
 
 
 def _residuals(touches: _ContactProblem, x: FloatArray) -> FloatArray:
-    """What is missing (N, K, R) of touches with movements (N, K, 7); 1 is as bad in each number."""
+    """Residuals (N, K, R) of touches after movements (N, K, 7); 1 is equally bad in each number."""
     each, figure = touches[np.repeat(np.arange(len(x)), x.shape[1])], touches.word.figure
-    hands = np.array([[one.meets or one.which == which for which in (0, 1)] for one in each.targets])
+    hands = np.array([[target.meets or target.which == which for which in (0, 1)] for target in each.targets])
     _, (arm, quats, swivels) = _arms(each.poses, hands[..., None] * x.reshape(-1, 1, 7), figure.signer)
-    frames = np.array([one.first for one in each.targets])
+    frames = np.array([target.first for target in each.targets])
     posed = pose_figure(figure, each.poses.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
     rows = [slice(row * x.shape[1], (row + 1) * x.shape[1]) for row in range(len(x))]
-    return np.array([_missing(posed, *one) for one in zip(rows, touches.targets, touches.goals, x, strict=True)])
+    return np.array([_missing(posed, *args) for args in zip(rows, touches.targets, touches.goals, x, strict=True)])
 
 
 def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArray, x: FloatArray) -> FloatArray:
@@ -203,19 +212,19 @@ def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArr
     body, starts, ends = capsules.body, capsules.starts[rows], capsules.ends[rows]
     groups, radii, mirror = body.groups, body.radii, pose.MIRRORS[one.which]
     chest = posed.rotations[rows, JOINTS["Spine2"]]
-    own, other, arm = (
+    touching_hand, other_hand, arm = (
         (groups.left, groups.right, groups.right_arm) if one.which else (groups.right, groups.left, groups.left_arm)
     )
     unit, wrist = posed.signer.hands * posed.signer.scale, ARMS[one.which, 3]
     part = hand_part(one.posture.part)
-    at = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
-    here = np.einsum("kb,kba->ka", at, chest) * mirror
-    touched = np.array(other if one.meets else surface(one.posture.location, body, one.which))
-    gap = out_of_capsules(at, starts[:, touched], ends[:, touched], radii[touched])[1].min(axis=1) - part.skin * unit
-    solid = [*groups.head, *groups.trunk, *arm, *other]
-    depth = collision.overlap(starts, ends, radii, own, solid)[0].max(axis=2)
+    point = posed.positions[rows, wrist] + posed.rotations[rows, wrist] @ one.centre
+    place = np.einsum("kb,kba->ka", point, chest) * mirror
+    touched = np.array(other_hand if one.meets else surface(one.posture.location, body, one.which))
+    gap = out_of_capsules(point, starts[:, touched], ends[:, touched], radii[touched])[1].min(axis=1) - part.skin * unit
+    solid = [*groups.head, *groups.trunk, *arm, *other_hand]
+    depth = collision.overlap(starts, ends, radii, touching_hand, solid)[0].max(axis=2)
     turned = mirror[:, None] * np.einsum("kba,kbc->kac", chest, posed.rotations[rows, wrist]) * mirror
     written = locations.facing(one.posture.palm, one.posture.fingers)
-    away = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
+    turn = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
     deep = np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM
-    return np.hstack([gap[:, None] / _GAP_CM, deep, (here - aim) / _PLACE_CM, away / _TURNED, x / _SIZE])
+    return np.hstack([gap[:, None] / _GAP_CM, deep, (place - aim) / _PLACE_CM, turn / _TURNED, x / _SIZE])

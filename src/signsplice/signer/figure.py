@@ -1,4 +1,4 @@
-"""A signer's body whose arms are posed again and again: what does not move with the arms is posed once.
+"""A signer's body for repeated poses of the arms: everything that does not move with the arms is posed once.
 
 Everything is in the chest's axes of a right-handed signer and from the chest's joint, cm.
 """
@@ -30,7 +30,7 @@ Frames = NDArray[np.intp] | slice
 class PosedArms:
     """Both arms of a right-handed signer over F frames.
 
-    figure, at: the figure that has them, and which of its frames these are.
+    figure, at: their figure, and their frames in it.
     rotations, positions: (F, 2, 4, 3, 3) and (F, 2, 4, 3) of ``ARMS``.
     """
 
@@ -46,9 +46,9 @@ class PosedArms:
 
 
 class Figure:
-    """The body of a signer in states (T, 65), whose fingers, head and trunk stay as they are there.
+    """The body of a signer in states (T, 65), with the fingers, head and trunk of these states.
 
-    signer: as if right-handed.
+    signer: the signer, as if right-handed.
     body: its capsules.
     rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints, with straight arms.
     """
@@ -65,16 +65,16 @@ class Figure:
         joints, ends = self.body.joints, np.stack([self.body.starts, self.body.ends])  # (2, C, 3)
         self._ends = np.einsum("tcab,ncb->tnca", self.rotations[:, joints], ends) + self.positions[:, None, joints]
         self._carried = bones.derived[_capsules_by_arm_joint]
-        # Where arms are straight, what they carry is turned as the chest is.
+        # Straight arms have the chest's rotation, and so has everything that they carry.
         self._at_rest = [
-            (self._ends[:, :, own] - self.positions[:, joint, None, None]).reshape(len(states), -1, 3)
-            for own, joint in zip(self._carried, ARMS.ravel(), strict=True)
+            (self._ends[:, :, carried] - self.positions[:, joint, None, None]).reshape(len(states), -1, 3)
+            for carried, joint in zip(self._carried, ARMS.ravel(), strict=True)
         ]
 
     def pose_arms(
         self, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
     ) -> PosedArms:
-        """The arms of states (F, 65), which stand for the frames ``at`` of the figure's own; or other ``arms``, as of
+        """The arms of states (F, 65) at the frames ``at`` of the figure, or other ``arms`` as returned by
         ``pose.solve_arms_and_wrists``.
         """
         turned = pose.arm_rotations(*arms or pose.solve_arms_and_wrists(states, self.signer))
@@ -93,16 +93,16 @@ class Figure:
     def capsules(self, arms: PosedArms) -> PosedCapsules:
         """The capsules of the body with these arms."""
         ends = self._ends[arms.at].copy()
-        for n, (own, rest) in enumerate(zip(self._carried, self._at_rest, strict=True)):
-            if len(own):
+        for n, (carried, rest) in enumerate(zip(self._carried, self._at_rest, strict=True)):
+            if len(carried):
                 turn, place = (x[:, n // 4, n % 4] for x in (arms.rotations, arms.positions))
                 moved = rest[arms.at] @ turn.transpose(0, 2, 1) + place[:, None]
-                ends[:, :, own] = moved.reshape(len(ends), 2, -1, 3)
+                ends[:, :, carried] = moved.reshape(len(ends), 2, -1, 3)
         return PosedCapsules(self.body, ends[:, 0], ends[:, 1])
 
 
 def _capsules_by_arm_joint(bones: Skeleton) -> list[NDArray[np.intp]]:
-    """The capsules that each of the arms' joints carries, with the fingers' ones on the hand's."""
+    """The capsules that each joint of the arms carries; the hand carries those of the fingers."""
     carriers: dict[int, int] = {}
     for joint in ARMS.ravel().tolist():
         below = kinematics.subtree(bones, joint) if joint in ARMS[:, 3] else [joint]
@@ -116,7 +116,7 @@ class PosedSigner:
     """A right-handed signer in T states.
 
     states: (T, 65).
-    rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints but fingers, in the chest's axes.
+    rotations, positions: (T, J, 3, 3) and (T, J, 3) of the joints except fingers, in the chest's axes.
     arms: both arms.
     """
 
@@ -127,8 +127,8 @@ class PosedSigner:
     arms: PosedArms
 
     def distance(self, posture: Posture, frame: int) -> tuple[float, FloatArray]:
-        """From the skin of the part of the strong hand that a posture names to that of the body where it is written,
-        cm, and the unit vector (3,) from there to the part, in the chest's axes.
+        """Distance, cm, from the skin of a posture's part of the strong hand to the body's skin at its location, and
+        the unit vector (3,) from the body to the part, in the chest's axes.
         """
         part, unit, wrist = hand_part(posture.part), self.signer.hands * self.signer.scale, ARMS[0, 3]
         centre = part.centre(hand.points(pose.hands(self.states[frame])[0, pose.FINGERS])) * unit
@@ -136,9 +136,9 @@ class PosedSigner:
         rows = list(surface(posture.location, capsules.body, 0))
         point = self.positions[frame, wrist] + self.rotations[frame, wrist] @ centre
         starts, ends, radii = capsules.starts, capsules.ends, capsules.body.radii
-        out, gaps = out_of_capsules(point, starts[frame, rows], ends[frame, rows], radii[rows])
+        offsets, gaps = out_of_capsules(point, starts[frame, rows], ends[frame, rows], radii[rows])
         n = int(gaps.argmin())
-        direction = out[n] / max(float(np.linalg.norm(out[n])), 1e-9)
+        direction = offsets[n] / max(float(np.linalg.norm(offsets[n])), 1e-9)
         return float(gaps[n]) - part.skin * unit, direction @ self.rotations[frame, JOINTS["Spine2"]]
 
 
@@ -146,10 +146,10 @@ def out_of_capsules(
     points: FloatArray, starts: FloatArray, ends: FloatArray, radii: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Vectors (..., K, 3) from the axes of K capsules to points (..., 3), and distances (..., K) from their skin."""
-    span, apart = ends - starts, points[..., None, :] - starts
-    along = np.clip((apart * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
-    out = apart - along[..., None] * span
-    return out, np.linalg.norm(out, axis=-1) - (radii[:, 0] + along * (radii[:, 1] - radii[:, 0]))
+    span, from_start = ends - starts, points[..., None, :] - starts
+    fraction = np.clip((from_start * span).sum(axis=-1) / ((span * span).sum(axis=-1) + 1e-12), 0.0, 1.0)
+    offset = from_start - fraction[..., None] * span
+    return offset, np.linalg.norm(offset, axis=-1) - (radii[:, 0] + fraction * (radii[:, 1] - radii[:, 0]))
 
 
 def pose_signer(states: FloatArray, signer: Signer) -> PosedSigner:
@@ -160,8 +160,8 @@ def pose_signer(states: FloatArray, signer: Signer) -> PosedSigner:
 def pose_figure(
     figure: Figure, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
 ) -> PosedSigner:
-    """A figure's signer in states (F, 65), those of the figure ``at`` some frames but for their ``arms``, which are
-    those of the states or others (``Figure.pose_arms``).
+    """A figure's signer in states (F, 65) at the frames ``at`` of the figure, with the ``arms`` of these states or
+    others (``Figure.pose_arms``).
     """
     posed = figure.pose_arms(states, at, arms)
     rotations, positions = figure.rotations[at].copy(), figure.positions[at].copy()
@@ -170,7 +170,7 @@ def pose_figure(
 
 
 def surface(location: str, body: BodyCapsules, which: int) -> Sequence[int]:
-    """The capsules of the part of the body at which the strong (0) or the weak hand (1) is, by its location."""
+    """The capsules of the part of the body at the location of the strong (0) or the weak hand (1)."""
     groups = body.groups
     if location in ON_ARM:
         return groups.right_arm if which else groups.left_arm

@@ -36,30 +36,30 @@ def write_lexicon(
     seen: Callable[[IsolatedWord], None] | None = None,
 ) -> None:
     """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms and kind; all or nothing.
-    ``seen`` is shown each word.
+    ``seen`` is called with each word.
 
-    Raises ``InputError`` where the folder cannot be written or holds something else, or two glosses share a file name.
+    Raises ``InputError`` if the folder cannot be written or holds something else, or two glosses share a file name.
     """
     check_names(signs)
     table = io.StringIO()
     rows = csv.writer(table, lineterminator="\n")
     rows.writerow(_COLUMNS)
     check_folder(folder, GLOSSES, _lexicon_files)
-    with replacing_folder(folder) as made:
+    with replacing_folder(folder) as new_folder:
         for sign in track_progress(signs, progress):
             name = f"{file_name(sign.gloss)}.bvh"
             word = planner.synthesize_word(sign, signer, fps=fps)
-            save(word.clip, made / name)
+            save(word.clip, new_folder / name)
             if seen is not None:
                 seen(word)
             kind = "letter" if sign.kind == "letter" else "sign"
             rows.writerow((name, sign.gloss, ";".join(sign.synonyms), signer.name, sign.source, "no", kind))
-        (made / GLOSSES).write_text(table.getvalue(), encoding="utf-8")
+        (new_folder / GLOSSES).write_text(table.getvalue(), encoding="utf-8")
 
 
 def _lexicon_files(folder: Path) -> list[str]:
-    """The files of a lexicon that ``write_lexicon`` has written: every word unchecked, by a synthetic signer, and on
-    that signer's skeleton. Raises ``InputError`` for others, which are recordings of the user.
+    """The files of a lexicon of ``write_lexicon``: every word unchecked, by a synthetic signer, and on that signer's
+    skeleton. Raises ``InputError`` for other folders, which hold recordings of the user.
     """
     table = folder / GLOSSES
     with format_errors(str(table), f"table of `synth lexicon`; {NOT_OURS}"):
@@ -104,10 +104,10 @@ def file_name(gloss: str) -> str:
 
 
 def check_names(signs: Sequence[Sign]) -> None:
-    """Raise ``InputError`` where two glosses share a file name, on case-insensitive disks too."""
+    """Raise ``InputError`` if two glosses share a file name, also on case-insensitive disks."""
     taken: dict[str, str] = {}
     for sign in signs:
         name = file_name(sign.gloss)
-        other = taken.setdefault(name.casefold(), sign.gloss)
-        if other != sign.gloss:
-            raise InputError(f"{other} and {sign.gloss} would both be {name}.bvh; give one another gloss")
+        first_gloss = taken.setdefault(name.casefold(), sign.gloss)
+        if first_gloss != sign.gloss:
+            raise InputError(f"{first_gloss} and {sign.gloss} would both be {name}.bvh; give one another gloss")

@@ -3,11 +3,10 @@
 Frame: the right hand at rest, its wrist at the origin, fingers along -X, palm facing -Y, thumb side +Z; centimetres for
 a signer 1.70 m tall, whose hand is 0.108 of stature long (Drillis and Contini 1966). Mirror x for the left hand.
 
-Lengths: distances between joint centres as fractions of hand length after Buchholz, Armstrong and Goldstein (1992,
+Lengths: distances between joint centres, as fractions of hand length, after Buchholz, Armstrong and Goldstein (1992,
 Ergonomics 35: 261-273). The thumb's phalanges are shortened to the bone lengths of Buryanov and Kotiuk (2010, Int. J.
 Morphol. 28: 755-758) plus the bone heads that lie in the joints. The last length of a finger ends inside the pulp, so
-that a capsule as thick as the finger ends where the finger ends. The arch of the knuckles is fixed: the palm does not
-fold.
+that a capsule as thick as the finger ends with the finger. The arch of the knuckles is fixed: the palm does not fold.
 
 Angles: 21 numbers, radians, all 0 at rest (``ANGLES``). A finger's first joint rotates by flexion about the line of the
 knuckles, then by spread about the palm's normal; so the spread of a bent finger becomes twist, as the collateral
@@ -56,7 +55,7 @@ KNUCKLES: dict[str, FloatArray] = {
     "Ring": frozen((-8.0, 0.0, -1.45)),
     "Pinky": frozen((-7.3, -0.4, -3.4)),
 }
-"""Position of each finger's first joint, seen from the wrist, cm."""
+"""Position of each finger's first joint relative to the wrist, cm."""
 
 PHALANGES: dict[str, tuple[float, float, float]] = {
     "Thumb": (4.3, 3.4, 2.2),
@@ -136,9 +135,9 @@ def points(angles: ArrayLike) -> FloatArray:
     positions = np.empty((*lead, 20, 3))
     finger = angles[..., :16].reshape(*lead, 4, 4)
     bent = np.cumsum(finger[..., 1:], axis=-1)  # (..., 4, 3) from the palm's plane, in the finger's own plane
-    along, down = np.cumsum(_LENGTHS * np.cos(bent), axis=-1), np.cumsum(_LENGTHS * np.sin(bent), axis=-1)
+    forward, down = np.cumsum(_LENGTHS * np.cos(bent), axis=-1), np.cumsum(_LENGTHS * np.sin(bent), axis=-1)
     spread = finger[..., 0] * _SPREAD_SIGN
-    offsets = np.stack([-along * np.cos(spread)[..., None], -down, along * np.sin(spread)[..., None]], axis=-1)
+    offsets = np.stack([-forward * np.cos(spread)[..., None], -down, forward * np.sin(spread)[..., None]], axis=-1)
     beyond = _ROOTS[:, None] + offsets  # (..., 4, 3, 3): second joint, third joint, tip
     positions[..., 3:15:3, :] = _ROOTS
     positions[..., 4:15:3, :], positions[..., 5:15:3, :] = beyond[..., 0, :], beyond[..., 1, :]
@@ -164,7 +163,7 @@ _SEGMENTS: dict[str, tuple[tuple[str, ...], float, str]] = {
     "base": (("1",), 1.4, "dorsal"),
     "side": (("2", "3"), 1.1, "radial"),
 }
-"""Points of a finger whose mean a part of it is, its thickness over that at the tip, and its usual side."""
+"""For each part of a finger: the points whose mean it is, its thickness over that at the tip, and its usual side."""
 _WRIST = {
     "palmar": (2.8, (0.0, -1.0, 0.0)),
     "dorsal": (2.8, (0.0, 1.0, 0.0)),
@@ -181,10 +180,10 @@ _COMPOSED = re.compile(
 class HandPart:
     """A part of a hand.
 
-    names: joints and tips whose mean position it is
-    skin: distance of the skin from there, cm
-    out: direction out of the hand there, in the hand's axes; None for one that goes with the finger
-    side: ``end`` or one of the sides, for a part whose direction goes with the finger
+    names: joints and tips; their mean position is the part's centre
+    skin: distance of the skin from the centre, cm
+    out: direction out of the hand, in the hand's axes; None for a direction that follows the finger
+    side: ``end`` or one of the sides, for a direction that follows the finger
     """
 
     names: tuple[str, ...]
@@ -207,18 +206,18 @@ class HandPart:
         bone = sum(points[_INDEX[f + last]] - points[_INDEX[f + first]] for f in fingers)
         bone = bone / np.linalg.norm(bone)
         thumb = [*fingers] == ["Thumb"]
-        across = np.array([0.0, 0.8, 0.6]) if thumb else np.array([0.0, 0.0, 1.0])  # the radial side
-        across = across - (across @ bone) * bone
-        across /= np.linalg.norm(across)
-        dorsal = np.cross(bone, across)
+        radial = np.array([0.0, 0.8, 0.6]) if thumb else np.array([0.0, 0.0, 1.0])  # the radial side
+        radial = radial - (radial @ bone) * bone
+        radial /= np.linalg.norm(radial)
+        dorsal = np.cross(bone, radial)
         return np.asarray(
-            {"end": bone, "dorsal": dorsal, "palmar": -dorsal, "radial": across, "ulnar": -across}[self.side]
+            {"end": bone, "dorsal": dorsal, "palmar": -dorsal, "radial": radial, "ulnar": -radial}[self.side]
         )
 
 
 PARTS_OF_HAND = {
-    name: HandPart(tuple(names.split(",")), float(skin), vector(out))
-    for name, names, skin, out in sections(__file__, "places")["parts"]
+    name: HandPart(tuple(names.split(",")), float(skin), vector(direction))
+    for name, names, skin, direction in sections(__file__, "places")["parts"]
 }
 """The named parts."""
 
@@ -235,9 +234,9 @@ def hand_part(text: str) -> HandPart:
 
 def _parse_part(text: str) -> HandPart:
     if "/" in text:
-        one, other = (hand_part(name) for name in text.split("/", 1))
-        return HandPart(one.names * len(other.names) + other.names * len(one.names), 0.5 * (one.skin + other.skin),
-                    one.out or other.out or (-1.0, 0.0, 0.0))  # fmt: skip
+        first, second = (hand_part(name) for name in text.split("/", 1))
+        names = first.names * len(second.names) + second.names * len(first.names)
+        return HandPart(names, 0.5 * (first.skin + second.skin), first.out or second.out or (-1.0, 0.0, 0.0))
     match = _COMPOSED.fullmatch(text)
     assert match is not None
     wrist, digits, segment, side = match.groups()

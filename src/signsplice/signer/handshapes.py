@@ -1,5 +1,5 @@
-"""Handshapes as the 21 angles of ``hand.ANGLES``: those of American Sign Language by name (words/handshapes.txt),
-others composed as HamNoSys composes them, and thumbs that open while fingers would go through them.
+"""Handshapes as the 21 angles of ``hand.ANGLES``: the shapes of American Sign Language by name (words/handshapes.txt),
+others composed as in HamNoSys, and thumbs that open while fingers would go through them.
 
 Their descriptions follow Stokoe, Casterline and Croneberg (1965, A Dictionary of American Sign Language on Linguistic
 Principles), Liddell and Johnson (1989, American Sign Language: The Phonological Base), Tennant and Gluszak Brown (1998,
@@ -20,8 +20,8 @@ finger; three digits are quarters of the bend of its joints); ``s25`` (these fin
 base's), ``x3`` (leaves the group), ``o3`` (the finger that the thumb meets), ``c23`` and ``t23`` (fingers cross,
 touch), ``w0.6`` (factor of all bends), ``enclosed`` (the thumb below the fingers).
 
-Bends are those of HamNoSys (SiGML of the ViSiCAST project), with the angles of the shapes in words/handshapes.txt if
-those are the same, since fists and hooks of 90, 108 and 90 degrees are more than joints give.
+Bends follow HamNoSys (SiGML of the ViSiCAST project) but take the angles of equal shapes in words/handshapes.txt,
+since fists and hooks of 90, 108 and 90 degrees exceed the range of the joints.
 """
 
 from __future__ import annotations
@@ -71,13 +71,13 @@ HANDSHAPES = {name: Handshape(name, angles) for name, angles in _ANGLES.items()}
 
 
 _DEEPEST_CM = 0.3
-"""How deep a finger may lie in the thumb."""
+"""Largest depth of a finger in the thumb, cm."""
 _THUMB_STEPS = np.linspace(0.0, 1.0, 6)
-"""How far a thumb is opened, in steps that are tried in order; 1 is as in handshape 5."""
+"""Candidate openings of a thumb, tried in order; 1 is the thumb of handshape 5."""
 _REACH = 5
-"""Frames around one in which a thumb opens, at most."""
+"""Largest number of frames before and after a collision in which a thumb opens."""
 _THUMB = slice(16, 21)
-"""Where the thumb's angles are among a hand's."""
+"""The thumb's angles among a hand's."""
 _FINGER_BONES = [(3 * f + n, 3 * f + n + 1 if n < 2 else 15 + f) for f in (1, 2, 3, 4) for n in (0, 1, 2)]
 _THUMB_BONES = [(1, 2), (2, 15)]
 """Both ends of bones among a hand's points."""
@@ -88,25 +88,25 @@ _CAPSULES = [
 
 
 def open_thumbs(states: FloatArray, ends: bool = False) -> FloatArray:
-    """States (T, 65) with thumbs opened as far as fingers would else lie deeper in them than 3 mm; ``ends``: the frames
-    belong between two others, and what is changed fades out towards both.
+    """Opens thumbs in states (T, 65) so that fingers lie at most 3 mm deep in them; ``ends``: the frames belong between
+    two others, and the changes fade out towards both.
     """
     angles = pose.hands(states)[..., pose.FINGERS]  # (T, 2, 21)
     open_thumb = HANDSHAPES["5"].angles[_THUMB]
-    near = maximum_filter1d(thumb_depth(angles) > _DEEPEST_CM, 2 * _REACH + 1, axis=0, mode="constant")
-    if not near.any():
+    affected = maximum_filter1d(thumb_depth(angles) > _DEEPEST_CM, 2 * _REACH + 1, axis=0, mode="constant")
+    if not affected.any():
         return states
-    tried = np.repeat(angles[near][:, None], len(_THUMB_STEPS), axis=1)  # (N, K, 21)
+    tried = np.repeat(angles[affected][:, None], len(_THUMB_STEPS), axis=1)  # (N, K, 21)
     tried[..., _THUMB] += _THUMB_STEPS[:, None] * (open_thumb - tried[..., _THUMB])
     depth = thumb_depth(tried)
     free = depth <= _DEEPEST_CM
     chosen = np.where(free.any(axis=1), free.argmax(axis=1), depth.argmin(axis=1))
-    needed, most = np.zeros(near.shape), np.ones(near.shape)
-    needed[near] = _THUMB_STEPS[chosen]
+    needed, limit = np.zeros(affected.shape), np.ones(affected.shape)
+    needed[affected] = _THUMB_STEPS[chosen]
     beyond = ~free & (np.arange(len(_THUMB_STEPS)) > chosen[:, None])  # a thumb below fingers cannot open
-    most[near] = _THUMB_STEPS[np.where(beyond.any(axis=1), beyond.argmax(axis=1) - 1, -1)]
+    limit[affected] = _THUMB_STEPS[np.where(beyond.any(axis=1), beyond.argmax(axis=1) - 1, -1)]
     level = gaussian_filter1d(maximum_filter1d(needed, _REACH, axis=0, mode="nearest"), 1.0, axis=0, mode="nearest")
-    level = np.minimum(level, most)
+    level = np.minimum(level, limit)
     if ends:
         level = level * fade_window(len(states))[:, None]
     states = states.copy()
@@ -116,7 +116,7 @@ def open_thumbs(states: FloatArray, ends: bool = False) -> FloatArray:
 
 
 def thumb_depth(angles: FloatArray) -> FloatArray:
-    """Depth (...) of the deepest finger in the thumb of hands with ``angles`` (..., 21), cm, negative where free."""
+    """Depth (...) of the deepest finger in the thumb of hands with ``angles`` (..., 21), cm; negative if free."""
     points = hand.points(angles)
     body = body_capsules(skeleton())
     radii = [body.radii[[body.keys.index(key) for key in keys]] for keys in _CAPSULES]
@@ -124,10 +124,12 @@ def thumb_depth(angles: FloatArray) -> FloatArray:
         (points[..., first, :], points[..., last, :] - points[..., first, :])
         for first, last in (np.transpose(bones).tolist() for bones in (_FINGER_BONES, _THUMB_BONES))
     )
-    apart = p[..., :, None, :] - q[..., None, :, :]  # (..., 12, 2, 3)
-    u, v = (np.broadcast_to(axis, apart.shape) for axis in (u[..., :, None, :], v[..., None, :, :]))
-    own, other = (np.broadcast_to(r, (*apart.shape[:-1], 2)) for r in (radii[0][:, None], radii[1][None]))
-    return np.asarray(-clearances(apart, u, v, own, other).distance.min(axis=(-2, -1)))
+    offsets = p[..., :, None, :] - q[..., None, :, :]  # (..., 12, 2, 3)
+    u, v = (np.broadcast_to(axis, offsets.shape) for axis in (u[..., :, None, :], v[..., None, :, :]))
+    finger_radii, thumb_radii = (
+        np.broadcast_to(r, (*offsets.shape[:-1], 2)) for r in (radii[0][:, None], radii[1][None])
+    )
+    return np.asarray(-clearances(offsets, u, v, finger_radii, thumb_radii).distance.min(axis=(-2, -1)))
 
 
 BASES: dict[str, str] = {
@@ -164,16 +166,18 @@ _THUMBS: dict[str, tuple[float, float, float, float, float]] = {
     "pinch": (10.0, 33.0, 52.0, 24.0, 26.0),
 }  # fmt: skip
 """Degrees of the thumb: beside the index finger; of a fist, beside it, across its front, on the middle or the ring
-finger; across the palm; out; before the palm; below folded fingers; below fingertips; where the search for a fingertip
-begins."""
-_PULP_CM, _GAP_CM = 1.5, 4.4
-"""From thumb tip to fingertip: of a pinch, of a cee."""
+finger; across the palm; out; before the palm; below folded fingers; below fingertips; at the start of the search for a
+fingertip."""
+_PULP_CM = 1.5
+"""Distance from thumb tip to fingertip of a pinch, cm."""
+_GAP_CM = 4.4
+"""Distance from thumb tip to fingertip of a cee, cm."""
 _OPENINGS = np.linspace(0.0, 1.0, 11)
 
 
 @dataclass(frozen=True)
 class _ComposedShape:
-    """A composed handshape as its words say; see ``tree.WrittenShape``, and the head of this file."""
+    """The words of a composed handshape; see ``tree.WrittenShape`` and the head of this file."""
 
     base: str
     thumb: str = ""
@@ -205,7 +209,7 @@ _WORD = re.compile(
 
 
 def _parse_shape(text: str) -> _ComposedShape | None:
-    """What the words of a text say, without ``~``; None where it is no composed shape."""
+    """Parses a composed shape without ``~``; returns None for any other text."""
     base, *words = re.split(r"(?<!\.w\d)\.", text)
     if base not in BASES:
         return None
@@ -255,7 +259,7 @@ def _compose_handshape(text: str) -> Handshape:
 
 
 def _angles(shape: _ComposedShape) -> FloatArray:
-    """The 21 angles of ``hand.ANGLES`` of a shape, radians, its fingers before its thumb."""
+    """The 21 angles of ``hand.ANGLES`` of a shape, radians; the fingers are solved before the thumb."""
     degrees = np.zeros(21)
     fingers = degrees[:16].reshape(4, 4)
     for n in range(4):
@@ -283,13 +287,13 @@ def _angles(shape: _ComposedShape) -> FloatArray:
 
 def _bends(shape: _ComposedShape, digit: int) -> tuple[float, ...]:
     """Degrees of MCP, PIP and DIP of a finger."""
-    own = shape.bends.get(digit)
+    single_bend = shape.bends.get(digit)
     chosen = str(digit) in shape.selected and str(digit) not in shape.exempt
-    bend = own if own is not None else shape.bend
-    if bend.isdigit() and (own is not None or chosen):
-        return tuple(int(quarters) * most for quarters, most in zip(bend, _QUARTERS, strict=True))
-    if own is not None:
-        return _OPEN_BENDS[own]
+    bend = single_bend if single_bend is not None else shape.bend
+    if bend.isdigit() and (single_bend is not None or chosen):
+        return tuple(int(quarters) * quarter_deg for quarters, quarter_deg in zip(bend, _QUARTERS, strict=True))
+    if single_bend is not None:
+        return _OPEN_BENDS[single_bend]
     if shape.base == "fist":  # those named stay bent, the others open
         folded = not shape.selected or chosen
         return _OPEN_BENDS.get(shape.bend, _FOLDED) if folded else _STRAIGHT
@@ -304,7 +308,7 @@ def _bends(shape: _ComposedShape, digit: int) -> tuple[float, ...]:
 
 
 def _thumb(shape: _ComposedShape) -> str:
-    """Where the thumb is, a name of ``_THUMBS``."""
+    """Position of the thumb, a name of ``_THUMBS``."""
     fist = shape.base in ("fist", "finger2", "finger23", "finger23spread")
     if shape.enclosed and fist:
         return "below"
@@ -325,8 +329,8 @@ def _thumb(shape: _ComposedShape) -> str:
 
 
 def _to_finger(angles: FloatArray, finger: int, gap_cm: float, at_tip: bool = True) -> FloatArray:
-    """Angles (21,) with the thumb's tip before the tip of a finger (0 index), or its middle bone, ``gap_cm`` from its
-    axis: Gauss-Newton with damping, within the limits.
+    """Angles (21,) with the thumb's tip before the tip or the middle bone of a finger (0 index), ``gap_cm`` from its
+    axis, by damped Gauss-Newton within the limits.
     """
     points = hand.points(angles)
     first = 3 * (finger + 1)
@@ -334,20 +338,22 @@ def _to_finger(angles: FloatArray, finger: int, gap_cm: float, at_tip: bool = Tr
     bone = (tip - joint) / np.linalg.norm(tip - joint)
     palmar = np.cross([0.0, 0.0, 1.0], bone)
     target = tip + gap_cm * palmar / np.linalg.norm(palmar)
-    at, usual = angles[_THUMB].copy(), angles[_THUMB].copy()
+    thumb, usual = angles[_THUMB].copy(), angles[_THUMB].copy()
     steps = np.vstack([np.zeros(5), 1e-3 * np.eye(5)])
     for _ in range(12):
         tried = np.repeat(angles[None], 6, axis=0)
-        tried[:, _THUMB] = at + steps
+        tried[:, _THUMB] = thumb + steps
         tips = hand.points(tried)[:, 15]
         slope, miss = (tips[1:] - tips[0]).T / 1e-3, target - tips[0]
         normal = slope.T @ slope + 0.3 * np.eye(5)
-        at = np.clip(at + np.linalg.solve(normal, slope.T @ miss + 0.05 * (usual - at)), *hand.LIMITS[_THUMB].T)
-    return np.concatenate([angles[:16], at])
+        thumb = np.clip(
+            thumb + np.linalg.solve(normal, slope.T @ miss + 0.05 * (usual - thumb)), *hand.LIMITS[_THUMB].T
+        )
+    return np.concatenate([angles[:16], thumb])
 
 
 def _with_room(angles: FloatArray) -> FloatArray:
-    """Angles (21,) with the thumb opened as far as fingers would else lie deeper in it than 3 mm."""
+    """Opens the thumb in angles (21,) so that fingers lie at most 3 mm deep in it."""
     ways = np.deg2rad([_THUMBS["out"], _THUMBS["over"], _THUMBS["opposed"]])
     tried = np.repeat(angles[None], len(ways) * len(_OPENINGS), axis=0)
     steps = np.tile(_OPENINGS, len(ways))

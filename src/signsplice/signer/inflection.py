@@ -1,13 +1,13 @@
 """Forms of a sign: a verb that agrees with subject and object, plural and aspect by repetition.
 
 **Agreement** (Padden 1988; Meir 1998): a verb whose notation names its ends ``at=subject`` and ``at=object`` moves from
-the locus of the one to that of the other, and the hand faces along with it. Written as it is cited, from the signer to
-the addressee; ``1-GIVE-2`` is that form, ``2-GIVE-1`` "you give me". Persons are 1, 2, 3 (strong side) and 3-WEAK.
+the subject's locus to the object's, and the hand turns with it. The notation gives the citation form, from the signer
+to the addressee: ``1-GIVE-2``; ``2-GIVE-1`` is "you give me". Persons are 1, 2, 3 (strong side) and 3-WEAK.
 
 **Plural and aspect** (Fischer 1973; Klima and Bellugi 1979, chapters 11 and 12): a sign's last movement is repeated.
 ``HABITUAL``: fast, to and fro. ``CONTINUATIVE``: slow, the way back a wide arch, so that the hand goes round.
-``PLURAL``: at three places beside one another (sideward reduplication, Pfau and Steinbach 2006). They are the published
-descriptions in the roughest form; which verbs and nouns take which of them is for the user to know.
+``PLURAL``: at three places beside one another (sideward reduplication, Pfau and Steinbach 2006). These are published
+descriptions in their roughest form; the user decides which verbs and nouns take which form.
 """
 
 from __future__ import annotations
@@ -37,10 +37,18 @@ INFLECTIONS = {
 }
 _STEP_CM = 8.0
 _ARCH_CM = 7.0
-_HABITUAL_TEMPO, _CONTINUATIVE_TEMPO = 1.4, 0.55
-_N_DIRECTIONS, _N_ROLLS, _N_BATCHES = 150, 24, 30
+_HABITUAL_TEMPO = 1.4
+"""Tempo of a habitual form over the usual one."""
+_CONTINUATIVE_TEMPO = 0.55
+"""Tempo of a continuative form over the usual one."""
+_N_DIRECTIONS = 150
+"""Number of finger directions that are tried."""
+_N_ROLLS = 24
+"""Number of rolls of the hand that are tried about each direction."""
+_N_BATCHES = 30
+"""Number of batches in which the cheaper half is tried."""
 _LESS = 0.6
-"""How much the turn of what does not face the object counts, beside the turn of what does."""
+"""Weight of the turn of the direction, palm or fingers, that does not face the object; the other one counts 1."""
 _PERSON = "|".join(sorted((*PERSONS, *_PRONOUNS), key=len, reverse=True))
 _FORM = re.compile(
     rf"(?:(?P<subject>{_PERSON})-)?(?P<gloss>.+?)(?:-(?P<object>{_PERSON}))?"
@@ -50,10 +58,10 @@ _FORM = re.compile(
 
 
 def form(signs: Mapping[str, Sign], gloss: str) -> Sign:
-    """The form of one of the signs that a gloss names: ``2-GIVE-1`` or ``YOU-GIVE-ME``, ``TELL-3``,
-    ``LOOK-HABITUAL``, ``1-GIVE-3-CONTINUATIVE``; the sign itself for its own gloss.
+    """The form of a sign that a gloss names: ``2-GIVE-1`` or ``YOU-GIVE-ME``, ``TELL-3``, ``LOOK-HABITUAL``,
+    ``1-GIVE-3-CONTINUATIVE``; the sign itself for its own gloss.
 
-    Raises ``InputError`` where the sign is not among them, or has no such form.
+    Raises ``InputError`` if ``signs`` lacks the sign, or the sign has no such form.
     """
     if gloss in signs:
         return signs[gloss]
@@ -70,15 +78,15 @@ def form(signs: Mapping[str, Sign], gloss: str) -> Sign:
 def agree(sign: Sign, subject: str | None = None, object: str | None = None) -> Sign:
     """A verb's form for two of ``PERSONS``, or for the one that it agrees with; its gloss is ``1-GIVE-2``, ``TELL-2``.
 
-    What is at a locus turns with the line from subject to object about the vertical, a hand only as far as its arm goes
-    easily. Raises ``InputError`` where the sign is no verb that agrees so, or both are one person.
+    Postures at a locus turn about the vertical with the line from subject to object, a hand only as far as is easy for
+    its arm. Raises ``InputError`` if the sign does not agree in this way, or both persons are the same.
     """
     persons = {"subject": subject, "object": object}
     used = [role for role in ROLES if any(role == p.location for s in sign.segments for p in _hands(s))]
-    given = [role for role in ROLES if persons[role] is not None]
-    if used != given:
+    given_roles = [role for role in ROLES if persons[role] is not None]
+    if used != given_roles:
         what = " and ".join(used) if used else "nobody, as it names no place at=subject or at=object"
-        raise InputError(f"{sign.gloss} agrees with {what}; {' and '.join(given) or 'nobody'} was given")
+        raise InputError(f"{sign.gloss} agrees with {what}; {' and '.join(given_roles) or 'nobody'} was given")
     for person in filter(None, persons.values()):
         if person not in PERSONS:
             raise InputError(f"person {person!r}, expected one of {', '.join(PERSONS)}")
@@ -89,7 +97,8 @@ def agree(sign: Sign, subject: str | None = None, object: str | None = None) -> 
     for s in sign.segments:
         strong, weak = _agreeing(s.strong, persons, yaw), s.weak and _agreeing(s.weak, persons, -yaw, is_weak=True)
         path, weak_path = (
-            replace(one, direction=_rotate_yaw(one.direction, by)) for one, by in ((s.path, yaw), (s.weak_path, -yaw))
+            replace(old_path, direction=_rotate_yaw(old_path.direction, by))
+            for old_path, by in ((s.path, yaw), (s.weak_path, -yaw))
         )
         segments.append(replace(s, strong=strong, weak=weak, path=path, weak_path=weak_path))
     gloss = "-".join(filter(None, (subject, sign.gloss, object))).upper()
@@ -99,44 +108,44 @@ def agree(sign: Sign, subject: str | None = None, object: str | None = None) -> 
 def inflect(sign: Sign, kind: str) -> Sign:
     """A sign's form of one of ``INFLECTIONS``; its gloss is ``LOOK-HABITUAL``.
 
-    Raises ``InputError`` where the sign has no movement, or a plural is not made in space or at the base hand.
+    Raises ``InputError`` if the sign has no movement, or a plural is not made in space or at the base hand.
     """
     if kind not in INFLECTIONS:
         raise InputError(f"form {kind!r}, expected one of {', '.join(INFLECTIONS)}")
     moves = [n for n, segment in enumerate(sign.segments) if segment.kind == "M"]
     if not moves:
         raise InputError(f"{sign.gloss}-{kind.upper()}: {sign.gloss} has no movement to repeat")
-    at = moves[-1]
-    before, segment = sign.segments[at - 1], sign.segments[at]
+    last = moves[-1]
+    before, segment = sign.segments[last - 1], sign.segments[last]
     goes = (segment.strong, segment.weak) != (before.strong, before.weak)
     segments = list(sign.segments)
     if kind == "plural" and goes:
-        segments[at] = replace(segment, times=3, step=(_STEP_CM, 0.0, 0.0), lift=segment.lift or 3.0)
+        segments[last] = replace(segment, times=3, step=(_STEP_CM, 0.0, 0.0), lift=segment.lift or 3.0)
     elif kind == "plural":
-        segments[at:] = [_sidewards(s, sign) for s in segments[at:]]
+        segments[last:] = [_sidewards(s, sign) for s in segments[last:]]
     elif kind == "habitual":
-        segments[at] = replace(_repeat_movement(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
+        segments[last] = replace(_repeat_movement(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
     else:
         lift = _ARCH_CM if goes else 0.0
-        segments[at] = replace(_repeat_movement(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
+        segments[last] = replace(_repeat_movement(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
     gloss = f"{sign.gloss}-{kind.upper()}"
     return _check_sign(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
 
 
 def _repeat_movement(segment: Segment, goes: bool, more: int) -> Segment:
-    """A movement made ``more`` times more often; one that stays in its place goes on for as much longer."""
+    """Repeats a movement ``more`` more times; a movement in one place lasts longer in proportion."""
     times = min(segment.times + more, 8)
     if goes:
         return replace(segment, times=times)
     factor = times / segment.times
     local = segment.local and replace(segment.local, cycles=min(segment.local.cycles * factor, 10.0))
-    most = {"circle": 6.0, "zigzag": 8.0}.get(segment.path.kind, 0.0)
-    revolutions = float(np.clip(segment.path.revolutions * factor, -most, most))
+    limit = {"circle": 6.0, "zigzag": 8.0}.get(segment.path.kind, 0.0)
+    revolutions = float(np.clip(segment.path.revolutions * factor, -limit, limit))
     return replace(segment, local=local, path=replace(segment.path, revolutions=revolutions))
 
 
 def _sidewards(segment: Segment, sign: Sign) -> Segment:
-    """A movement in one place, going on to the strong side, or what follows it there."""
+    """Moves a movement in one place, or a segment that follows it, on to the strong side."""
     strong, weak = segment.strong, segment.weak
     if sign.hands in MIRRORED_HANDS or strong.location not in IN_SPACE | ON_BASE:
         what = f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place"
@@ -153,9 +162,9 @@ def _plus(shift: Vector, out: float) -> Vector:
 
 
 def _check_sign(sign: Sign) -> Sign:
-    found = faults(sign)
-    if found:
-        raise InputError(f"{sign.gloss} cannot be made: {found[0]}")
+    problems = faults(sign)
+    if problems:
+        raise InputError(f"{sign.gloss} cannot be made: {problems[0]}")
     return sign
 
 
@@ -165,13 +174,13 @@ def _hands(segment: Segment) -> list[Posture]:
 
 def _yaw(subject: str | None, object: str | None) -> float:
     """The angle about the vertical, radians, positive to the strong side, from straight ahead to the direction from
-    subject to object. Without a subject the signer is meant, who turns the hand round for himself as object.
+    subject to object. The default subject is the signer, whose hand turns round if the signer is the object.
     """
     start, end = (locations.locate(f"locus:{person}", _NOBODY).point for person in (subject or "1", object or "2"))
-    out, forward = -(end - start)[0], (end - start)[2]
-    if abs(out) < 1e-9 and forward <= 0.0:
+    outward, forward = -(end - start)[0], (end - start)[2]
+    if abs(outward) < 1e-9 and forward <= 0.0:
         return -np.pi  # by the weak side: a hand turns to its own body palm first
-    return float(np.arctan2(out, forward))
+    return float(np.arctan2(outward, forward))
 
 
 def _rotate_yaw(v: Vector, yaw: float) -> Vector:
@@ -181,11 +190,11 @@ def _rotate_yaw(v: Vector, yaw: float) -> Vector:
 
 
 def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_weak: bool = False) -> Posture:
-    """A posture at the locus of a person; itself where it is at none of the verb's ends."""
+    """A posture at the locus of a person; unchanged if it is at neither of the verb's ends."""
     person = persons.get(posture.location)
     if person is None:
         return posture
-    if is_weak:  # which is written as if it were the strong one
+    if is_weak:  # the weak hand is written as if it were the strong one
         person = {"3": "3-weak", "3-weak": "3"}.get(person, person)
     shift, palm, fingers = (_rotate_yaw(v, yaw) for v in (posture.shift, posture.palm, posture.fingers))
     moved = replace(posture, location=f"locus:{person}", shift=shift, palm=palm, fingers=fingers)
@@ -193,8 +202,8 @@ def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_w
 
 
 def _facing(posture: Posture, by_palm: bool) -> Posture:
-    """The posture with its hand as nearly turned so as its arm goes easily; what leads, palm or fingers, first."""
-    wanted = np.array([posture.palm, posture.fingers])
+    """Turns the posture's hand as far as is easy for its arm, the leading direction, palm or fingers, first."""
+    targets = np.array([posture.palm, posture.fingers])
     directions = _directions(_N_DIRECTIONS)
     rolls = 2.0 * np.pi * np.arange(_N_ROLLS) / _N_ROLLS
     fingers = np.repeat(directions, _N_ROLLS, axis=0)  # (N, 3)
@@ -202,10 +211,10 @@ def _facing(posture: Posture, by_palm: bool) -> Posture:
     side /= np.linalg.norm(side, axis=-1, keepdims=True)
     angle = np.tile(rolls, _N_DIRECTIONS)[:, None]
     palms = np.cos(angle) * side + np.sin(angle) * np.cross(fingers, side)
-    off = [np.arccos(np.clip(v @ w, -1.0, 1.0)) for v, w in zip((palms, fingers), wanted, strict=True)]
+    off = [np.arccos(np.clip(v @ w, -1.0, 1.0)) for v, w in zip((palms, fingers), targets, strict=True)]
     cost = off[0] + _LESS * off[1] if by_palm else _LESS * off[0] + off[1]
-    for some in np.array_split(np.argsort(cost)[: len(cost) // 2], _N_BATCHES):
-        tried = [replace(posture, palm=to_vector(palms[k]), fingers=to_vector(fingers[k])) for k in some]
+    for batch in np.array_split(np.argsort(cost)[: len(cost) // 2], _N_BATCHES):
+        tried = [replace(posture, palm=to_vector(palms[k]), fingers=to_vector(fingers[k])) for k in batch]
         taken = np.flatnonzero(are_easy(tried))
         if len(taken):
             return tried[int(taken[0])]

@@ -1,5 +1,5 @@
-"""Hand states for postures: where locations on a signer's body and in space are, a part of the hand put there, and
-where hands are between signs.
+"""Hand states for postures: finds locations on a signer's body and in space, puts a part of the hand there, and places
+hands at rest between signs.
 
 All positions are in the chest's axes of a right-handed signer, cm: X = -out, Y = up, Z = forward.
 """
@@ -24,18 +24,20 @@ from signsplice.signer.pose import MIRROR
 from signsplice.signer.signer import HANGING, JOINTS, Signer, skeleton, stream
 from signsplice.signer.tables import Vector, vector
 
-# words/places.txt tells what each table holds.
-_ON_BODY = {name: (joint, vector(inside), vector(out)) for name, joint, inside, out in PLACES["body"]}
+# words/places.txt describes each table.
+_ON_BODY = {name: (joint, vector(inside), vector(normal)) for name, joint, inside, normal in PLACES["body"]}
 ON_HEAD = frozenset(name for name, (joint, _, _) in _ON_BODY.items() if joint == "Head")
 _IN_SPACE = {name: vector(point) for name, point in PLACES["space"]}
 _ON_BASE = {
     name: HandPart(tuple(row[0].split(",")), float(row[1]), vector(row[2])) if len(row) > 1 else hand_part(row[0])
     for name, *row in PLACES["base"]
 }
-_ON_WEAK_ARM = {name: (bone, float(at), float(skin), vector(out)) for name, bone, at, skin, out in PLACES["arm"]}
+_ON_WEAK_ARM = {
+    name: (bone, float(fraction), float(skin), vector(normal)) for name, bone, fraction, skin, normal in PLACES["arm"]
+}
 
 _TOUCH_ROUNDS = 3
-"""How often a hand that is written to lie on the skin is moved there."""
+"""How often a hand that is written on the skin is moved there."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,9 @@ class Location:
 
 @dataclass(frozen=True, eq=False)
 class WeakArm:
-    """A signer's weak arm, which the strong hand may touch. Its joints are solved when first asked for.
+    """A signer's weak arm, which the strong hand may touch. Its joints are solved on first use.
 
-    signer: whose arm it is
+    signer: owner of the arm
     hand: the weak hand's state (27,)
     """
 
@@ -74,14 +76,14 @@ class WeakArm:
 
 
 def body_locations(signer: Signer) -> dict[str, Location]:
-    """Every location on a right-handed signer's body (weak arm apart), its point on the skin, found by a ray. Those of
-    the last 64 signers are kept.
+    """Every location on a right-handed signer's body except the weak arm, with its point on the skin, found by a ray.
+    The cache keeps the last 64 signers.
     """
     return CACHE.recent(_body_locations, signer, most=64)
 
 
 def on_joint(location: str, which: int) -> str:
-    """The joint that carries a location on head or trunk for the strong (0) or weak (1) hand; of two the first."""
+    """The joint that carries a location on head or trunk for the strong (0) or weak (1) hand; the first of two."""
     name = location.partition("/")[0].partition(":")[0]
     joint = _ON_BODY[name if name in _ON_BODY else name.removesuffix("-weak")][0]
     return ("RightShoulder", "LeftShoulder")[(joint == "LeftArm") != which] if joint.endswith("Arm") else joint
@@ -92,13 +94,15 @@ def _body_locations(signer: Signer) -> dict[str, Location]:
     chest = rest[JOINTS["Spine2"]]
     height = 1.70 * signer.scale * 100.0
     origins = [rest[JOINTS[joint]] + height * axes(inside) for joint, inside, _ in _ON_BODY.values()]
-    normals = [axes(out) / np.linalg.norm(out) for _, _, out in _ON_BODY.values()]
+    normals = [axes(outward) / np.linalg.norm(outward) for _, _, outward in _ON_BODY.values()]
     skin = _skin(np.array(origins), np.array(normals), signer)
     return {name: Location(point - chest, normal) for name, point, normal in zip(_ON_BODY, skin, normals, strict=True)}
 
 
-_LIFT_CM, _BESIDE_CM = 1.5, 4.0
-"""From how far outside a composed location is brought to the skin, and how far from it the skin ahead may be."""
+_LIFT_CM = 1.5
+"""How far a composed location is lifted before it is moved to the skin, cm."""
+_BESIDE_CM = 4.0
+"""Largest distance of a composed location from the skin that its ray meets, cm."""
 
 
 def _on_body(text: str, signer: Signer) -> Location:
@@ -107,16 +111,16 @@ def _on_body(text: str, signer: Signer) -> Location:
     """
     named, (solid, chest) = body_locations(signer), _head_and_trunk(signer)
     ends = []
-    for one in text.split("/"):
-        name, _, offset = one.partition(":")
+    for part_name in text.split("/"):
+        name, _, offset = part_name.partition(":")
         place = named[name] if name in named else named[name.removesuffix("-weak")]
         mirror = np.ones(3) if name in named else MIRROR
-        beside = axes((*map(float, offset.split(",")), 0.0)) if offset else np.zeros(3)  # type: ignore[arg-type]
-        ends.append((mirror * place.point + beside * signer.scale, mirror * place.normal))
+        sideways = axes((*map(float, offset.split(",")), 0.0)) if offset else np.zeros(3)  # type: ignore[arg-type]
+        ends.append((mirror * place.point + sideways * signer.scale, mirror * place.normal))
     point, normal = np.mean(ends, axis=0)
     point, normal = point + chest, normal / np.linalg.norm(normal)
     ahead = _skin(point[None], normal[None], signer)[0]
-    passes_by = float(np.linalg.norm(ahead - point)) > _BESIDE_CM * signer.scale  # or it hits what is behind
+    passes_by = float(np.linalg.norm(ahead - point)) > _BESIDE_CM * signer.scale  # or the ray hits a part behind
     point = point + _LIFT_CM * signer.scale * normal if passes_by else ahead
     for _ in range(12):
         outward, gaps = (x[0] for x in _outward(point[None], *solid))
@@ -134,15 +138,15 @@ def _head_and_trunk(signer: Signer) -> tuple[_Solid, FloatArray]:
     position (3,).
     """
     body = capsules.body_capsules(skeleton(signer))
-    wanted = [n for n, part in enumerate(body.parts) if part in ("face", "hair", "nose", "neck", "shirt")]
+    rows = [n for n, part in enumerate(body.parts) if part in ("face", "hair", "nose", "neck", "shirt")]
     rest = rest_positions(skeleton(signer))
-    starts = (rest[body.joints] + body.starts)[wanted]
-    spans = (rest[body.joints] + body.ends)[wanted] - starts
-    return (starts, spans, body.radii[wanted]), rest[JOINTS["Spine2"]]
+    starts = (rest[body.joints] + body.starts)[rows]
+    spans = (rest[body.joints] + body.ends)[rows] - starts
+    return (starts, spans, body.radii[rows]), rest[JOINTS["Spine2"]]
 
 
 def _skin(origins: FloatArray, directions: FloatArray, signer: Signer) -> FloatArray:
-    """Points (N, 3) where rays from inside leave head and trunk for good, by sphere tracing from outside."""
+    """Last exit points (N, 3) of rays from inside head and trunk, by sphere tracing from outside."""
     solid, _ = _head_and_trunk(signer)
     points = origins + 30.0 * signer.scale * directions
     for _ in range(60):
@@ -154,13 +158,13 @@ def _skin(origins: FloatArray, directions: FloatArray, signer: Signer) -> FloatA
 def _outward(
     points: FloatArray, starts: FloatArray, spans: FloatArray, radii: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """From capsules' axes to points (N, 3): vectors (N, K, 3), and distances (N, K) from their skin."""
+    """Vectors (N, K, 3) from capsules' axes to points (N, 3), and distances (N, K) from the capsules' skin."""
     from_start = points[:, None] - starts  # (N, K, 3)
     t = np.einsum("nkc,kc->nk", from_start, spans) / (np.einsum("kc,kc->k", spans, spans) + 1e-12)
     t = np.clip(t, 0.0, 1.0)
     radius = radii[:, 0] + t * (radii[:, 1] - radii[:, 0])
-    out = from_start - t[..., None] * spans
-    return out, np.linalg.norm(out, axis=-1) - radius
+    offsets = from_start - t[..., None] * spans
+    return offsets, np.linalg.norm(offsets, axis=-1) - radius
 
 
 def axes(v: Vector | FloatArray) -> FloatArray:
@@ -169,8 +173,8 @@ def axes(v: Vector | FloatArray) -> FloatArray:
 
 
 def facing(palm: Vector, fingers: Vector) -> FloatArray:
-    """Rotation (4,) of a right hand whose fingers point along ``fingers`` and whose palm faces ``palm`` as nearly as
-    that allows; not to be changed.
+    """Rotation (4,) of a right hand with fingers along ``fingers`` and the palm facing ``palm`` as far as they allow;
+    read-only.
     """
     return CACHE.recent(_facing, palm, fingers, most=2048)
 
@@ -181,9 +185,9 @@ def _facing(palm: Vector, fingers: Vector) -> FloatArray:
     y = -axes(palm)
     y = y - (y @ x) * x
     y = y / np.linalg.norm(y)
-    made = rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
-    made.flags.writeable = False
-    return made
+    quat = rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+    quat.flags.writeable = False
+    return quat
 
 
 def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0) -> FloatArray:
@@ -213,7 +217,7 @@ def strong_hand(posture: Posture, weak: WeakArm, meets: bool = False, size: floa
 def strong_wrist(
     posture: Posture, weak: WeakArm, meets: bool = False, size: float = 1.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The same as the wrist's position (3,), the hand's rotation (4,) and its angles (21,)."""
+    """``strong_hand`` as the wrist's position (3,), the hand's rotation (4,) and its angles (21,)."""
     signer = weak.signer
     location = locate(posture.location, weak)
     shape, hand_site = handshape(posture.shape), hand_part(posture.part)
@@ -237,7 +241,7 @@ def weak_hand(posture: Posture, signer: Signer, size: float = 1.0) -> FloatArray
 
 
 def palm(posture: Posture, weak: WeakArm, meets: bool = False) -> FloatArray:
-    """Where the middle of the strong palm is in a posture, (3,), cm, by the posture alone; arguments as of
+    """Position (3,), cm, of the middle of the strong palm in a posture, from the posture alone; arguments as for
     ``strong_hand``.
     """
     wrist, quat, _ = strong_wrist(posture, weak, meets)
@@ -251,8 +255,8 @@ _LIFTED_IN_SPACE = (0.0, 0.7, -0.7)
 
 
 def lift_direction(posture: Posture, weak: WeakArm) -> FloatArray:
-    """The unit vector (3,) along which a hand is lifted on its way back to a posture: away from the surface that it is
-    at; in space up and towards the signer.
+    """The unit vector (3,) along which a hand is lifted on its way back to a posture: away from the surface at it; in
+    space up and towards the signer.
     """
     normal = locate(posture.location, weak).normal
     direction = normal if normal.any() else axes(_LIFTED_IN_SPACE)
@@ -278,7 +282,7 @@ def locate(name: str, weak: WeakArm) -> Location:
 def on_weak_arm(
     name: str, weak: WeakArm, shoulder: FloatArray, elbow: FloatArray, wrist: FloatArray, quat: FloatArray
 ) -> Location:
-    """A location on the weak arm or its hand, whose joints and hand are where ``WeakArm.joints`` would have them."""
+    """A location on the weak arm or its hand, with joints and hand rotation as of ``WeakArm.joints``."""
     signer = weak.signer
     if name not in _ON_WEAK_ARM:
         site = _ON_BASE[name] if name in _ON_BASE else hand_part(name[5:])
@@ -286,10 +290,10 @@ def on_weak_arm(
         centre = wrist + rotation.rotate(quat, site.centre(points)) * unit
         normal = rotation.rotate(quat, site.normal(points))
         return Location((centre + site.skin * unit * normal) * MIRROR, normal * MIRROR)
-    bone, fraction, skin, out = _ON_WEAK_ARM[name]
+    bone, fraction, skin, outward = _ON_WEAK_ARM[name]
     start, end = (elbow, wrist) if bone == "forearm" else (shoulder, elbow)
-    along = (end - start) / np.linalg.norm(end - start)
-    normal = axes(out) - (axes(out) @ along) * along
+    direction = (end - start) / np.linalg.norm(end - start)
+    normal = axes(outward) - (axes(outward) @ direction) * direction
     normal = normal / np.linalg.norm(normal)
     point = start + fraction * (end - start) + skin * 170.0 * signer.scale * normal
     return Location(point * MIRROR, normal * MIRROR)
@@ -307,13 +311,13 @@ _HELD = {
         Posture("rest", "belly", "palm", (-0.2, 0.1, -0.97), (-0.5, -0.86, 0.0), off=2.0, shift=(2.0, -15.0, 1.0)),
     ),
 }
-"""Postures of the strong and the weak hand at each rest but hanging."""
+"""Postures of the strong and the weak hand at each rest except hanging."""
 _HELD_LOWER_CM = 2.0
-"""How much lower than these postures hands rest."""
+"""How much lower than these postures hands rest, cm."""
 
 
 def resting(signer: Signer, *names: str | int) -> FloatArray:
-    """The state (65,) of a signer at rest, not to be changed; ``names`` seed its small variations."""
+    """The read-only state (65,) of a signer at rest; ``names`` seed its small variations."""
     return CACHE.recent(_resting, signer, *names, most=64)
 
 

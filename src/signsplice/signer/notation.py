@@ -48,20 +48,21 @@ _POSTURE_KEYS = ("shape", "at", "by", "off", "shift", "touch", "palm", "fingers"
 _ONLY_M = ("path", "w.path", "local", "w.local", "times", "return", "step", "tempo", "keep")
 _KEYS = (*_POSTURE_KEYS, *(f"w.{key}" for key in _POSTURE_KEYS), *_ONLY_M, "for", "head", "trunk")
 _LIFT_CM = 3.0
-"""How far a hand is lifted where the notation gives no distance."""
-_LOWER, _LOWER_CM = ("space", "space-mid", "space-in", "space-out"), 6.0
-"""Places before the chest at which two hands are lower than one, and by how much: one hand on top of the other would
-else be at the throat."""
+"""How far a hand is lifted if the notation gives no distance, cm."""
+_LOWER = ("space", "space-mid", "space-in", "space-out")
+"""Places before the chest at which two hands are lower than one."""
+_LOWER_CM = 6.0
+"""How much lower, cm: otherwise the upper one of two stacked hands would be at the throat."""
 _HEADER = re.compile(r"(?P<gloss>[^\s=:]+)\s+hands=(?P<hands>\S+)(?:\s+kind=(?P<kind>\S+))?\s*$")
 
 
 @dataclass(frozen=True)
 class _Line:
-    """Where a line of text stands, for errors.
+    """Position of a line of text, for errors.
 
     file: name of the text
     number: line number, from 1
-    gloss: the sign that the line belongs to, or ""
+    gloss: the sign of the line, or ""
     """
 
     file: str
@@ -75,7 +76,7 @@ class _Line:
 
 
 def read(path: str | FilePath) -> dict[str, Sign]:
-    """The signs of a file by gloss, in its order. Raises ``FormatError`` with file and line for the first error."""
+    """Reads the signs of a file by gloss, in order. Raises ``FormatError`` with file and line for the first error."""
     try:
         text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -84,7 +85,7 @@ def read(path: str | FilePath) -> dict[str, Sign]:
 
 
 def parse(text: str, name: str = "<text>") -> dict[str, Sign]:
-    """The signs of a text by gloss; ``name`` is the file's name in errors. Raises ``FormatError`` for the first
+    """Parses the signs of a text by gloss; ``name`` is the file's name in errors. Raises ``FormatError`` for the first
     error.
     """
     signs: dict[str, Sign] = {}
@@ -97,7 +98,7 @@ def parse(text: str, name: str = "<text>") -> dict[str, Sign]:
 
 
 def _blocks(text: str, name: str) -> Iterable[list[tuple[_Line, str]]]:
-    """The lines of each sign: a header at the margin, then indented lines. # begins a comment."""
+    """Yields the lines of each sign: a header at the margin, then indented lines. # begins a comment."""
     block: list[tuple[_Line, str]] = []
     for number, raw in enumerate(text.splitlines(), 1):
         content = re.sub(r"(^|\s)#( .*|$)", "", raw).rstrip()
@@ -126,25 +127,25 @@ def _sign(block: list[tuple[_Line, str]]) -> Sign:
     _one_of(first, "hands", hands, HANDS)
     _one_of(first, "kind", kind, ("sign", "letter", "pseudo", "written"))
     notes = {"source": "", "synonyms": ""}
-    made, segments = list[Gesture](), list[Segment]()
+    gestures, segments = list[Gesture](), list[Segment]()
     for position, content in block[1:]:
         line = replace(position, gloss=gloss)
         key, colon, value = content.partition(":")
         if colon and key in notes:
             notes[key] = value.strip()
         elif key == "gesture" and colon:
-            if (one := read_gesture(value.strip())) is None:
+            if (gesture := read_gesture(value.strip())) is None:
                 raise line.error(f"gesture: {value.strip()!r}, expected {GESTURE_FORM}")
-            made.append(one)
+            gestures.append(gesture)
         else:
             segments.append(_segment(line, content, hands, segments[-1] if segments else None))
     if any(segment.keeps for segment in segments):  # from touch to touch
         segments = [replace(s, strong=replace(s.strong, on_skin=s.strong.off < 1.0)) for s in segments]
     synonyms = tuple(word.strip() for word in notes["synonyms"].split(",") if word.strip())
-    sign = Sign(gloss, hands, tuple(segments), notes["source"], synonyms, kind, tuple(made))
-    found = faults(sign)
-    if found:
-        raise first.error(f"{gloss}: {found[0]}")
+    sign = Sign(gloss, hands, tuple(segments), notes["source"], synonyms, kind, tuple(gestures))
+    problems = faults(sign)
+    if problems:
+        raise first.error(f"{gloss}: {problems[0]}")
     return sign
 
 
@@ -190,7 +191,7 @@ def _segment(line: _Line, content: str, hands: str, before: Segment | None) -> S
 
 
 def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix: str, hands: str) -> Posture:
-    """The posture of a line. What the line does not give stays as before; a new location resets off and shift."""
+    """The posture of a line. Values that the line omits carry over; a new location resets off and shift."""
     if before is None:
         missing = [key for key in ("shape", "at", "palm", "fingers") if key not in fields]
         if missing:
@@ -218,12 +219,12 @@ def _posture(line: _Line, fields: dict[str, str], before: Posture | None, prefix
 
 
 def lower_cm(location: str, hands: str) -> float:
-    """How much lower hands of a kind are at a location than one hand is, cm."""
+    """How much lower than one hand the hands of a kind are at a location, cm."""
     return _LOWER_CM if location in _LOWER and hands != "one" else 0.0
 
 
 def _lift(line: _Line, text: str) -> float:
-    """How far a hand is lifted on its way back, cm; 0 where it goes back as it came."""
+    """How far a hand is lifted on its way back, cm; 0 if it goes back on the same path."""
     kind, colon, distance = text.partition(":")
     _one_of(line, "return", kind, ("lifted", "same"))
     if kind == "same":
@@ -257,14 +258,14 @@ def _circle(line: _Line, words: list[str], key: str, text: str) -> Path:
     """A circle about an axis, AXIS:CM:TURNS[:START[:RATIO]]."""
     axis = _direction(line, words[0])
     start = _direction(line, words[3]) if len(words) > 3 else (0.0, 1.0, 0.0)
-    along = sum(a * b for a, b in zip(start, axis, strict=True))
-    across = [a - along * b for a, b in zip(start, axis, strict=True)]
-    length = math.sqrt(sum(c * c for c in across))
+    projection = sum(a * b for a, b in zip(start, axis, strict=True))
+    perpendicular = [a - projection * b for a, b in zip(start, axis, strict=True)]
+    length = math.sqrt(sum(c * c for c in perpendicular))
     if length < 0.1:
         raise line.error(f"{key}={text}: the circle's start lies on its axis, expected a start across it")
     size, turns = _number(line, key, words[1], 0.5, 30.0), _number(line, key, words[2], -6.0, 6.0)
     ratio = _number(line, key, words[4], 0.1, 10.0) if len(words) > 4 else 1.0
-    start = to_vector(c / length for c in across)
+    start = to_vector(c / length for c in perpendicular)
     return Path("circle", axis, size=size, revolutions=turns, start=start, ratio=ratio)
 
 
@@ -320,8 +321,8 @@ def _one_of(line: _Line, key: str, value: str, known: Iterable[str]) -> str:
     known = list(known)
     if value not in known:
         names = [name for name in known if name]
-        near = difflib.get_close_matches(value, names, 3, 0.5)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(names)}"
+        matches = difflib.get_close_matches(value, names, 3, 0.5)
+        hint = f"did you mean {' or '.join(matches)}?" if matches else f"expected one of {', '.join(names)}"
         raise line.error(f"unknown {key} {value!r}; {hint}")
     return value
 
@@ -345,7 +346,7 @@ def notation_text(sign: Sign) -> str:
     lines = [f"{sign.gloss}  hands={sign.hands}{kind}"]
     lines += [f"  source: {sign.source}"] if sign.source else []
     lines += [f"  synonyms: {', '.join(sign.synonyms)}"] if sign.synonyms else []
-    lines += [f"  gesture: {one}" for one in sign.gestures]
+    lines += [f"  gesture: {gesture}" for gesture in sign.gestures]
     strong: Posture | None = None
     weak: Posture | None = None
     for segment in sign.segments:
@@ -358,7 +359,7 @@ def notation_text(sign: Sign) -> str:
 
 
 def _posture_words(posture: Posture, before: Posture | None, prefix: str, hands: str) -> list[str]:
-    """The keys of a posture that differ from the one before."""
+    """The keys of a posture that differ from the previous posture."""
     anew = before is None or posture.location != before.location
     old = before or Posture("", "", "palm", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     if anew:
@@ -381,7 +382,7 @@ def _posture_words(posture: Posture, before: Posture | None, prefix: str, hands:
 
 
 def _movement_words(segment: Segment) -> list[str]:
-    """The keys of a segment beside its postures."""
+    """The keys of a segment apart from its postures."""
     keys = {
         "path": notation_path(segment.path),
         "w.path": notation_path(segment.weak_path),
@@ -416,8 +417,8 @@ def notation_path(path: Path) -> str:
 def _local_text(local: Local | None) -> str:
     if local is None:
         return ""
-    more = f"+{_local_text(local.also)}" if local.also is not None else ""
-    return f"{local.kind}:{_number_text(local.amplitude)}:{_number_text(local.cycles)}{more}"
+    suffix = f"+{_local_text(local.also)}" if local.also is not None else ""
+    return f"{local.kind}:{_number_text(local.amplitude)}:{_number_text(local.cycles)}{suffix}"
 
 
 def _number_text(value: float) -> str:

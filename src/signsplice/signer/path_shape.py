@@ -1,10 +1,9 @@
-"""Strokes and circles of written signs that are as they are written, and hands and elbows that stay where they are
-written to.
+"""Keeps strokes and circles of written signs in their written shape, and hands and elbows in place while they are
+written to stay.
 
-What puts a posture off its place (a body in the way, the other hand, a touch that gives way, a head that moves) puts
-only one end of a stroke off. Length and direction tell a reader more than a place in the open, so the other end goes
-along: in a row of postures in the open each is as far off as the one in a touch before them, or else as the one that is
-farthest off.
+A disturbance (a body in the way, the other hand, a touch that gives way, a moving head) displaces only one end of a
+stroke. Length and direction tell a reader more than a place in the open, so the other end moves along: in a row of
+postures in the open, each is displaced as far as the touch before them, or otherwise as the most displaced one.
 """
 
 from __future__ import annotations
@@ -34,21 +33,23 @@ from signsplice.signer.pose import MIRROR
 from signsplice.signer.trajectory import wendland
 
 _MOST_CM = 8.0
-"""How far a posture is moved at most."""
+"""Largest displacement of a posture, cm."""
 _MOST_FIRST_CM = 1.5
-"""How far off its place a posture that no stroke has led to may be for the sake of those that follow."""
+"""Largest displacement of a first posture for the sake of those that follow, cm."""
 _LEFT_CM = 0.5
-"""How far off all may be and are left."""
+"""Error up to which all postures are left, cm."""
 _HELD_S = 0.2
-"""How long before and after a hold elbows go to and from where they stay."""
-_STILL_CM, _TOGETHER_CM = 0.5, 10.0
-"""How far a base hand that stays may move, and up to which distance of skins the strong hand goes where it does."""
+"""Time before and after a hold in which elbows move to and from their held directions, seconds."""
+_STILL_CM = 0.5
+"""How far a base hand that stays may move, cm."""
+_TOGETHER_CM = 10.0
+"""Distance of the skins up to which the strong hand moves with the base hand, cm."""
 _BLOCKED_CM = 1.5
-"""How far from where it was to go a posture is that something is in the way of."""
+"""Distance from its goal at which a posture counts as blocked, cm."""
 
 
 def keep_path_shape(states: FloatArray, word: WrittenMotion) -> FloatArray:
-    """States (T, 65) of a whole word, free of collisions, with strokes as they are written."""
+    """Gives the strokes of a whole word's states (T, 65), free of collisions, their written shape."""
     signer, every = word.signer, word.holds
     rows = _rows(word)
     _, still = word.partition_holds(_is_open)
@@ -56,40 +57,40 @@ def keep_path_shape(states: FloatArray, word: WrittenMotion) -> FloatArray:
     goals: list[FloatArray] = []
     for first in (True, False):
         palms = _palms(states, word.figure)
-        places = [_steadiest(palms[:, one.which], one) for one in every]
+        places = [_steadiest(palms[:, hold.which], hold) for hold in every]
         if first:
             before, places = places, _in_rows(places, rows, word)
-        else:  # a row with a posture that was pushed out of the body goes back
+        else:  # a row goes back if one of its postures was pushed out of the body
             for row in rows:
                 if any(float(np.linalg.norm(places[n] - goals[n])) > _BLOCKED_CM * signer.scale for n in row):
                     places = [before[n] if n in row else place for n, place in enumerate(places)]
         goals = places
         missing = [
-            (replace(one, first=frame, last=frame), place - palms[frame, one.which])
-            for one, place in zip(every, places, strict=True)
-            if _is_open(one.posture)
-            for frame in range(one.first, one.last + 1)
+            (replace(hold, first=frame, last=frame), place - palms[frame, hold.which])
+            for hold, place in zip(every, places, strict=True)
+            if _is_open(hold.posture)
+            for frame in range(hold.first, hold.last + 1)
         ]
         if max((float(np.linalg.norm(miss)) for _, miss in missing), default=0.0) < _LEFT_CM * signer.scale:
             break
-        whole = resolve_collisions(move_hands(states, word.interpolate_displacements(missing, still), signer), word)
-        depth = word.depth(whole)
+        moved = resolve_collisions(move_hands(states, word.interpolate_displacements(missing, still), signer), word)
+        depth = word.depth(moved)
         if depth <= TOLERANCE_CM or depth <= word.depth(states):
-            states = whole
+            states = moved
     return states
 
 
 def keep_circles(states: FloatArray, planned: FloatArray, word: WrittenMotion) -> FloatArray:
-    """States (T, 65) of a whole word with circles as they were ``planned`` (T, 65) between where they begin and end
-    now: what was in the way moves all of a circle, not a side of it.
+    """Gives circles in a whole word's states (T, 65) the ``planned`` shape (T, 65) between their current ends: an
+    obstacle moves a whole circle, not a side of it.
     """
     moves = np.zeros((len(states), 2, 3))
-    for one in word.segments:
-        if not one.segment.circles:
+    for timed in word.segments:
+        if not timed.segment.circles:
             continue
-        frames = slice(one.begin, one.end + 1)
-        now, then = (pose.hands(x)[frames, :, pose.WRIST] for x in (states, planned))
-        off = then - now
+        frames = slice(timed.begin, timed.end + 1)
+        now, planned_wrists = (pose.hands(x)[frames, :, pose.WRIST] for x in (states, planned))
+        off = planned_wrists - now
         share = np.linspace(0.0, 1.0, len(off))[:, None, None]
         moves[frames] = off - off[0] - share * (off[-1] - off[0])
     if not moves.any():
@@ -98,19 +99,19 @@ def keep_circles(states: FloatArray, planned: FloatArray, word: WrittenMotion) -
 
 
 def keep_base_hand(states: FloatArray, word: WrittenMotion) -> FloatArray:
-    """States (T, 65) of a whole word with base hands that stay while they are written to: what moved them apart from
-    the strong hand moves that one, where it is near.
+    """Keeps base hands in a whole word's states (T, 65) in place while they are written to stay; a near strong hand
+    moves with the correction.
     """
     if word.sign.hands != "base":
         return states
     moves = np.zeros((len(states), 2, 3))
     spans: list[tuple[int, int]] = []
-    for before, one in zip((None, *word.segments), word.segments, strict=False):
-        own = one.segment.weak_local or one.segment.weak_path.kind == "circle"
-        if before is None or own or before.segment.weak != one.segment.weak:
-            spans.append((one.end, one.end))
-        elif one.segment.weak and one.segment.weak.location != REST:
-            spans[-1] = spans[-1][0], one.end
+    for before, timed in zip((None, *word.segments), word.segments, strict=False):
+        moves_alone = timed.segment.weak_local or timed.segment.weak_path.kind == "circle"
+        if before is None or moves_alone or before.segment.weak != timed.segment.weak:
+            spans.append((timed.end, timed.end))
+        elif timed.segment.weak and timed.segment.weak.location != REST:
+            spans[-1] = spans[-1][0], timed.end
     signer, times = word.signer, np.arange(len(states))
     for first, last in spans:
         weak = pose.hands(states)[first : last + 1, 1, pose.WRIST]
@@ -123,32 +124,32 @@ def keep_base_hand(states: FloatArray, word: WrittenMotion) -> FloatArray:
         frames = np.flatnonzero(fade[:, 0])
         capsules = word.figure.pose_arms(states[frames], frames).capsules
         groups = capsules.body.groups
-        apart = capsules.nearest(groups.right, (groups.left,), _TOGETHER_CM)[0]
-        along = fade[frames] * back[within[frames] - first]
-        moves[frames, 1] += along
-        moves[frames, 0] += MIRROR * along * pose.smooth_step(2.0 - 2.0 * apart / _TOGETHER_CM)
+        distance = capsules.nearest(groups.right, (groups.left,), _TOGETHER_CM)[0]
+        shift = fade[frames] * back[within[frames] - first]
+        moves[frames, 1] += shift
+        moves[frames, 0] += MIRROR * shift * pose.smooth_step(2.0 - 2.0 * distance / _TOGETHER_CM)
     return move_hands(states, moves, signer)
 
 
 def hold_elbows(states: FloatArray, word: WrittenMotion) -> FloatArray:
-    """States (T, 65) of a whole word with elbows that stay while hands stay: where these bend wrists least."""
+    """Holds elbows in a whole word's states (T, 65) while hands stay, in the direction that bends wrists least."""
     directions, wrist = arms.directions_of(states, word.signer), pose.solve_arms_and_wrists(states, word.signer)[1]
     bent, reach = arms.beyond_easy(wrist.angles), round(_HELD_S * word.fps)
-    # What is farther away in time stays; of the same frame the later one counts.
+    # Elbows farther away in time stay; for one frame the later entry counts.
     missing = [
-        (replace(one, first=max(one.first - reach, 0), last=one.last + reach), np.zeros(3)) for one in word.holds
+        (replace(hold, first=max(hold.first - reach, 0), last=hold.last + reach), np.zeros(3)) for hold in word.holds
     ]
-    for one in word.holds:
-        frames = range(one.first, one.last + 1)
-        best = min(frames, key=lambda frame: float(np.linalg.norm(bent[frame, one.which])))
-        turns = directions[best, one.which] - directions[frames, one.which]
-        missing += [(replace(one, first=frame, last=frame), x) for frame, x in zip(frames, turns, strict=True)]
+    for hold in word.holds:
+        frames = range(hold.first, hold.last + 1)
+        best = min(frames, key=lambda frame: float(np.linalg.norm(bent[frame, hold.which])))
+        turns = directions[best, hold.which] - directions[frames, hold.which]
+        missing += [(replace(hold, first=frame, last=frame), x) for frame, x in zip(frames, turns, strict=True)]
     return arms.turn_elbows(states, directions + word.interpolate_displacements(missing), word.signer)
 
 
 def _in_rows(places: Sequence[FloatArray], rows: Sequence[Sequence[int]], word: WrittenMotion) -> list[FloatArray]:
-    """The places (3,) of palms, those of a row all as far off what is written."""
-    made, written = [*places], dict[tuple[Posture, Posture | None], FloatArray]()
+    """Places (3,) of palms, with equal displacements from the written places within each row."""
+    new_places, written = [*places], dict[tuple[Posture, Posture | None], FloatArray]()
     every, signer = word.holds, word.signer
     for row in rows:
         if len(row) == 1:
@@ -165,8 +166,8 @@ def _in_rows(places: Sequence[FloatArray], rows: Sequence[Sequence[int]], word: 
         changes = limit_length(goal - off, _MOST_CM * signer.scale)
         changes[0] = limit_length(goal, max(_MOST_FIRST_CM * signer.scale, float(np.linalg.norm(off[0])))) - off[0]
         for n, change in zip(row, changes, strict=True):
-            made[n] = places[n] + change
-    return made
+            new_places[n] = places[n] + change
+    return new_places
 
 
 def _is_open(posture: Posture) -> bool:
@@ -174,21 +175,20 @@ def _is_open(posture: Posture) -> bool:
 
 
 def _rows(word: WrittenMotion) -> list[list[int]]:
-    """Stays that strokes lead through, by their numbers: a row begins anew at each touch, at a place that is written
-    again, with the other hand, and at the other hand, which itself moves. A base hand stays where the other one is at
-    it.
+    """Rows of holds, by number, that strokes lead through. A new row begins at each touch, at a place that is written
+    again, with the other hand, and at the other hand, which moves itself. A base hand stays if the other one is at it.
     """
     rows, sign = list[list[int]](), word.sign
     led = sign.hands == "base" and any(on_arm(segment.strong.location) for segment in sign.segments)
-    for n, (before, one) in enumerate(zip((None, *word.holds), word.holds, strict=False)):
+    for n, (before, hold) in enumerate(zip((None, *word.holds), word.holds, strict=False)):
         if (
             before is not None
-            and before.which == one.which
-            and not (led and one.which)
-            and _is_open(one.posture)
+            and before.which == hold.which
+            and not (led and hold.which)
+            and _is_open(hold.posture)
             and before.posture.location not in LEFT_ALONE
-            and not on_arm(one.posture.location)
-            and (before.posture.location == one.posture.location or in_space(one.posture.location))
+            and not on_arm(hold.posture.location)
+            and (before.posture.location == hold.posture.location or in_space(hold.posture.location))
         ):
             rows[-1].append(n)
         else:
@@ -197,10 +197,10 @@ def _rows(word: WrittenMotion) -> list[list[int]]:
 
 
 def _weak_posture(every: Sequence[PostureHold], stay: PostureHold) -> Posture | None:
-    """The weak hand's posture at the time of a stay of the strong hand at it; None for any other stay."""
+    """The weak hand's posture during a hold of the strong hand at it; None for any other hold."""
     if stay.which or not on_arm(stay.posture.location):
         return None
-    weak = [one.posture for one in every if one.which and one.first <= stay.first]
+    weak = [hold.posture for hold in every if hold.which and hold.first <= stay.first]
     return weak[-1] if weak else None
 
 
@@ -217,6 +217,6 @@ _PALM = hand_part("palm")
 
 
 def _steadiest(palms: FloatArray, stay: PostureHold) -> FloatArray:
-    """Where a palm (T, 3) is while it stays: in the frame nearest to all others."""
+    """Place of a palm (T, 3) during a hold, from the frame nearest to all others."""
     there = palms[stay.first : stay.last + 1]
     return np.asarray(there[np.linalg.norm(there[:, None] - there, axis=-1).sum(axis=1).argmin()])

@@ -1,6 +1,6 @@
-"""How hands move along a segment's path (straight, arc, circle, zigzag), how long that takes, and how often.
+"""Motion of hands along a segment's path (straight, arc, circle, zigzag), its duration and its repetitions.
 
-Signers make later passes of a repeated movement smaller, and each in a time of its own.
+Signers make later passes of a repeated movement smaller, and vary their durations.
 """
 
 from __future__ import annotations
@@ -18,36 +18,38 @@ from signsplice.signer.phonology import MIRRORED_HANDS, Path, Segment
 from signsplice.signer.signer import Signer, stream
 
 MOVEMENT_PACE = 0.70
-"""Duration of a sign's movements, over what the travel law gives."""
-_TOUCH_KNOTS, _TOUCH_ROUNDS = 6, 3
-"""Knots of a movement that stays in touch, and how often hands are moved towards the skin at each."""
+"""Duration of a sign's movements, over that of the travel law."""
+_TOUCH_KNOTS = 6
+"""Number of knots of a movement that stays in touch."""
+_TOUCH_ROUNDS = 3
+"""How often hands are moved towards the skin at each of these knots."""
 CYCLE_S = {"wiggle": 0.28, "bend": 0.30, "twist": 0.26, "nod": 0.28, "tremble": 0.15, "swing": 0.26, "stir": 0.36}
-"""Duration of one cycle of each local movement."""
+"""Duration of one cycle of each local movement, seconds."""
 
 
 def translate_hand(hand_state: FloatArray, displacement: FloatArray, signer: Signer) -> FloatArray:
-    """A hand state (27,) moved by ``displacement`` (3,), cm, without rotating the hand."""
+    """Moves a hand state (27,) by ``displacement`` (3,), cm, without rotating the hand."""
     wrist = hand_state[pose.WRIST]
     moved = wrist + displacement
-    fore, other = pose.solve_arm(np.stack([wrist, moved]), signer).fore
+    fore, moved_fore = pose.solve_arm(np.stack([wrist, moved]), signer).fore
     quat = rotation.multiply(fore, rotation.exp(hand_state[pose.ROTVEC]))
-    rotvec = rotation.log(rotation.multiply(rotation.inverse(other), quat))
+    rotvec = rotation.log(rotation.multiply(rotation.inverse(moved_fore), quat))
     return np.concatenate([moved, pose.nearest_turn(rotvec, hand_state[pose.ROTVEC]), hand_state[pose.FINGERS]])
 
 
 def without_spins(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
-    """Both hand states (27,) of postures, each hand turned the short way from one to the next."""
-    made = list(pairs[:1])
+    """Turns each hand the short way between consecutive pairs of hand states (27,)."""
+    new_pairs = list(pairs[:1])
     for pair in pairs[1:]:
         states = [state.copy() for state in pair]
-        for state, before in zip(states, made[-1], strict=True):
+        for state, before in zip(states, new_pairs[-1], strict=True):
             state[pose.ROTVEC] = pose.nearest_turn(state[pose.ROTVEC], before[pose.ROTVEC])
-        made.append((states[0], states[1]))
-    return made
+        new_pairs.append((states[0], states[1]))
+    return new_pairs
 
 
 def translate_state(state: FloatArray, displacement: FloatArray, signer: Signer, hands: str) -> FloatArray:
-    """A state (65,) with the strong hand moved by ``displacement`` (3,), cm, and with it a weak hand that moves."""
+    """Moves the strong hand of a state (65,) by ``displacement`` (3,), cm, and a mirrored weak hand with it."""
     weak = translate_hand(state[27:54], displacement, signer) if hands in MIRRORED_HANDS else state[27:54]
     return np.concatenate([translate_hand(state[:27], displacement, signer), weak, state[54:]])
 
@@ -58,14 +60,13 @@ class PathMotion:
 
     segment: the movement
     hands: how the hands work together, a name of ``HANDS``
-    signer: who makes it
+    signer: its signer
     start: strong and weak hand state (27,) in the first posture
     end: strong and weak hand state (27,) in the second posture
     size: factor on the size of paths
     rounds: factors on the size of each revolution of a circle, or swing of a zigzag; empty for 1
-    lift: displacement (3,), cm, of the strong hand where it is highest on its way back; None where it goes back on the
-        same path
-    carried: whether the strong hand is at the base hand all the time, and so goes along on that hand's path
+    lift: largest displacement (3,), cm, of the strong hand on its way back; None if it goes back on the same path
+    carried: whether the strong hand stays at the base hand and follows that hand's path
     """
 
     segment: Segment
@@ -80,13 +81,13 @@ class PathMotion:
 
     @property
     def still(self) -> bool:
-        """Whether the hands stay where they are, apart from a local movement."""
+        """Whether the hands stay in place, apart from a local movement."""
         same = all(np.array_equal(a, b) for a, b in zip(self.start, self.end, strict=True))
         return same and not {path.kind for path in self._paths} & {"circle", "zigzag"}
 
     @property
     def _paths(self) -> tuple[Path, ...]:
-        """The paths that are made: the strong hand's, and a base hand's own."""
+        """The strong hand's path, and a base hand's own."""
         return (self.segment.path, self.segment.weak_path) if self.hands == "base" else (self.segment.path,)
 
     @property
@@ -96,9 +97,9 @@ class PathMotion:
 
     @property
     def revolutions(self) -> int:
-        """How many revolutions a pass has: those of the hand that circles, the strong one first; 1 without."""
-        found = [path.revolutions for path in self._paths if path.kind == "circle"]
-        return max(1, round(abs(found[0]))) if found else 1
+        """Revolutions of a pass: of the circling hand, the strong one first; 1 without a circle."""
+        counts = [path.revolutions for path in self._paths if path.kind == "circle"]
+        return max(1, round(abs(counts[0]))) if counts else 1
 
     def at(self, s: float) -> FloatArray:
         """The state (65,) at progress ``s``."""
@@ -110,10 +111,13 @@ class PathMotion:
         return self._in_touch(state) if self.segment.keeps else state
 
     def _in_touch(self, state: FloatArray) -> FloatArray:
-        """The state (65,) with hands that stay where they touch (``keep=touch``)."""
+        """The state (65,) with hands moved back into touch (``keep=touch``)."""
         for _ in range(_TOUCH_ROUNDS):
             moves = into_touch(state, self.segment.strong, self.hands, self.signer)
-            hands = (translate_hand(one, move, self.signer) for one, move in zip(pose.hands(state), moves, strict=True))
+            hands = (
+                translate_hand(hand_state, move, self.signer)
+                for hand_state, move in zip(pose.hands(state), moves, strict=True)
+            )
             state = np.concatenate([*hands, state[pose.TRUNK.start :]])
         return state
 
@@ -129,7 +133,7 @@ class PathMotion:
         return pose.of_hands(*both)
 
     def of_pass(self, k: int, s: float) -> FloatArray:
-        """The state (65,) at progress ``s`` of pass ``k``, where every other one is the way back."""
+        """The state (65,) at progress ``s`` of pass ``k``; odd passes are the way back."""
         state = self.back(s) if k % 2 else self.at(s)
         if not any(self.segment.step):
             return state
@@ -152,18 +156,18 @@ class PathMotion:
         return start + s * (end - start)
 
     def _offset(self, which: int, s: float, phase: float) -> FloatArray | None:
-        """Displacement (3,), cm, of a hand from the straight line; None where it stays on the line."""
-        own = self._path_offset(self.segment.weak_path if which == 1 else self.segment.path, s, phase)
+        """Displacement (3,), cm, of a hand from the straight line; None if it stays on the line."""
+        offset = self._path_offset(self.segment.weak_path if which == 1 else self.segment.path, s, phase)
         if which == 1 or not self.carried:
-            return own
-        along = self._path_offset(self.segment.weak_path, s, phase)
-        if along is None:
-            return own
-        mirrored = np.asarray(along * pose.MIRROR)
-        return mirrored if own is None else np.asarray(own + mirrored)
+            return offset
+        base_offset = self._path_offset(self.segment.weak_path, s, phase)
+        if base_offset is None:
+            return offset
+        mirrored = np.asarray(base_offset * pose.MIRROR)
+        return mirrored if offset is None else np.asarray(offset + mirrored)
 
     def _path_offset(self, path: Path, s: float, phase: float) -> FloatArray | None:
-        """Displacement (3,), cm, on one path; None where it has none."""
+        """Displacement (3,), cm, on one path; None if the path has none."""
         if path.kind not in ("arc", "zigzag", "circle"):
             return None
         if path.kind == "circle":
@@ -172,7 +176,7 @@ class PathMotion:
         return np.asarray(locations.axes(path.direction) * path.size * self._size_at(s) * self.signer.scale * swing)
 
     def _size_at(self, s: float) -> float:
-        """The factor on the path's size at progress ``s``, which passes from round to round smoothly."""
+        """The factor on the path's size at progress ``s``; it changes smoothly from round to round."""
         if not self.rounds:
             return self.size
         middles = (np.arange(len(self.rounds)) + 0.5) / len(self.rounds)
@@ -202,8 +206,8 @@ class PathMotion:
         return [(1.0, 1.0)]
 
     def seconds(self) -> float:
-        """Duration of one pass: by the travel law along the path, and at least as long as the hand's rotation, the
-        change of handshape and the local movement take.
+        """Duration of one pass, seconds: by the travel law along the path, and long enough for the hand's rotation, the
+        change of handshape and the local movement.
         """
         local = self._local_seconds()
         if self.still and local:
@@ -229,7 +233,7 @@ _PIECES = {"circle": 1.0, "zigzag": 2.0}
 
 
 def _n_knots(path: Path) -> int:
-    """Number of knots that a path takes."""
+    """Number of knots of a path."""
     per_revolution = {"circle": 6, "zigzag": 4}.get(path.kind, 0)
     return max(2, round(per_revolution * abs(path.revolutions)))
 
@@ -239,8 +243,8 @@ _PLANES["horizontal"] = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 
 
 def _circle_offset(path: Path, s: float, phase: float) -> FloatArray:
-    """Displacement (3,) on a circle from its start, for unit scale: of a plane from the top (horizontal: the front);
-    about an axis from there less what leads straight to its end.
+    """Displacement (3,) on a circle from its start, for unit scale: in a plane from the top (horizontal: the front);
+    about an axis minus the straight way from its start to its end.
     """
     if path.plane:
         top, side = (locations.axes(v) for v in _PLANES[path.plane])
@@ -258,7 +262,7 @@ def _circle_offset(path: Path, s: float, phase: float) -> FloatArray:
 _LEAST_SIZE = 0.6
 """Least size of a later pass over the first one."""
 _TIME_SPREAD = 0.15
-"""How much longer or shorter than the first pass a later one may be, as a fraction."""
+"""Largest difference in duration of a later pass from the first, as a fraction."""
 
 
 @dataclass(frozen=True)
@@ -279,36 +283,38 @@ class Stroke:
         return self.stop > self.start
 
     def along(self, s: float) -> float:
-        """How far along the path, or the way back, the hand is at progress ``s`` of the stroke, 0 to 1."""
+        """Progress along the path, or the way back, at progress ``s`` of the stroke, 0 to 1."""
         start, stop = (self.start, self.stop) if self.forward else (1.0 - self.start, 1.0 - self.stop)
         return start + (stop - start) * s
 
 
 def strokes(path: PathMotion, count: int, n_frames: int, *names: str | int) -> list[Stroke]:
-    """``count`` strokes to and fro, the first one whole and of ``n_frames``; ``names`` seed how later ones differ.
+    """``count`` strokes to and fro, the first whole and of ``n_frames``; ``names`` seed the variation of later ones.
 
-    What touches, touches in every pass: only the distance varies that a hand goes away from there. Where neither end
-    touches, the far end is the last posture, which all passes reach; where both do, on circles, and where the hand goes
-    back on another path, all are whole.
+    An end that touches does so in every pass; only the distance that a hand goes away varies. If neither end touches,
+    all passes reach the last posture. If both ends touch, on circles, and if the hand goes back on another path, all
+    strokes are whole.
     """
     difference = path.signer.manner.pass_difference
-    whole = path.circles or path.lift is not None or any(path.segment.step)
-    if not difference or count == 1 or path.still or whole:
+    is_whole = path.circles or path.lift is not None or any(path.segment.step)
+    if not difference or count == 1 or path.still or is_whole:
         return [Stroke(float(k % 2), float(1 - k % 2), n_frames) for k in range(count)]
     rng = stream("pass-difference", path.signer.name, *names)
     sizes = 1.0 - difference * rng.uniform(0.0, 1.0 - _LEAST_SIZE, count)
     times = 1.0 + difference * rng.uniform(-_TIME_SPREAD, _TIME_SPREAD, count)
     starts, stops = touching(np.array([path.at(0.0), path.at(1.0)]), path.signer)
-    made = [Stroke(0.0, 1.0, n_frames)]
+    new_strokes = [Stroke(0.0, 1.0, n_frames)]
     for size, time in zip(sizes[1:].tolist(), times[1:].tolist(), strict=True):
         back, forth = 0.0 if starts else 1.0 - size, size if starts and not stops else 1.0
-        made.append(Stroke(made[-1].stop, back if made[-1].forward else forth, max(4, round(n_frames * time))))
-    return made
+        new_strokes.append(
+            Stroke(new_strokes[-1].stop, back if new_strokes[-1].forward else forth, max(4, round(n_frames * time)))
+        )
+    return new_strokes
 
 
 def vary_rounds(path: PathMotion, *names: str | int) -> tuple[PathMotion, Callable[[float], float]]:
-    """The path with later revolutions of a circle, or swings of a zigzag, smaller; and the time of each fraction of it,
-    0 to 1, each revolution in a time of its own. ``names`` seed how they differ.
+    """The path with smaller later revolutions of a circle, or swings of a zigzag, and the map from a fraction of it to
+    time, 0 to 1, with varied durations of its revolutions. ``names`` seed the variation.
     """
     difference, count = path.signer.manner.pass_difference, rounds(path)
     if not difference or count < 2:

@@ -5,8 +5,8 @@ movement to a new posture. A posture is a handshape, a part of the hand at a loc
 fingers. Directions are relative to the signer: ``in`` is towards the weak side, ``out`` towards the strong side, so
 that the same text serves a left-handed signer.
 
-Handshapes, locations and parts of the hand are words; what has no name is composed of named ones (``composed``,
-``locations``, ``hand_parts``).
+Handshapes, locations and parts of the hand are words; those without a name are composed of named ones (``handshapes``,
+``locations``, ``hand``).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ HANDS = {
     "base": "the weak hand has postures and paths of its own (w.shape, w.at, w.palm, w.fingers, w.path)",
 }
 MIRRORED_HANDS = ("symmetric", "alternating")
-"""Kinds of hands that mirror one another; either may touch, of other kinds the strong one."""
+"""Kinds of hands that mirror one another; either hand may touch, in other kinds the strong one."""
 
 DIRECTIONS: dict[str, Vector] = {
     "up": (0.0, 1.0, 0.0),
@@ -43,11 +43,11 @@ PLACES = sections(__file__, "places")
 PARTS = tuple(name for name, *_ in PLACES["parts"])
 """Parts of the hand that can be brought to a location."""
 LOCATIONS = tuple(name for place in ("body", "arm", "base", "space") for name, *_ in PLACES[place])
-"""Where a part of the hand can be: on the surface of the body, or in space; words/places.txt describes them."""
+"""Locations of a part of the hand, on the surface of the body or in space; words/places.txt describes them."""
 
 NEUTRAL = frozenset(name for name in LOCATIONS if name.startswith("space") or name.endswith("-space"))
 ROLES = ("subject", "object")
-"""Locations of a verb that agrees, which ``inflection.agree`` replaces by loci."""
+"""Locations in an agreement verb; ``inflection.agree`` replaces them by loci."""
 LOCI = frozenset(name for name in LOCATIONS if name.startswith("locus:")) | set(ROLES)
 IN_SPACE = NEUTRAL | {"above-head"} | LOCI
 _BODY = frozenset(name for name, *_ in PLACES["body"])
@@ -55,7 +55,7 @@ ON_ARM = frozenset(name for name, *_ in PLACES["arm"])
 ON_BASE = frozenset(name for name in LOCATIONS if name.startswith("base-") or name == "forearm-weak")
 
 REST = "rest"
-"""The location of a hand that hangs, or lies where the signer rests."""
+"""The location of a hand that hangs, or lies in the signer's rest pose."""
 
 
 def in_space(location: str) -> bool:
@@ -118,14 +118,14 @@ class Posture:
     """A hand that does not move. Vectors are (out, up, forward).
 
     shape: handshape, a name of ``HANDSHAPES`` or composed
-    location: where the hand is, a name of ``LOCATIONS`` or composed
-    part: which part of the hand is there, a name of ``PARTS`` or composed
+    location: location of the hand, a name of ``LOCATIONS`` or composed
+    part: part of the hand at the location, a name of ``PARTS`` or composed
     palm: unit vector that the palm faces along
     fingers: unit vector that the extended fingers would point along
     off: distance of the part from the body's surface, cm
     shift: displacement from there, cm
-    on_skin: whether the hand lies on the skin there, wherever ``shift`` brings it, and no deeper
-    touch: whether the part touches there, as nearly as the rest of the hand, which goes no deeper, allows
+    on_skin: whether the hand lies on the skin after ``shift``, and no deeper
+    touch: whether the part touches there, as far as the rest of the hand allows, which goes no deeper
     """
 
     shape: str
@@ -144,14 +144,14 @@ class Path:
     """The shape of a movement between two postures.
 
     kind: one of ``PATHS``
-    direction: unit vector along which an ``arc`` bulges and a ``zigzag`` swings; the axis of a ``circle`` without a
-        plane, about which it goes by the right-hand rule
-    plane: plane of a ``circle``, one of ``PLANES``; "" for one about an axis, whose parts of a turn lead from posture
-        to posture
+    direction: unit vector along which an ``arc`` bulges and a ``zigzag`` swings; axis of a ``circle`` without a plane,
+        by the right-hand rule
+    plane: plane of a ``circle``, one of ``PLANES``; "" for a circle about an axis, whose partial turns lead from
+        posture to posture
     size: bulge, swing or radius, cm
-    revolutions: of a ``circle`` (negative: the other direction of rotation); swings of a ``zigzag``
-    start: unit vector from the middle of a circle about an axis to where it begins
-    ratio: its width across ``start`` over that along it
+    revolutions: revolutions of a ``circle`` (negative: the other direction of rotation); swings of a ``zigzag``
+    start: unit vector from the middle of a circle about an axis to its start
+    ratio: width of that circle across ``start`` over its width along ``start``
     """
 
     kind: str = "straight"
@@ -170,7 +170,7 @@ class Local:
     kind: a name of ``LOCALS``
     amplitude: degrees; cm for ``tremble``
     cycles: how often it repeats
-    also: another one at the same time, or None
+    also: another local movement at the same time, or None
     """
 
     kind: str
@@ -181,24 +181,24 @@ class Local:
 
 @dataclass(frozen=True)
 class Segment:
-    """One segment of a sign. All from ``path`` to ``tempo``, ``weak_path``, ``weak_local`` and ``keeps`` belong to M
+    """One segment of a sign. Fields from ``path`` to ``tempo``, ``weak_path``, ``weak_local`` and ``keeps`` belong to M
     alone.
 
     kind: H, X or M
     strong: the strong hand's posture at the segment's end
-    weak: the weak hand's posture there; None where it has none of its own
+    weak: the weak hand's own posture there, or None
     path: the movement's path
     local: local movement, or None
-    times: how often the movement is made; the hand goes back between
-    lift: how far the hand is lifted on its way back, cm; 0 where it goes back on the same path
-    step: displacement of each time from the one before, cm
-    tempo: how many times as fast as usual the movement is
-    seconds: duration, where the notation gives one
+    times: number of passes of the movement; the hand goes back between them
+    lift: how far the hand is lifted on its way back, cm; 0 if it goes back on the same path
+    step: displacement of each pass from the previous one, cm
+    tempo: speed of the movement over the usual one
+    seconds: duration, or None if the notation gives none
     head: movement of the head, a name of ``HEAD`` or ""
     trunk: movement of the trunk, a name of ``TRUNK`` or ""
     weak_path: path of a base hand's own movement
     weak_local: local movement of a base hand, or None
-    keeps: whether hands stay in touch all the way: with the skin, or where they mirror one another and meet, together
+    keeps: whether hands stay in touch all the way: with the skin, or with one another if mirrored hands meet
     """
 
     kind: str
@@ -235,8 +235,8 @@ class Gesture:
     """A gesture of head or trunk.
 
     part: head or trunk
-    degrees: how far it turns: forward, to the left, towards the right shoulder
-    cycles: how often it goes there and back; a turn to the side swings to both; 0: it goes there and stays
+    degrees: turns forward, to the left, and towards the right shoulder, degrees
+    cycles: number of times it goes there and back; a turn to the side swings to both; 0: it goes there and stays
     begin, end: fractions of the time between the sign's first posture and its last
     """
 
@@ -249,12 +249,12 @@ class Gesture:
     def __str__(self) -> str:
         """The gesture in the notation, numbers to a thousandth."""
         numbers = ",".join(f"{round(angle, 3) + 0.0:g}" for angle in self.degrees)
-        more = (("cycles", self.cycles, 0.0), ("from", self.begin, 0.0), ("to", self.end, 1.0))
-        return " ".join([self.part, numbers, *(f"{key}={round(x, 3):g}" for key, x, usual in more if x != usual)])
+        options = (("cycles", self.cycles, 0.0), ("from", self.begin, 0.0), ("to", self.end, 1.0))
+        return " ".join([self.part, numbers, *(f"{key}={round(x, 3):g}" for key, x, usual in options if x != usual)])
 
 
 def read_gesture(text: str) -> Gesture | None:
-    """The gesture of a text in the notation; None for any other text (``GESTURE_FORM`` says how it is written)."""
+    """Parses a gesture in the notation (``GESTURE_FORM``); returns None for any other text."""
     match = _GESTURE.fullmatch(text)
     if match is None:
         return None
@@ -270,7 +270,7 @@ class Sign:
     gloss: its name
     hands: how the hands work together, a name of ``HANDS``
     segments: its segments in order
-    source: description of the form and the work that it can be looked up in
+    source: description of the form, and the work that documents it
     synonyms: other glosses of the same sign
     kind: ``sign``, ``letter`` or ``pseudo``
     gestures: of head and trunk, in their own time
@@ -291,46 +291,50 @@ class Sign:
 
 
 def faults(sign: Sign) -> list[str]:
-    """What is wrong with a sign's segments, one line each; empty for a well-formed sign.
+    """Lists the problems of a sign's segments, one line each; empty for a well-formed sign.
 
-    Symmetry and dominance (Battison 1978) need no check: where both hands move on their own, the notation gives them
-    one handshape; a weak hand with another handshape is a base, which stays put or moves with the strong hand.
+    Symmetry and dominance (Battison 1978) need no check: the notation gives both hands one handshape if they move on
+    their own; a weak hand with another handshape is a base, which stays put or moves with the strong hand.
     """
-    found = []
+    problems = []
     if not sign.segments:
         return ["has no segment, expected at least one H or X line"]
     if sign.segments[0].kind == "M":
-        found.append("begins with M, expected H or X first, from which to move")
+        problems.append("begins with M, expected H or X first, from which to move")
     if all(segment.kind == "X" for segment in sign.segments):
-        found.append("has X alone, expected M or H after it")
+        problems.append("has X alone, expected M or H after it")
     for n, segment in enumerate(sign.segments, 1):
         before = sign.segments[n - 2] if n > 1 else None
         hands = [p for p in (segment.strong, segment.weak) if p is not None]
-        found += [f"segment {n}: unknown handshape {p.shape!r}" for p in hands if not is_handshape(p.shape)]
-        found += [f"segment {n}: unknown location {p.location!r}" for p in hands if not is_location(p.location)]
-        found += [f"segment {n}: unknown part {p.part!r}" for p in hands if not is_part(p.part)]
+        problems += [f"segment {n}: unknown handshape {p.shape!r}" for p in hands if not is_handshape(p.shape)]
+        problems += [f"segment {n}: unknown location {p.location!r}" for p in hands if not is_location(p.location)]
+        problems += [f"segment {n}: unknown part {p.part!r}" for p in hands if not is_part(p.part)]
         if sign.hands != "base" and on_base(segment.strong.location):
-            found.append(f"segment {n}: at={segment.strong.location} needs hands=base, not hands={sign.hands}")
+            problems.append(f"segment {n}: at={segment.strong.location} needs hands=base, not hands={sign.hands}")
         if segment.kind == "M" and before is not None:
             still = segment.strong == before.strong and segment.weak == before.weak
             swings = {segment.path.kind, segment.weak_path.kind} & {"circle", "zigzag"}
             if still and segment.local is None and segment.weak_local is None and not swings:
-                found.append(f"segment {n}: M moves nothing, expected another posture, a path or a local movement")
-            found += [f"segment {n}: {fault}" for fault in _repetition_faults(segment, before, sign)]
-            apart = [p for p in (before.strong, segment.strong) if segment.keeps and not _is_touch(p, sign.hands)]
-            found += [f"segment {n}: keep=touch needs touches at both ends, at={p.location} is none" for p in apart[:1]]
+                problems.append(f"segment {n}: M moves nothing, expected another posture, a path or a local movement")
+            problems += [f"segment {n}: {fault}" for fault in _repetition_faults(segment, before, sign)]
+            not_touching = [
+                p for p in (before.strong, segment.strong) if segment.keeps and not _is_touch(p, sign.hands)
+            ]
+            problems += [
+                f"segment {n}: keep=touch needs touches at both ends, at={p.location} is none" for p in not_touching[:1]
+            ]
         elif before is not None and (segment.strong != before.strong or segment.weak != before.weak):
-            found.append(f"segment {n}: {segment.kind} changes the posture, expected M to move there first")
+            problems.append(f"segment {n}: {segment.kind} changes the posture, expected M to move there first")
         for p in hands:
             dot = sum(a * b for a, b in zip(p.palm, p.fingers, strict=True))
             if abs(dot) > 0.9:
-                found.append(f"segment {n}: palm and fingers must be at least 25 degrees from parallel")
+                problems.append(f"segment {n}: palm and fingers must be at least 25 degrees from parallel")
             if p.location in LOCI and sign.hands in MIRRORED_HANDS:
                 needs = f"at={p.location} needs hands=one or hands=base"
-                found.append(f"segment {n}: {needs}; mirrored hands have no common locus")
+                problems.append(f"segment {n}: {needs}; mirrored hands have no common locus")
     if sum(s.kind == "H" for s in sign.segments) == len(sign.segments) > 1:
-        found.append("has holds only, expected an M between two")
-    return found
+        problems.append("has holds only, expected an M between two")
+    return problems
 
 
 def _is_touch(posture: Posture, hands: str) -> bool:
@@ -340,21 +344,21 @@ def _is_touch(posture: Posture, hands: str) -> bool:
 
 
 def _repetition_faults(segment: Segment, before: Segment, sign: Sign) -> list[str]:
-    """What is wrong with how a movement is repeated that begins at the posture of the segment ``before``."""
-    found = []
+    """Lists the problems in the repetition of a movement that begins at the posture of the segment ``before``."""
+    problems = []
     still = segment.strong == before.strong and segment.weak == before.weak
     moved = any(segment.step)
     for key, is_set in (("return=lifted", segment.lift > 0.0), ("step=", moved)):
         if is_set and segment.times < 2:
-            found.append(f"{key} needs times=2 or more")
+            problems.append(f"{key} needs times=2 or more")
         if is_set and sign.hands == "alternating":
-            found.append(f"{key} needs hands that go the same way at a time, not hands=alternating")
+            problems.append(f"{key} needs hands that go the same way at a time, not hands=alternating")
         if is_set and still:
-            found.append(f"{key} needs a movement to another posture, from which to return")
+            problems.append(f"{key} needs a movement to another posture, from which to return")
     ends = (before.strong.location, segment.strong.location)
     on_body = [location for location in ends if not in_space(location) and not on_base(location)]
     if moved and on_body:
-        found.append(f"step= would leave at={on_body[0]}, expected places in space or at the base hand")
+        problems.append(f"step= would leave at={on_body[0]}, expected places in space or at the base hand")
     if moved and segment is not [s for s in sign.segments if s.kind == "M"][-1]:
-        found.append("step= belongs to the sign's last movement")
-    return found
+        problems.append("step= belongs to the sign's last movement")
+    return problems

@@ -1,8 +1,8 @@
-"""Turns signs in notation into motion: segments in time, knots from postures and paths, trajectories through them,
+"""Turns signs in notation into motion: segments in time, knots from postures and paths, trajectories through knots,
 small motions, collision avoidance.
 
 An isolated word consists of rest, preparation, the sign's segments, retraction and rest. Holds, and starts and ends of
-movements, are stops; with the trait ``off_frame`` they lie up to 0.45 frames from the nearest frame, the event's.
+movements, are stops; with the trait ``off_frame`` a stop lies up to 0.45 frames from the frame of its event.
 
 Faster signing lowers signs at the forehead (Tyrone and Mauk 2010, Journal of Phonetics 38: 317-328) and leaves
 movements short of their targets (Mauk 2003, Undershoot in two modalities, University of Texas). A touch stays a touch.
@@ -52,10 +52,14 @@ from signsplice.signer.trajectory import Knot, low_passed
 
 FPS = 30.0
 
-FIRST_HOLD_S, INNER_HOLD_S, LAST_HOLD_S = 0.15, 0.07, 0.40
-"""Usual holds of a citation form; the last one is the longest (Liddell and Johnson 1989)."""
+FIRST_HOLD_S = 0.15
+"""Usual first hold of a citation form, seconds."""
+INNER_HOLD_S = 0.07
+"""Usual hold inside a citation form, seconds."""
+LAST_HOLD_S = 0.40
+"""Usual last hold of a citation form, seconds; it is the longest (Liddell and Johnson 1989)."""
 LAST_TOUCH_S = 0.1
-"""A last hold that touches the body: hands rest there for a moment only."""
+"""Usual last hold that touches the body, seconds: hands rest there for a moment only."""
 
 
 class SegmentPlan:
@@ -87,22 +91,22 @@ class SegmentPlan:
         return round(self.knots[-1].frame)
 
     def stops(self) -> list[int]:
-        """Frames, 0 at the first posture, where a segment or a pass begins or ends, in order."""
+        """Frames at which a segment or a pass begins or ends, in order; 0 is the first posture."""
         spans = [span for timed in self.timed for span in ((timed.begin, timed.end), *timed.passes)]
         return sorted({frame for span in spans for frame in span})
 
     def low_passed(self, states: FloatArray, offset: int) -> FloatArray:
-        """States of the whole word as the signer's low pass leaves them."""
+        """States of the whole word after the signer's low pass."""
         deviation = self.signer.manner.low_pass_frames * self.fps / FPS
         if not deviation:
             return states
         frames = [frame + offset for frame in self.stops()]
-        told = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
+        touch_frames = {t.end + offset for t in self.timed if touches(t.segment, self.sign)}
         passes = [span for t in self.timed for span in t.later(offset).passes]
         if self.sign.kind != "written":
             touched = touching(states[frames], self.signer)
-            told |= {frame for frame, one in zip(frames, touched, strict=True) if one}
-        return low_passed(states, deviation, passes, sorted(told))
+            touch_frames |= {frame for frame, is_touch in zip(frames, touched, strict=True) if is_touch}
+        return low_passed(states, deviation, passes, sorted(touch_frames))
 
     def events(self, up: int, offset: int, down: int) -> Events:
         """The word's events, its first posture at frame ``offset``, with ``down`` frames of retraction."""
@@ -111,8 +115,8 @@ class SegmentPlan:
         return Events(up, offset, offset + self.stop, offset + self.stop + down + 1, first, passes)
 
     def add_overlays(self, states: FloatArray, offset: int) -> None:
-        """Add local movements and gestures of head and trunk to states of the whole word, in place; those of written
-        wrists are added when their elbows are known.
+        """Add local movements and gestures of head and trunk to states of the whole word, in place. Wrist movements of
+        written signs are added later, when their elbows are known.
         """
         for timed in self.timed:
             add_gesture(states, timed.segment, timed.begin + offset, timed.end + offset, self.fps)
@@ -124,16 +128,16 @@ class SegmentPlan:
         """Both hand states at the end of each segment; a weak hand without a posture of its own mirrors or rests."""
         meets = self.sign.hands in MIRRORED_HANDS
         arms: dict[Posture | None, WeakArm] = {}
-        made: dict[tuple[Posture, Posture | None], FloatArray] = {}
+        strong_hands: dict[tuple[Posture, Posture | None], FloatArray] = {}
         pairs = []
         for segment in self.sign.segments:
             if segment.weak not in arms:
                 arms[segment.weak] = WeakArm(self.signer, self._weak_hand(segment.weak))
             weak = arms[segment.weak]
             key = segment.strong, segment.weak
-            strong = made.get(key)
+            strong = strong_hands.get(key)
             if strong is None:
-                strong = made[key] = locations.strong_hand(segment.strong, weak, meets, self.size)
+                strong = strong_hands[key] = locations.strong_hand(segment.strong, weak, meets, self.size)
             location = segment.strong.location
             if location == REST:
                 strong = resting(self.signer, self.sign.gloss)[:27]
@@ -143,29 +147,28 @@ class SegmentPlan:
         return self._undershot(without_spins(pairs))
 
     def _undershot(self, pairs: list[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
-        """Both hand states at the end of each segment, the strong one moved towards the segment before, in the first
-        towards rest, unless it touches there; a weak hand that mirrors it moves too. A posture that is kept stays the
-        same.
+        """Both hand states at the end of each segment, the strong one moved towards the previous segment (the first one
+        towards rest) unless it touches. A mirrored weak hand moves too. A posture that is kept stays the same.
         """
         sign, signer = self.sign, self.signer
         amount = short_cm(self.tempo * signer.tempo / self.pace.movement, signer)
         if amount == 0.0 or sign.kind == "written":  # hands of written signs are brought to their places afterwards
             return pairs
         states = np.array([pose.of_hands(*pair) for pair in pairs])
-        near = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
+        close = hand_clearances(states, signer, TOUCH_CM)[:, [0, 2]].min(axis=1) < TOUCH_CM
         moved: list[tuple[FloatArray, FloatArray]] = []
         for n, (strong, weak) in enumerate(pairs):
             short = strong
             if n and np.array_equal(strong, pairs[n - 1][0]):
                 short = moved[-1][0]
-            elif not (near[n] or touches(sign.segments[n], sign)):
+            elif not (close[n] or touches(sign.segments[n], sign)):
                 before = states[n - 1] if n else resting(signer, sign.gloss)
                 back = before[pose.WRIST] - strong[pose.WRIST]
                 shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
                 if sign.segments[n].strong.location in ON_HEAD:
                     shift = shift - np.array([0.0, _LOWER * amount, 0.0])
-                    most = _MOST_CM * signer.manner.undershoot * signer.scale
-                    shift *= min(1.0, most / float(np.linalg.norm(shift)))
+                    limit = _MOST_CM * signer.manner.undershoot * signer.scale
+                    shift *= min(1.0, limit / float(np.linalg.norm(shift)))
                 short = translate_hand(strong, shift, signer)
             moved.append((short, short if weak is strong else weak))
         return moved
@@ -176,7 +179,7 @@ class SegmentPlan:
         return locations.weak_hand(posture, self.signer, self.size)
 
     def _first_state(self) -> FloatArray:
-        """The first posture; hands that alternate are where the first movement begins for each."""
+        """The first posture; alternating hands are at the start of their own first movements."""
         moves = [n for n, s in enumerate(self.sign.segments) if s.kind == "M"]
         if self.sign.hands == "alternating" and moves:
             return self._path(moves[0], begin=0).at(0.0)
@@ -227,7 +230,7 @@ class SegmentPlan:
         )
 
     def _add_passes(self, n: int, segment: Segment) -> tuple[tuple[int, int], ...]:
-        """Add a movement's knots; the frames of its passes."""
+        """Add a movement's knots and return the frames of its passes."""
         path = self._path(n, begin=n - 1)
         start = begin = self.stop
         revolutions = path.revolutions
@@ -244,7 +247,7 @@ class SegmentPlan:
             for s, fraction in path.knots(stroke.n_frames, not stroke.forward):
                 time = turned(fraction) * stroke.n_frames
                 if s == 1.0 or not (path.rounds or (path.circles and self.sign.kind == "written")):
-                    time = round(time)  # those of even and uneven rounds lie between frames
+                    time = round(time)  # knots of even and uneven rounds lie between frames
                 self.knots.append(Knot(start + time, path.of_pass(k, stroke.along(s)), False))
             if stroke.forward:
                 cuts = [start + round(stroke.n_frames * turned(t / revolutions)) for t in range(revolutions + 1)]
@@ -259,22 +262,22 @@ class SegmentPlan:
         return tuple(passes)
 
     def _arrive(self, n: int, short: FloatArray) -> None:
-        """Let movement ``n`` end as what follows has it: pass into another movement, flow on into the retraction, stop,
-        or come to its last posture, from the state ``short`` of it, within the hold that follows in the open.
+        """End movement ``n`` as its successor requires: it passes into another movement, flows into the retraction,
+        stops, or comes from the state ``short`` of its last posture to that posture within a following open hold.
         """
         end, rest = self.knots[-1], self.sign.segments[n + 1 :]
-        held = bool(rest) and rest[0].kind == "H"
-        stops = held if rest else not self.pace.landing
+        holds_next = bool(rest) and rest[0].kind == "H"
+        stops = holds_next if rest else not self.pace.landing
         if rest and self.sign.kind == "written":
-            one = self.sign.segments[n]  # hands stay for what wrists or fingers do
-            stops = held or (rest[0].strong, rest[0].weak) == (one.strong, one.weak)
-        if held and self.pace.landing and not self._is_touching(self.sign.segments[n], end.state):
+            segment = self.sign.segments[n]  # hands stay for what wrists or fingers do
+            stops = holds_next or (rest[0].strong, rest[0].weak) == (segment.strong, segment.weak)
+        if holds_next and self.pace.landing and not self._is_touching(self.sign.segments[n], end.state):
             self.landed, stops = end.state, False
             end = replace(end, state=short)
         self.knots[-1] = replace(end, stop=stops)
 
     def _is_touching(self, segment: Segment, state: FloatArray) -> bool:
-        """Whether hands touch at a segment's end: by the notation where a linguist wrote it, else as is seen."""
+        """Whether hands touch at a segment's end: by the notation in written signs, otherwise by the state."""
         if self.sign.kind == "written":
             return touches(segment, self.sign)
         return bool(touching(state[None], self.signer)[0])
@@ -282,7 +285,7 @@ class SegmentPlan:
 
 def touches(segment: Segment, sign: Sign) -> bool:
     """Whether the notation puts a segment's strong hand on the body, the base hand, or (mirrored, on the midline) the
-    other hand. What is seen to touch, which events tell, can differ.
+    other hand. The touches that events report can differ.
     """
     posture = segment.strong
     meets = sign.hands in MIRRORED_HANDS and posture.location in ("space-mid", "space-low-mid")
@@ -290,12 +293,14 @@ def touches(segment: Segment, sign: Sign) -> bool:
     return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
 
 
-_USUAL_CM, _MOST_CM = 0.5, 2.0
-"""How far short a movement stays at the usual tempo, and at most."""
+_USUAL_CM = 0.5
+"""How far short a movement stays at the usual tempo, cm."""
+_MOST_CM = 2.0
+"""How far short a movement stays at most, cm."""
 _OF_DISTANCE = 0.1
-"""The most that a movement stays short, as a fraction of its distance."""
+"""How far short a movement stays at most, as a fraction of its distance."""
 _LOWER = 0.5
-"""How much lower still signs at the head are made, over how far short movements stay; both together are limited."""
+"""How much lower signs at the head are, over how far short movements stay; the sum is limited."""
 
 
 def short_cm(tempo: float, signer: Signer) -> float:
@@ -303,17 +308,21 @@ def short_cm(tempo: float, signer: Signer) -> float:
     return signer.manner.undershoot * min(_USUAL_CM * tempo**3, _MOST_CM) * signer.scale
 
 
-PREPARATION_PACE, RETRACTION_PACE = 1.06, 1.25
-"""Duration of the reaches from and to rest, over what the travel law gives."""
+PREPARATION_PACE = 1.06
+"""Duration of the reach from rest, over that of the travel law."""
+RETRACTION_PACE = 1.25
+"""Duration of the reach to rest, over that of the travel law."""
 REST_S = 0.17
-"""Usual rest before and after the word."""
-_DEEPEST_CM, _CLEARED_AGAIN = 0.4, 3
-"""How deep a hand of a written sign may lie in the body, and how often one that is deeper is moved out again."""
+"""Usual rest before and after the word, seconds."""
+_DEEPEST_CM = 0.4
+"""Largest depth of a hand of a written sign in the body, cm."""
+_CLEARED_AGAIN = 3
+"""How often a deeper hand is moved out again, at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class IsolatedWord:
-    """An isolated word as a signer made it.
+    """An isolated word of a signer.
 
     sign: the sign in notation
     signer: who made it
@@ -335,8 +344,8 @@ class IsolatedWord:
 
 
 def synthesize_word(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: float = FPS) -> IsolatedWord:
-    """A sign in citation form, as in a dictionary: both arms rest before and after it. The same arguments give the same
-    motion; another ``take`` varies it a little.
+    """Synthesizes a sign in citation form, as in a dictionary: both arms rest before and after it. Equal arguments give
+    equal motion; another ``take`` varies it a little.
     """
     rng = stream("take", signer.name, sign.gloss, take)
     if sign.kind == "written":
@@ -351,8 +360,8 @@ def synthesize_word(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: f
     states = np.concatenate([np.tile(rest, (before, 1)), word, np.tile(rest, (after, 1))])
     offset = before + up
     events = plan.events(before - 1, offset, down)
-    near = approximate_nearness(states, signer, fps) if sign.kind == "written" else None
-    states = two_hands.with_separate_timing(states, SignTake(sign, signer, take, fps), events, near)
+    closeness = approximate_nearness(states, signer, fps) if sign.kind == "written" else None
+    states = two_hands.with_separate_timing(states, SignTake(sign, signer, take, fps), events, closeness)
     states = plan.low_passed(states, offset)
     if signer.manner != PLAIN:  # splines through uneven knots swing a little beyond them
         trajectory.clip_fingers(states)
@@ -360,8 +369,8 @@ def synthesize_word(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: f
     states = states + trajectory.small_motions(len(states), fps, signer, rng)
     plan.add_overlays(states, offset)
     add_gestures(states, sign.gestures, events, fps)
-    states = add_body_motion(states, events, signer, fps, near)
-    segments = tuple(one.later(offset) for one in plan.timed)
+    states = add_body_motion(states, events, signer, fps, closeness)
+    segments = tuple(timed.later(offset) for timed in plan.timed)
     if sign.kind == "written":
         states = _refine_written_states(states, segments, sign, signer, fps)
     else:
@@ -374,14 +383,14 @@ def synthesize_word(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: f
 def _refine_written_states(
     states: FloatArray, segments: tuple[TimedSegment, ...], sign: Sign, signer: Signer, fps: float
 ) -> FloatArray:
-    """States (T, 65) of a whole word of a written sign with hands at their written places, in the written directions as
-    far as is easy, steady elbows, and without collisions.
+    """Refines the states (T, 65) of a written word: hands at their written places, in the written directions as far as
+    these are easy, steady elbows, no collisions.
     """
     planned, hanging = arms.from_hanging(within_reach(states, signer), signer)
     word = WrittenMotion(sign, segments, Figure(planned, hanging), fps)
     directions = facing_as_written(states, word)
     states = apply_location_targets(arms.turn_hands(planned, directions, hanging), word)
-    if sign.hands == "symmetric" or not all(in_space(one.segment.strong.location) for one in segments):
+    if sign.hands == "symmetric" or not all(in_space(timed.segment.strong.location) for timed in segments):
         states = resolve_collisions(states, word)
     states = arms.smooth_elbows(
         arms.turn_hands(states, directions, hanging), hanging, fps, led=True, figure=word.figure

@@ -7,11 +7,11 @@ States can be added and interpolated number by number: they hold positions in cm
     rotvec   3   rotation of the hand relative to the forearm of an arm with a hanging elbow, rotation vector
     fingers 21   hand.ANGLES
 
-then rotation vectors of trunk (3) and head (3), the root's displacement (3) from its rest position, cm, and by how much
-each elbow (2) is turned from its easy place, radians (``arms``). The 27 numbers of one hand are called a hand state.
+then rotation vectors of trunk (3) and head (3), the root's displacement (3) from its rest position, cm, and the turn of
+each elbow (2) from its easy place, radians (``arms``). The 27 numbers of one hand are called a hand state.
 
-Arms are solved in closed form: two bones, with the elbow easy on its circle where forearm and wrist are nearest to
-their neutral angles. Forearm and wrist angles approach their limits softly, so that no state can break a joint.
+Arms are solved in closed form: two bones, with the elbow at the easy point of its circle, at which forearm and wrist
+are nearest to their neutral angles. Forearm and wrist angles approach their limits softly: no state breaks a joint.
 """
 
 from __future__ import annotations
@@ -46,39 +46,39 @@ FOREARM_LIMIT = np.deg2rad(95.0)
 """Greatest twist of the forearm in either direction from thumb-up, radians (80 to 90 in the same source)."""
 _ANGLE_LIMITS = ((-FOREARM_LIMIT, FOREARM_LIMIT), *WRIST_LIMITS)
 
-MARGIN = 0.15  # from here on angles approach their limits softly, radians
+MARGIN = 0.15  # distance from a limit at which angles begin to approach it softly, radians
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
-"""Takes a vector of one hand to the other's side."""
+"""Mirrors a vector of one hand to the other side."""
 MIRRORS = np.array([np.ones(3), MIRROR])
-"""The same for the strong hand, which stays, and the weak one."""
+"""Mirror factors of the strong hand, which stays, and of the weak one."""
 MIRROR_QUAT = np.array([1.0, -1.0, -1.0, 1.0])
 _X = np.array([1.0, 0.0, 0.0])
 COMFORT = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
-"""Twist of the forearm, deviation and flexion of the wrist up to which they are comfortable."""
-_STRAINED = np.deg2rad(20.0)  # how far beyond them costs 1 where hands go as they are written
+"""Comfortable ranges of the forearm's twist and the wrist's deviation and flexion, radians."""
+_STRAINED = np.deg2rad(20.0)  # excess over them that costs 1 in written signs, radians
 _EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
-_HEIGHT_COST = 12.0  # of an elbow that is an upper arm's length higher, for low elbows
-_BREACH = np.deg2rad(14.0)  # how far beyond a limit costs 1, for low elbows
-_PRESSED_CM = 3.0  # how deep elbow or forearm lie in the trunk for a cost of 0.5, for low elbows
+_HEIGHT_COST = 12.0  # cost of raising an elbow by an upper arm's length, for low elbows
+_BREACH = np.deg2rad(14.0)  # excess over a limit that costs 1, for low elbows, radians
+_PRESSED_CM = 3.0  # depth of elbow or forearm in the trunk that costs 0.5, for low elbows
 _TINY = 1e-300
-_ONSET = np.deg2rad(6.0)  # before a limit is approached softly, where that cost begins
+_ONSET = np.deg2rad(6.0)  # how far before the soft approach to a limit that cost begins, radians
 
 
 def swivel_costs(
     arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """By how much (..., S), radians, forearm and wrist miss the rotations ``rotvecs`` (..., 3) with elbows at
-    ``swivels`` (S,), since they keep to their limits; what these elbows cost; and what it costs that forearm and wrist
-    are not comfortable.
+    """Angles (..., S), radians, by which forearm and wrist miss the rotations ``rotvecs`` (..., 3) because of their
+    limits, with elbows at ``swivels`` (S,); the costs of these elbows; and the costs of uncomfortable forearms and
+    wrists.
     """
     turned = _wrist_rotations(arm, rotvecs, swivels)
     angles = angles_of(turned)
-    kept = [soft_clip(x, low, high, MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
-    made = _from_forearm(np.stack(kept, axis=-1))
-    # Of the rotation from one to the other: its angle from the cosine of its half.
-    half = np.minimum(np.abs(np.einsum("...c,...c->...", made, turned)), 1.0)
-    strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(kept, COMFORT, strict=True)) / _STRAINED**2
+    limited = [soft_clip(x, low, high, MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
+    reached = _from_forearm(np.stack(limited, axis=-1))
+    # The angle between both rotations, from the cosine of its half.
+    half = np.minimum(np.abs(np.einsum("...c,...c->...", reached, turned)), 1.0)
+    strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(limited, COMFORT, strict=True)) / _STRAINED**2
     return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels), np.asarray(strain)
 
 
@@ -92,7 +92,7 @@ def _wrist_rotations(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> Floa
 
 
 def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: FloatArray) -> FloatArray:
-    """What elbows at ``swivels`` (S,) cost, (..., S), with angles of twist, deviation and flexion, each (..., S)."""
+    """Costs (..., S) of elbows at ``swivels`` (S,) with twist, deviation and flexion ``angles``, each (..., S)."""
     usual = -np.deg2rad(signer.elbow_deg)
     cost = sum(np.square(angle / ease) for angle, ease in zip((*angles, swivels - usual), _EASE, strict=True))
     if signer.manner.low_elbows:
@@ -101,24 +101,24 @@ def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: Fl
 
 
 def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
-    """What each candidate swivel (..., S) costs that lifts the elbow, that puts elbow or forearm into the trunk, and
-    that bends forearm and wrist beyond their limits: angles (..., S, 3) of twist, deviation and flexion.
+    """Costs (..., S) of candidate swivels that lift the elbow, put elbow or forearm into the trunk, or bend forearm and
+    wrist beyond their limits; angles (..., S, 3): twist, deviation and flexion.
 
     Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as body
     and wrists allow.
     """
     bone = -rotation.to_matrix(arm.upper)[..., 0]  # unit vector from shoulder to elbow, (..., 3)
-    along = np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
+    projection = np.sum(bone * arm.direction, axis=-1, keepdims=True) * arm.direction
     side = rotation.cross(arm.direction, bone)
     cos, sin = np.cos(swivels)[:, None], np.sin(swivels)[:, None]
-    off = (bone - along)[..., None, :] * cos + side[..., None, :] * sin  # (..., S, 3)
+    off = (bone - projection)[..., None, :] * cos + side[..., None, :] * sin  # (..., S, 3)
     low, high = np.array(_ANGLE_LIMITS).T
     breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + MARGIN + _ONSET)
     broad = np.array([-signer.shoulders, 1.0, 1.0])
     upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
     reach = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(arm.bend))[..., None]
     shoulder = COLLAR * broad + rotation.rotate(arm.collar, SHOULDER * broad)
-    elbow = (shoulder + upper_arm * along)[..., None, :] + upper_arm * off
+    elbow = (shoulder + upper_arm * projection)[..., None, :] + upper_arm * off
     wrist = (shoulder + reach * arm.direction)[..., None, :]
     depth = np.maximum(0.0, np.stack([_trunk_depth(elbow), _trunk_depth(0.55 * elbow + 0.45 * wrist)]))
     cost = _HEIGHT_COST * off[..., 1] + np.square(breach / _BREACH).sum(axis=-1)
@@ -127,16 +127,16 @@ def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: Float
 
 def _trunk_depth(points: FloatArray) -> FloatArray:
     """Depth (...) of an arm's axis at points (..., 3) in the trunk of the standard body, cm: an oval around a line from
-    side to side, ending at the shoulders.
+    side to side that ends at the shoulders.
     """
     half_width, thick = 9.3, 13.5  # thick: half of the trunk's and half of the arm's
-    beside = np.maximum(np.abs(points[..., 0]) - half_width, 0.0)
-    depth = thick - np.sqrt(np.square(beside) + np.square(points[..., 2] - 0.7))
+    sideways = np.maximum(np.abs(points[..., 0]) - half_width, 0.0)
+    depth = thick - np.sqrt(np.square(sideways) + np.square(points[..., 2] - 0.7))
     return np.asarray(depth * smooth_step((10.0 - points[..., 1]) / 10.0))
 
 
 def angles_of(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Twist about X, then deviation and flexion, of rotations from forearm to hand (..., 4)."""
+    """Twist about X, then deviation and flexion, of rotations (..., 4) from forearm to hand."""
     quats = quats * np.where(quats[..., 3:] < 0.0, -1.0, 1.0)
     x, y, z, w = quats.transpose(quats.ndim - 1, *range(quats.ndim - 1))
     half = np.arctan2(x, w)
@@ -148,12 +148,12 @@ def angles_of(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def smooth_step(x: FloatArray) -> FloatArray:
-    """0 up to 0, 1 from 1 on, between them the smooth step of degree 5."""
+    """The smooth step of degree 5 from 0 at ``x`` <= 0 to 1 at ``x`` >= 1."""
     return np.asarray(minimum_jerk(np.minimum(np.maximum(x, 0.0), 1.0)))
 
 
 def soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> FloatArray:
-    """``x`` kept between limits: unchanged until ``margin`` from one, then approaching it (C1, by tanh)."""
+    """Limits ``x`` smoothly (C1): unchanged up to ``margin`` from a limit, then approaching it by tanh."""
     x = np.asarray(x, np.float64)
     over, under = x - (np.asarray(high) - margin), (np.asarray(low) + margin) - x
     if not np.any(np.maximum(over, under) > 0.0):
@@ -163,10 +163,20 @@ def soft_clip(x: ArrayLike, low: ArrayLike, high: ArrayLike, margin: float) -> F
 
 
 SIZE = 65
-WRIST, ROTVEC, FINGERS = slice(0, 3), slice(3, 6), slice(6, 27)
-"""Where these numbers are in a hand state."""
-TRUNK, HEAD, ROOT, TURNS = slice(54, 57), slice(57, 60), slice(60, 63), slice(63, 65)
-"""Where these numbers are in a state."""
+WRIST = slice(0, 3)
+"""The wrist's position in a hand state."""
+ROTVEC = slice(3, 6)
+"""The hand's rotation vector in a hand state."""
+FINGERS = slice(6, 27)
+"""The finger angles in a hand state."""
+TRUNK = slice(54, 57)
+"""The trunk's rotation vector in a state."""
+HEAD = slice(57, 60)
+"""The head's rotation vector in a state."""
+ROOT = slice(60, 63)
+"""The root's displacement in a state."""
+TURNS = slice(63, 65)
+"""The turns of both elbows in a state."""
 
 ELBOW_LIMIT = np.deg2rad(148.0)
 """Greatest flexion of the elbow, radians."""
@@ -174,30 +184,30 @@ ELBOW_LIMIT = np.deg2rad(148.0)
 _HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
 _SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
 _KEPT = 6
-"""How many solved arms are kept."""
+"""Number of solved arms in the cache."""
 _SHARPNESS = 2.5
-_BLUNTER = 4.0  # with low elbows, whose cost can have two minima: an elbow would jump from one to the other
-_LOWEST_SPINE = 0.7  # of the trunk's rotation, where trunk and head move much
-_HALF_COLLAR = 0.5 * np.deg2rad([15.0, 14.0])  # how far a collar bone rises, and comes forward
-_HEAD_PARTS = (0.4, 0.6)  # of the head's rotation, neck and head
+_BLUNTER = 4.0  # for low elbows: their cost can have two minima, and an elbow would jump between them
+_LOWEST_SPINE = 0.7  # share of the trunk's rotation if trunk and head move much
+_HALF_COLLAR = 0.5 * np.deg2rad([15.0, 14.0])  # half of the largest rise and forward swing of a collar bone, radians
+_HEAD_PARTS = (0.4, 0.6)  # shares of neck and head in the head's rotation
 _LEG_CM = 81.0  # hip to ankle of the standard body
 _MIDDLE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
 _LEGS = [JOINTS[name] for name in ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot")]
 
 
 def hands(states: FloatArray) -> FloatArray:
-    """The hand states (..., 2, 27) in states (..., 65), strong then weak, a view."""
+    """A view of the hand states (..., 2, 27) in states (..., 65), strong then weak."""
     return states[..., :54].reshape(*states.shape[:-1], 2, 27)
 
 
 def of_hands(strong: FloatArray, weak: FloatArray) -> FloatArray:
-    """The upright state (..., 65) with these hand states (..., 27), elbows where they are easy."""
+    """The upright state (..., 65) with these hand states (..., 27) and easy elbows."""
     return np.concatenate([strong, weak, np.zeros((*strong.shape[:-1], SIZE - 54))], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """Right arms with a hanging elbow, in the chest's axes; arrays that are not to be changed.
+    """Right arms with a hanging elbow, in the chest's axes. Do not change the arrays.
 
     collar: rotation of the collar bone, (..., 4)
     upper: rotation of the upper arm, (..., 4)
@@ -228,13 +238,13 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
 
 
 def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: float, arms: float) -> Arm:
-    """``solve_arm`` of the bytes of wrists."""
+    """``solve_arm`` for wrists given as bytes."""
     wrists = np.frombuffer(data).reshape(shape) / scale
     broad = np.array([-shoulders, 1.0, 1.0])
     collar_position, shoulder_offset = COLLAR * broad, SHOULDER * broad
     upper_arm, forearm = UPPER_ARM * arms, FOREARM * arms
-    out = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
-    x, y, z = out[..., 0], out[..., 1], out[..., 2]
+    offset = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
+    x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
     half = np.empty((2, *x.shape))
     half[0], half[1] = (y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9
     half = smooth_step(half)
@@ -248,11 +258,11 @@ def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: flo
     direction = direction / distance
     least = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(ELBOW_LIMIT))
     distance = soft_clip(distance, least, 0.992 * (upper_arm + forearm), 0.04 * (upper_arm + forearm))
-    # The elbow: ``along`` the line from shoulder to wrist, ``off`` from it towards the hint.
-    along = (upper_arm**2 - forearm**2 + distance**2) / (2.0 * distance)
-    off = np.sqrt(np.maximum(upper_arm**2 - along**2, 0.0))
+    # The elbow: ``projected`` on the line from shoulder to wrist, ``off`` that line towards the hint.
+    projected = (upper_arm**2 - forearm**2 + distance**2) / (2.0 * distance)
+    off = np.sqrt(np.maximum(upper_arm**2 - projected**2, 0.0))
     hint = _HINT - (direction @ _HINT)[..., None] * direction
-    elbow = along * direction + off * hint / _length(hint)
+    elbow = projected * direction + off * hint / _length(hint)
     bones = np.empty((2, *elbow.shape))  # unit vectors along upper arm and forearm
     bones[0], bones[1] = elbow / upper_arm, (distance * direction - elbow) / forearm
     hinge = rotation.cross(bones[0], bones[1])
@@ -268,22 +278,22 @@ def _length(vectors: FloatArray) -> FloatArray:
 
 
 def _bone_rotations(bones: FloatArray, hinge: FloatArray) -> FloatArray:
-    """Rotations (..., 4) that take the right arm's rest bone -X to ``bones`` and the elbow's axis +Y to ``hinge``."""
+    """Rotations (..., 4) that turn the right arm's rest bone -X to ``bones`` and the elbow's axis +Y to ``hinge``."""
     axes = np.empty((*bones.shape, 3))
     axes[..., 0], axes[..., 1], axes[..., 2] = -bones, hinge, rotation.cross(hinge, bones)
     return rotation.from_matrix(axes)
 
 
 def hand_rotvecs(wrists: ArrayLike, hand_quats: ArrayLike, signer: Signer) -> FloatArray:
-    """The rotation vectors (..., 3) for hand states of right hands at ``wrists`` (..., 3) with rotations (..., 4), both
-    in the chest's axes.
+    """Rotation vectors (..., 3) for hand states of right hands with wrists at ``wrists`` (..., 3) and rotations
+    ``hand_quats`` (..., 4), both in the chest's axes.
     """
     return rotation.log(rotation.multiply(rotation.inverse(solve_arm(wrists, signer).fore), hand_quats))
 
 
 def nearest_turn(rotvec: FloatArray, near: FloatArray) -> FloatArray:
-    """A rotation vector (3,) with as many whole turns more that it is nearest to another (3,): a hand that is turned by
-    half a turn does not spin round on its way to a little more.
+    """Adds full turns to a rotation vector (3,) to bring it nearest to another (3,), so that a hand does not spin when
+    its rotation passes half a turn.
     """
     angle = float(np.linalg.norm(rotvec))
     turns = np.round((float(near @ rotvec) / angle - angle) / (2.0 * np.pi)) if angle > 1e-6 else 0.0
@@ -318,22 +328,22 @@ class Wrist:
 
 
 def elbow_axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (..., 3) at right angles to the line from shoulder to wrist: to a hanging elbow, and to one that is
-    turned by a quarter.
+    """Unit vectors (..., 3) perpendicular to the line from shoulder to wrist: to a hanging elbow, and to an elbow a
+    quarter turn further.
     """
     bone = rotation.rotate(arm.upper, [-1.0, 0.0, 0.0])
-    out = bone - np.einsum("...c,...c->...", bone, arm.direction)[..., None] * arm.direction
-    out = out / np.maximum(_length(out), 1e-9)
-    return out, rotation.cross(arm.direction, out)
+    to_elbow = bone - np.einsum("...c,...c->...", bone, arm.direction)[..., None] * arm.direction
+    to_elbow = to_elbow / np.maximum(_length(to_elbow), 1e-9)
+    return to_elbow, rotation.cross(arm.direction, to_elbow)
 
 
 def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
-    """Where elbows are easy (...), radians, in arms that carry hands with rotation vectors ``rotvecs`` (..., 3): where
-    the angles of forearm and wrist are smallest, and where the signer's manner says so, low.
+    """Swivels (...), radians, of easy elbows in arms whose hands have rotation vectors ``rotvecs`` (..., 3): angles of
+    forearm and wrist are smallest there, and elbows hang low if the signer's manner says so.
 
-    The swivel is a mean over candidates, weighted by exp(-sharpness * cost), where cost is the sum of squared angles,
-    each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump. Of a
-    ``HangingElbowSigner`` it is 0.
+    The swivel is a mean over candidates, weighted by exp(-sharpness * cost); the cost is the sum of squared angles,
+    each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump. It is 0 for a
+    ``HangingElbowSigner``.
     """
     if isinstance(signer, HangingElbowSigner):
         return np.zeros(arm.bend.shape)
@@ -341,7 +351,7 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
 
 
 def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer) -> FloatArray:
-    """``easy_swivels`` of the bytes of rotation vectors."""
+    """``easy_swivels`` for rotation vectors given as bytes."""
     cost = _costs(arm, angles_of(_wrist_rotations(arm, np.frombuffer(data).reshape(shape), _SWIVELS)), signer, _SWIVELS)
     sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
@@ -349,20 +359,20 @@ def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer)
 
 
 def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray | float = 0.0) -> Wrist:
-    """The angles with which arms carry hands with rotation vectors ``rotvecs`` (..., 3), elbows where they are easy,
-    turned from there by ``swivels`` (...).
+    """The wrist angles of arms whose hands have rotation vectors ``rotvecs`` (..., 3), with elbows turned by
+    ``swivels`` (...) from their easy places.
     """
     return wrist_at(arm, rotation.exp(rotvecs), easy_swivels(arm, rotvecs, signer) + swivels)
 
 
 def wrist_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> Wrist:
-    """The same for rotations (..., 4) of hands from forearms with hanging elbows, elbows at ``swivels`` (...)."""
+    """``wrist_angles`` for rotations (..., 4) from the forearms of hanging elbows, with elbows at ``swivels`` (...)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     return Wrist(swivels, *angles_of(rotation.multiply(rotation.exp(-swivels[..., None] * axis), quats)))
 
 
 def hands_at(arm: Arm, angles: FloatArray, swivels: FloatArray) -> FloatArray:
-    """The rotations that ``wrist_at`` gives twist, deviation and flexion ``angles`` (..., 3) of."""
+    """Inverse of ``wrist_at``: the rotations with twist, deviation and flexion ``angles`` (..., 3)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     return rotation.multiply(rotation.exp(swivels[..., None] * axis), _from_forearm(angles))
 
@@ -375,8 +385,8 @@ def _from_forearm(angles: FloatArray) -> FloatArray:
 
 
 def is_easy(hand_states: FloatArray) -> NDArray[np.bool_]:
-    """Whether hand states (..., 27) need no more than 85 % of any wrist or forearm limit of the standard signer, and
-    the elbow stays bent by 20 degrees or more.
+    """Whether hand states (..., 27) of the standard signer use at most 85 % of each wrist and forearm limit, and the
+    elbow stays bent by 20 degrees or more.
     """
     arm = solve_arm(hand_states[..., WRIST], STANDARD)
     wrist = wrist_angles(arm, hand_states[..., ROTVEC], STANDARD)
@@ -412,7 +422,7 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
     n_frames = len(states)
     local_quats = np.zeros((n_frames, len(JOINTS), 4))
     local_quats[..., 3] = 1.0
-    # Legs lean against the root's displacement, so that the feet stay where they are.
+    # Legs lean against the root's displacement, so that the feet stay in place.
     displacement = states[:, ROOT] * (MIRROR if signer.left_handed else 1.0)
     lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _LEG_CM
     parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)] + [f * states[:, HEAD] for f in _HEAD_PARTS]
@@ -436,8 +446,8 @@ def solve_arms_and_wrists(states: FloatArray, signer: Signer) -> tuple[Arm, Wris
 
 
 def arm_rotations(arm: Arm, wrist: Wrist) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Rotations (..., 4), in the chest's axes, of collar bone, upper arm, forearm and hand of right arms, whose angles
-    keep to their limits.
+    """Rotations (..., 4), in the chest's axes, of collar bone, upper arm, forearm and hand of right arms, with angles
+    within their limits.
     """
     swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
     upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
@@ -451,8 +461,8 @@ def arm_rotations(arm: Arm, wrist: Wrist) -> tuple[FloatArray, FloatArray, Float
 
 
 def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
-    """Which part of the trunk's rotation each joint of the spine has, 1 over it: a third each in plain motion, while in
-    captured signing the lowest joint turns several times as fast as the others.
+    """Divisors of the trunk's rotation for each joint of the spine: 3 each in plain motion; in captured signing the
+    lowest joint turns several times as fast as the others.
     """
     lowest = 1.0 / 3.0 + (_LOWEST_SPINE - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
     return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)

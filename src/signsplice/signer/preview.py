@@ -1,4 +1,4 @@
-"""Pictures for those who write signs: the postures and movements of one sign, and every name of the notation."""
+"""Pictures for authors of signs: the postures and movements of one sign, and every name of the notation."""
 
 from __future__ import annotations
 
@@ -44,24 +44,26 @@ def write_preview(word: IsolatedWord, path: Path, size: int = 230) -> None:
 
 
 def _steps(word: IsolatedWord) -> Iterator[tuple[int, str, slice]]:
-    """Frames to show, what each is, and the frames whose paths are drawn: the first posture, and of each movement, of
-    its first pass, the middle and the end.
+    """Yields frames to show, their labels, and the frames whose paths are drawn: the first posture, and the middle and
+    the end of the first pass of each movement.
     """
     yield word.events.start, word.sign.gloss, slice(0)
-    for n, one in enumerate(word.segments, 1):
-        if one.segment.kind == "M":
-            begin, stop = one.passes[0] if one.passes else (one.begin, one.end)
-            times = f", {one.segment.times} times" if one.segment.times > 1 else ""
+    for n, timed in enumerate(word.segments, 1):
+        if timed.segment.kind == "M":
+            begin, stop = timed.passes[0] if timed.passes else (timed.begin, timed.end)
+            times = f", {timed.segment.times} times" if timed.segment.times > 1 else ""
             yield (begin + stop) // 2, f"{n}: M{times}", slice(begin, stop + 1)
             yield stop, f"{n}: end of M", slice(0)
 
 
 _SIGNER = replace(STANDARD, manner=PLAIN)
-_CELL, _WIDE = 112, 160
-"""Sides of the pictures of places, parts and shapes, and of movements, pixels."""
+_CELL = 112
+"""Side of the pictures of places, parts and shapes, pixels."""
+_WIDE = 160
+"""Side of the pictures of movements, pixels."""
 _COLOURS = 128
 _UPPER = 0.40
-"""What is shown of a movement, from the top, statures."""
+"""Height of the window that shows a movement, from the top, statures."""
 _UP: Vector = (0.0, 1.0, 0.0)
 _FORWARD: Vector = (0.0, 0.0, 1.0)
 _BACK: Vector = (0.0, 0.0, -1.0)
@@ -85,7 +87,7 @@ def write_names(folder: Path) -> list[Path]:
 
 
 def _still(strong: Posture | None = None, weak: Posture | None = None) -> tuple[FloatArray, Scene]:
-    """A state (65,) of the signer with hands in postures, or at rest, and the scene of it."""
+    """A state (65,) of the signer with hands in postures, or at rest, and its scene."""
     state = locations.resting(_SIGNER).copy()
     if weak is not None:
         state[27:54] = locations.weak_hand(weak, _SIGNER)
@@ -95,7 +97,7 @@ def _still(strong: Posture | None = None, weak: Posture | None = None) -> tuple[
 
 
 def _project_point(scene: Scene, joint: str, point: FloatArray) -> FloatArray:
-    """A point (3,) in a joint's axes, from it, cm, in camera axes (1, 3)."""
+    """Converts a point (3,), cm, from a joint's axes to camera axes (1, 3)."""
     world = scene.positions[0, JOINTS[joint]] + scene.rotations[0, JOINTS[joint]] @ point
     return np.asarray((world - scene.origin) @ scene.axes.T / scene.height)[None]
 
@@ -116,7 +118,9 @@ def _place(name: str) -> Image:
         state, side = _still()
         side = make_scene(pose.clip(state[None], _SIGNER, 30.0), "side")
         aside = _project_point(side, "Spine2", locations.locate(name, WeakArm(_SIGNER, state[27:54])).point)
-        return np.hstack([_dot(_narrow_window(one, at), at, _CELL // 2) for one, at in ((scene, dot), (side, aside))])
+        return np.hstack(
+            [_dot(_narrow_window(view, point), point, _CELL // 2) for view, point in ((scene, dot), (side, aside))]
+        )
     if name in ON_HEAD or name == "throat":
         scene = _around(scene, _project_point(scene, "Spine2", np.array([0.0, 31.0, 0.0])), 0.11)
     elif name in ON_BASE - ON_ARM:
@@ -165,14 +169,14 @@ def _part(name: str) -> Image:
 
 
 def _move(sign: Sign) -> Image:
-    """A movement half way, with the paths of the hands that act, from the front, from the side or from above."""
+    """The middle of a movement, with the paths of the acting hands, from the front, from the side or from above."""
     word = planner.synthesize_word(sign, _SIGNER)
     start, stop = word.events.start, word.events.end
     sides = [0, 1] if sign.two_handed else [1]
     scene = make_scene(word.clip)
-    across, up, forward = np.ptp(scene.hands[start : stop + 1, 1], axis=0)
-    if forward > 0.5 * max(across, up):
-        is_level = across > 2.0 * up
+    width, up, forward = np.ptp(scene.hands[start : stop + 1, 1], axis=0)
+    if forward > 0.5 * max(width, up):
+        is_level = width > 2.0 * up
         scene = make_scene(word.clip, "front" if is_level else "side", above_deg=50.0 * is_level)
     scene = _upper(scene)
     trail = scene.hands[start : stop + 1, sides].reshape(-1, 3)
@@ -181,14 +185,14 @@ def _move(sign: Sign) -> Image:
 
 def _upper(scene: Scene) -> Scene:
     """The scene with a window from the head to the belly."""
-    left, right, _, top = scene.window
-    return replace(scene, window=(left, right, top - max(_UPPER, 0.9 * (right - left)), top))
+    left_edge, right, _, top = scene.window
+    return replace(scene, window=(left_edge, right, top - max(_UPPER, 0.9 * (right - left_edge)), top))
 
 
 def _swing(key: str, name: str) -> Image:
     """The two frames of a local movement, or of one of head or trunk, that differ most, one over the other."""
-    beside = "" if key == "local" else " local=tremble:0.1:1"
-    lines = ("X  hands=one", "  X  shape=B-open at=space palm=in fingers=fwd-up", f"  M  {key}={name} for=1{beside}")
+    filler = "" if key == "local" else " local=tremble:0.1:1"
+    lines = ("X  hands=one", "  X  shape=B-open at=space palm=in fingers=fwd-up", f"  M  {key}={name} for=1{filler}")
     word = planner.synthesize_word(notation.parse("\n".join(lines))["X"], _SIGNER)
     start, stop = word.events.start, word.events.end
     scene = _upper(make_scene(word.clip, "side" if name in ("fwd", "back") else "front"))
@@ -198,5 +202,5 @@ def _swing(key: str, name: str) -> Image:
         scene = _around(scene, _project_point(scene, "Spine2", np.array([0.0, 31.0, 0.0])), 0.11)
     images = np.stack([draw(scene, frame, _WIDE, _WIDE) for frame in range(start - 4, stop + 5, 2)]).astype(np.float32)
     first = images[int(np.abs(images - images.mean(axis=0)).sum(axis=(1, 2, 3)).argmax())]
-    other = images[int(np.abs(images - first).sum(axis=(1, 2, 3)).argmax())]
-    return np.asarray(0.5 * (first + other), np.uint8)
+    second = images[int(np.abs(images - first).sum(axis=(1, 2, 3)).argmax())]
+    return np.asarray(0.5 * (first + second), np.uint8)

@@ -1,7 +1,7 @@
 """A synthetic signer: body proportions and manner of moving, drawn by seed, and the skeleton that follows from them.
 
 A manner holds the traits in which people differ from plain minimum-jerk motion, beyond tempo and size. Networks can
-learn from signing with some traits alone (``only``), which shows what each one is worth.
+learn from signing with some traits alone (``only``), which shows the value of each trait.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from signsplice.signer import hand
 
 
 def stream(*names: str | int) -> np.random.Generator:
-    """A generator (PCG64) seeded by the names alone: the same on every machine and in every order of draws."""
+    """A generator (PCG64) seeded by the names alone: equal on every machine and in every order of draws."""
     digest = hashlib.sha256("\x1f".join(map(str, names)).encode("utf-8", "surrogatepass")).digest()
     return np.random.Generator(np.random.PCG64(int.from_bytes(digest[:16], "little")))
 
 
 @dataclass(frozen=True)
 class Manner:
-    """Traits of a signer's motion. Each is 0 for plain motion; where no unit is named, 1 is usual.
+    """Traits of a signer's motion. Each is 0 for plain motion; 1 is usual for traits without a unit.
 
     low_pass_frames: standard deviation of the Gaussian by which motion is smoothed in time, frames of 30 a second
     off_frame: how far from a frame stops may fall, 0 on frames to 1 anywhere
@@ -57,14 +57,12 @@ class Manner:
 PLAIN = Manner()
 """Motion without any trait."""
 USUAL = Manner(*[1.0] * len(fields(Manner)))
-"""Motion with every trait as strong as is usual."""
+"""Motion with every trait at its usual strength."""
 TRAITS = tuple(f.name for f in fields(Manner))
 
 
 def draw_manner(rng: np.random.Generator) -> Manner:
-    """A manner drawn at random: a smoothing of 0 to 2.5 frames, and every other trait from half to one and a half of
-    what is usual.
-    """
+    """A random manner: a smoothing of 0 to 2.5 frames, every other trait from 0.5 to 1.5 times its usual strength."""
     return Manner(float(rng.uniform(0.0, 2.5)), *rng.uniform(0.5, 1.5, len(TRAITS) - 1).tolist())
 
 
@@ -82,11 +80,11 @@ meet low in front of the body."""
 class Signer:
     """A signer's body and manner of moving. The defaults are the standard signer.
 
-    name: what seeds this signer's random streams
+    name: seed of this signer's random streams
     stature_cm: stature
-    arms: length of upper arm and forearm, over what the stature gives
-    hands: size of the hands, over what the stature gives
-    shoulders: width of the shoulders, over what the stature gives
+    arms: length of upper arm and forearm, over the usual one for the stature
+    hands: size of the hands, over the usual one for the stature
+    shoulders: width of the shoulders, over the usual one for the stature
     left_handed: whether the left hand is the strong one
     tempo: speed, over the usual one
     amplitude: size of movements in space, over the usual one
@@ -98,8 +96,8 @@ class Signer:
     sway_cm, sway_hz: postural sway of the hips
     tremor_cm, tremor_hz: physiological tremor of the hands (8 to 12 Hz, Elble and Koller 1990)
     lag: how much less than usual the fingers lead the wrist (``trajectory``); negative: they lead more
-    rest: where the hands are between signs, one of ``RESTS``
-    manner: traits of motion beyond these
+    rest: rest pose between signs, one of ``RESTS``
+    manner: further traits of motion
     """
 
     name: str = "standard"
@@ -132,9 +130,7 @@ class Signer:
 
 @dataclass(frozen=True)
 class HangingElbowSigner(Signer):
-    """A signer in whose states elbows are turned from where they hang, and not from where they are easy
-    (``arms.from_hanging``).
-    """
+    """A signer whose states measure elbow turns from hanging elbows instead of easy ones (``arms.from_hanging``)."""
 
 
 STANDARD = Signer()
@@ -186,7 +182,10 @@ _SPINE = (
 HIPS_CM = 92.0
 COLLAR = np.array([5.0, 10.0, 1.0])  # from the chest joint, left
 SHOULDER = np.array([13.0, 2.0, -0.5])  # from the collar joint, left
-UPPER_ARM, FOREARM = 29.5, 25.5
+UPPER_ARM = 29.5
+"""Length of the upper arm of the standard body, cm."""
+FOREARM = 25.5
+"""Length of the forearm of the standard body, cm."""
 _LEG = (
     ("UpLeg", "Hips", (9.0, -4.0, 0.0)),
     ("Leg", "UpLeg", (0.0, -41.0, 0.5)),
@@ -197,8 +196,8 @@ _JOINT_SIDES = ("Left", "Right")
 
 
 def skeleton(signer: Signer = STANDARD) -> Skeleton:
-    """A signer's 53 joints with Mixamo's names, depth first, in cm; the rest pose is the T-pose. The skeletons of the
-    last 64 signers are kept.
+    """A signer's 53 joints with Mixamo's names, depth first, in cm; the rest pose is the T-pose. The cache keeps
+    the last 64 skeletons.
     """
     return CACHE.recent(_skeleton, signer, most=64)
 

@@ -10,7 +10,7 @@ FOLDER = Path(__file__).parent / "words"
 
 
 def sections(module: str, name: str) -> dict[str, list[list[str]]]:
-    """The lines below each [section] of words/NAME.txt beside a ``module``'s file, each as its words. # begins a
+    """The lines below each [section] of words/NAME.txt beside the file of ``module``, split into words. # begins a
     comment.
     """
     tables: dict[str, list[list[str]]] = {}

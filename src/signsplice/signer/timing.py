@@ -1,9 +1,9 @@
-"""When the parts of a word happen: its events, and how long they last beyond the plain durations: tempo by word,
-hesitations, stops between frames.
+"""Timing of the parts of a word: its events, and variations of the plain durations: tempo by word, hesitations, stops
+between frames.
 
 Citation forms of American Sign Language last 0.40, 0.63, 0.83, 1.03 and 1.37 s (5, 25, 50, 75, 95 %; ASL-LEX 2.0,
-Sehyr et al. 2021), and far longer than the same signs in a sentence, which leaves holds out. What is left of a sign
-there lasts 0.16, 0.26, 0.40, 0.54 and 0.91 s (918 signs of Czech Sign Language): so long, at least, its movement takes.
+Sehyr et al. 2021), far longer than the same signs in a sentence, which omits holds. The rest of a sign lasts 0.16,
+0.26, 0.40, 0.54 and 0.91 s there (918 signs of Czech Sign Language): its movement takes at least this long.
 """
 
 from __future__ import annotations
@@ -18,37 +18,45 @@ from signsplice.signer.phonology import Segment, Sign
 from signsplice.signer.signer import Signer, stream
 from signsplice.signer.trajectory import Knot
 
-_MOVEMENT, _MOVEMENT_SPREAD = 0.03, 0.16
-"""Mean and standard deviation, over words, of the logarithm of the factor on a movement's duration."""
+_MOVEMENT = 0.03
+"""Mean over words of the logarithm of the factor on a movement's duration."""
+_MOVEMENT_SPREAD = 0.16
+"""Standard deviation over words of that logarithm."""
 _HOLD_SPREAD = 0.30
 """The same deviation for a word's holds."""
 _TAKE_SPREAD = 0.03
 """The same for takes of one word."""
-_FIRST, _LAST, _LAST_TOUCH = 1.1, 1.15, 1.8
-"""Usual holds of a citation form over the plain ones: the first, the last, and the last one where the hand touches."""
-_STROKE_S, _REVOLUTION_S = 0.28, 0.50
-"""Least durations of a movement that is made once, and of a revolution of a circle."""
+_FIRST = 1.1
+"""Usual first hold of a citation form over the plain one."""
+_LAST = 1.15
+"""Usual last hold of a citation form over the plain one."""
+_LAST_TOUCH = 1.8
+"""Usual last hold that touches over the plain one."""
+_STROKE_S = 0.28
+"""Least duration of a movement that is made once, seconds."""
+_REVOLUTION_S = 0.50
+"""Least duration of a revolution of a circle, seconds."""
 _LANDING = 0.10
-"""How much of its path a movement that ends in the open leaves to the hold after it."""
+"""Fraction of its path that a movement with an open end leaves to the hold after it."""
 _LEAST_S = 0.35
-"""Least duration of a word with a movement."""
+"""Least duration of a word with a movement, seconds."""
 
 _HESITATES = 0.07
-"""Fraction of the holds and of the transitions in which the signer hesitates."""
+"""Fraction of holds and transitions with a hesitation."""
 _HOLD_PAUSE_S = (0.15, 0.45)
 _DRIFT_CM = 1.2
-"""How far hands drift in a second of hesitation."""
+"""How far hands drift in a second of hesitation, cm."""
 _MOST_OFF = 0.45
 """How far from its frame a stop may lie, frames: less than half, so that the frame stays the nearest one."""
 
 
 LANDING_S = 0.2
-"""How long, at most, a movement that ends in the open comes to rest within the hold after it."""
+"""Longest time in which a movement with an open end comes to rest within the hold after it, seconds."""
 
 
 @dataclass(frozen=True)
 class SignTake:
-    """One take of a sign: by whom, which one, and at how many frames a second."""
+    """One take of a sign: its signer, number, and frames a second."""
 
     sign: Sign
     signer: Signer
@@ -66,8 +74,8 @@ class Tempo:
     least_s: least duration from the first posture to the last one, seconds
     stroke_s: least duration of a movement that is made once
     revolution_s: least duration of a revolution of a circle
-    landing: how much of its path a movement leaves to the hold after it; also whether hands flow: they come into a
-        circle, and out of a movement without a hold, at speed
+    landing: fraction of its path that a movement leaves to the hold after it; if not 0, hands also flow: they come
+        into a circle, and out of a movement without a hold, at speed
     """
 
     movement: float = 1.0
@@ -105,8 +113,8 @@ def tempo_of(sign: Sign, signer: Signer, take: int) -> Tempo:
 
 
 def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[float, FloatArray]:
-    """How much longer (seconds) a word's hold ``number`` lasts by hesitation, mostly 0, and how far (3,), cm, the hands
-    drift meanwhile: mostly down. Words that are nothing but a hold have no pause, since a sentence keeps most of it.
+    """Additional duration, seconds, of a word's hold ``number`` by hesitation, mostly 0, and the drift (3,), cm, of the
+    hands meanwhile, mostly down. Words of a single hold have no pause, since a sentence keeps most of that hold.
     """
     if len(sign.segments) == 1:
         return 0.0, np.zeros(3)
@@ -116,14 +124,14 @@ def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[floa
 
 
 def draw_pause(signer: Signer, seconds: tuple[float, float], *names: str | int) -> tuple[float, np.random.Generator]:
-    """A pause, seconds, mostly 0, and the stream to draw more from."""
+    """A pause, seconds, mostly 0, and the random stream for further draws."""
     rng = stream("hesitation", signer.name, *names)
     hesitates = rng.random() < _HESITATES * signer.manner.hesitation
     return (rng.uniform(*seconds) if hesitates else 0.0), rng
 
 
 def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, gloss: str, take: int) -> list[Knot]:
-    """The knots with each of the frames ``stops`` moved by up to half a frame, and those between them in proportion."""
+    """Moves each knot at the frames ``stops`` by up to half a frame, and the knots between them in proportion."""
     off = signer.manner.off_frame
     if not off:
         return list(knots)
@@ -136,7 +144,7 @@ def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, 
 
 @dataclass(frozen=True)
 class TimedSegment:
-    """A segment, its [begin, end] frames, and for a movement those of each pass."""
+    """A segment with its [begin, end] frames, and those of each pass of a movement."""
 
     segment: Segment
     begin: int
@@ -144,7 +152,7 @@ class TimedSegment:
     passes: tuple[tuple[int, int], ...] = ()
 
     def later(self, frames: int) -> TimedSegment:
-        """The same so many frames later."""
+        """The segment, ``frames`` frames later."""
         passes = tuple((begin + frames, end + frames) for begin, end in self.passes)
         return replace(self, begin=self.begin + frames, end=self.end + frames, passes=passes)
 

@@ -1,7 +1,7 @@
 """States over time: minimum-jerk trajectories through knots, reaches between two motions, small oscillations, and a low
-pass that leaves touches and repeated movements as they are.
+pass that preserves touches and repeated movements.
 
-Fingers move each in a time of its own: in a sign's changes of handshape, and in reaches.
+Each finger has its own timing in a sign's changes of handshape and in reaches.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from signsplice.signer import hand, pose
 from signsplice.signer.signer import PLAIN, Signer, shoulder, stream
 
 _LEAST_PASS = 0.18
-"""Standard deviation of the smoothing over the duration of a movement's shortest pass, at most: the movement keeps 85 %
-of its size when it is repeated."""
+"""Largest standard deviation of the smoothing over the duration of a movement's shortest pass: a repeated movement
+keeps 85 % of its size."""
 _AT_TOUCH = 0.4
-"""Standard deviation of the smoothing at a touch, frames, at most: hands come and go as straight as they would."""
+"""Largest standard deviation of the smoothing at a touch, frames: hands come and go as straight as before."""
 _REACH = 4.0
 """How far from a touch the correction of its posture reaches, in standard deviations of the smoothing."""
 
@@ -30,11 +30,11 @@ _REACH = 4.0
 def low_passed(
     states: FloatArray, deviation: float, passes: Sequence[tuple[int, int]] = (), touches: Sequence[int] = ()
 ) -> FloatArray:
-    """States (T, 65) smoothed in time by a Gaussian of standard deviation ``deviation``, frames.
+    """Smooths states (T, 65) in time by a Gaussian of standard deviation ``deviation``, frames.
 
-    The first and the last frame stay as they are; within repeated ``passes``, [begin, end] each, and near both ends of
-    the word, and near the frames ``touches``, it is smoothed less. In those frames the states stay as they are, and
-    those around them are moved along, less with their distance.
+    The first and the last frame stay unchanged. The smoothing is weaker within repeated ``passes``, [begin, end] each,
+    near both ends of the word, and near the frames ``touches``. Those frames stay unchanged; a correction that fades
+    with distance moves the frames around them.
     """
     n = len(states)
     width = _deviations(n, deviation, passes, touches)
@@ -56,41 +56,43 @@ def low_passed(
 def _deviations(
     n_frames: int, deviation: float, passes: Sequence[tuple[int, int]], touches: Sequence[int]
 ) -> FloatArray:
-    """The smoothing's standard deviation (T,) in each frame. It changes by no more than 1 in 3 frames."""
+    """The smoothing's standard deviation (T,) in each frame, frames; it changes by at most 1 in 3 frames."""
     frames = np.arange(n_frames)
-    out = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
+    widths = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
     if len(passes) > 1:
         least = _LEAST_PASS * min(stop - begin for begin, stop in passes)
-        away = np.maximum(np.maximum(passes[0][0] - frames, frames - passes[-1][1]), 0)
-        out = np.minimum(out, least + away / 3.0)
+        distance = np.maximum(np.maximum(passes[0][0] - frames, frames - passes[-1][1]), 0)
+        widths = np.minimum(widths, least + distance / 3.0)
     for touch in touches:
-        out = np.minimum(out, _AT_TOUCH + np.abs(frames - touch) / 3.0)
-    return np.asarray(out, np.float64)
+        widths = np.minimum(widths, _AT_TOUCH + np.abs(frames - touch) / 3.0)
+    return np.asarray(widths, np.float64)
 
 
 def wendland(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float) -> FloatArray:
     """Wendland's function (F, C) of the distance in frames: 1 at 0, 0 from ``radius`` on, twice differentiable, and
-    positive definite, so that any values at the centres can be met.
+    positive definite, so that it can interpolate any values at the centres.
     """
-    near = np.clip(np.abs(frames[:, None] - centres) / radius, 0.0, 1.0)
-    return np.asarray((1.0 - near) ** 4 * (4.0 * near + 1.0))
+    distance = np.clip(np.abs(frames[:, None] - centres) / radius, 0.0, 1.0)
+    return np.asarray((1.0 - distance) ** 4 * (4.0 * distance + 1.0))
 
 
 _PER_FINGER = (4, 4, 4, 4, 5)
 """How many of ``hand.ANGLES`` belong to each finger, the thumb last."""
 _MOST_FRAMES = 1.2
-"""How much earlier or later than the hand a finger moves within a sign at most, frames of 30 a second."""
-_HAND_ADVANCE, _FINGER_ADVANCE = 0.12, 0.15
-"""How much the timing of all fingers of a hand, and of one more, differs between reaches: height of a bump on time."""
+"""Largest lead or lag of a finger relative to the hand within a sign, frames of 30 a second."""
+_HAND_ADVANCE = 0.12
+"""How much the timing of all fingers of a hand differs between reaches: height of a bump on time."""
+_FINGER_ADVANCE = 0.15
+"""How much the timing of a single finger differs besides: height of a bump on time."""
 _MOST_ADVANCE = 0.27
-"""The most that time may be advanced; from 0.29 on, fingers would go back."""
+"""Largest advance of time; from 0.29 on, fingers would go back."""
 _SCALE = np.concatenate([np.full(3, 15.0), np.full(24, 0.5)])  # of a hand state: cm, radians
 
 
 def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
-    """How much later than usual each finger angle of both hands moves within a word, (2, 21), frames of 30 a second.
+    """Delays (2, 21) of the finger angles of both hands within a word, frames of 30 a second.
 
-    Half of it is the signer's habit, half the word's.
+    Half of a delay is the signer's habit, half belongs to the word.
     """
     rngs = stream("finger_stagger", signer.name), stream("finger_stagger", signer.name, gloss, take)
     fingers = sum(0.5 * rng.uniform(-1.0, 1.0, (2, 5)) for rng in rngs)
@@ -98,12 +100,12 @@ def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
 
 
 def advances(start: FloatArray, end: FloatArray, leads: FloatArray, signer: Signer) -> FloatArray:
-    """How far the time of each number (65,) of a reach between two states is advanced at half time, as a fraction.
+    """Advance (65,) of the time of each number at half time of a reach between two states, as a fraction.
 
-    A smooth function of both states, so that equal seams are equal and near ones alike; waves of random phase and
-    direction make it differ between reaches and fingers.
+    It is a smooth function of both states, so that equal seams get equal advances and similar seams similar ones; waves
+    of random phase and direction make it differ between reaches and fingers.
 
-    leads: by how much each finger angle's progress leads at half time, (21,)
+    leads: lead of each finger angle's progress at half time, (21,)
     """
     advance = np.zeros(pose.SIZE)
     for which, first in enumerate((0, 27)):
@@ -122,8 +124,8 @@ SHOULDERS_CM = 36.0
 
 
 def travel_seconds(travel_cm: float, signer: Signer) -> float:
-    """Duration of a reach of ``travel_cm`` by the travel law: T = 51 + 149 log2(1 + D / 0.15) ms, D in shoulder widths,
-    over the signer's tempo (fitted to 124 gaps of the DGS Corpus).
+    """Duration, seconds, of a reach of ``travel_cm`` by the travel law T = 51 + 149 log2(1 + D / 0.15) ms, D in
+    shoulder widths, over the signer's tempo (fitted to 124 gaps of the DGS Corpus).
     """
     widths = travel_cm / (SHOULDERS_CM * signer.scale)
     return (0.051 + 0.149 * float(np.log2(1.0 + widths / 0.15))) / signer.tempo
@@ -133,9 +135,9 @@ def travel_seconds(travel_cm: float, signer: Signer) -> float:
 class Knot:
     """A state that a trajectory passes.
 
-    frame: at which frame; between two where it is no whole number
+    frame: its frame; a fraction lies between two frames
     state: the state, (65,)
-    stop: whether everything comes to rest there; the first and the last one are passed at speed where not
+    stop: whether everything comes to rest there; otherwise the first and the last knot are passed at speed
     """
 
     frame: float
@@ -144,13 +146,13 @@ class Knot:
 
 
 _FLOW = 0.6
-"""Speed of hands that come into the first knot, or leave the last one, without a stop, over that of the path there."""
+"""Speed of hands at a first or last knot without a stop, over the speed of the path there."""
 
 
 def through(knots: Sequence[Knot]) -> FloatArray:
-    """States (T, 65) of every whole frame from the first knot to the last, of minimum jerk: between stops the quintic
-    spline through the knots, at rest at both ends (Flash and Hogan 1985 with via points), or at speed at the first and
-    the last one.
+    """Minimum-jerk states (T, 65) of every whole frame from the first knot to the last: between stops the quintic
+    spline through the knots, at rest at both ends (Flash and Hogan 1985 with via points) or at speed at the first and
+    the last knot.
     """
     parts = [knots[0].state[None]] if knots[0].frame == int(knots[0].frame) else []
     begin = 0
@@ -175,7 +177,7 @@ def through(knots: Sequence[Knot]) -> FloatArray:
 
 
 def _speed(frames: FloatArray, states: FloatArray) -> FloatArray:
-    """The velocity (65,), a frame, at the first of some knots: of the parabola through three, or the chord of two."""
+    """Velocity (65,), per frame, at the first knot: of the parabola through three knots, or of the chord of two."""
     slopes = np.diff(states[:3], axis=0) / np.diff(frames[:3])[:, None]
     if len(slopes) < 2:
         return np.asarray(slopes[0])
@@ -183,8 +185,8 @@ def _speed(frames: FloatArray, states: FloatArray) -> FloatArray:
     return np.asarray(slopes[0] + share * (slopes[0] - slopes[1]))
 
 
-# How far each part of a hand state leads the reach at half time: the height of a bump on its progress. 0.15 (progress
-# 0.65 at half time) is the most that never reverses. Fingers form early, one after another; the hand rotates with them.
+# Lead of each part of a hand state at half time of a reach: the height of a bump on its progress. 0.15 (progress 0.65
+# at half time) is the largest lead that never reverses. Fingers form early, one after another, as the hand rotates.
 _LEAD = np.zeros(27)
 _LEAD[pose.ROTVEC] = 0.04
 _LEAD[pose.FINGERS] = np.repeat([0.14, 0.12, 0.10, 0.09, 0.13], [4, 4, 4, 4, 5])
@@ -194,7 +196,7 @@ _BOW_DIRECTION = np.array([-0.25, 0.35, 0.9])  # outwards, up and forward, away 
 
 
 def bump(u: FloatArray) -> FloatArray:
-    """A bump (...) of height 1 over [0, 1] whose value, slope and curvature are 0 at both ends: 64 u^3 (1 - u)^3."""
+    """A bump (...) of height 1 over [0, 1] with value, slope and curvature 0 at both ends: 64 u^3 (1 - u)^3."""
     return np.asarray(64.0 * (u * (1.0 - u)) ** 3)
 
 
@@ -204,10 +206,9 @@ def reach(
     """The ``n_frames`` states between two motions: the end of ``before`` (.., 65) and the start of ``after`` (.., 65).
 
     The quintic (minimum jerk) takes position and velocity from the two ends (one-sided differences over three frames)
-    and 0.4 of the acceleration, since all of it makes long detours. Hands bow outwards by the signer's ``arch``,
-    fingers lead, each in its own time, and a weak hand that goes down lags. All of these fade out at both ends, with
-    their first two derivatives. ``at``: where frames lie between both ends, 0 to 1, any number of them, instead of
-    evenly.
+    and 0.4 of the acceleration, since the full acceleration makes long detours. Hands bow outwards by the signer's
+    ``arch``, fingers lead, each in its own time, and a weak hand that goes down lags. All of these fade out at both
+    ends, with their first two derivatives. ``at``: times of the frames between both ends, 0 to 1, instead of even ones.
     """
     steps = n_frames + 1
     u = (np.arange(1, n_frames + 1) / steps if at is None else at)[:, None]  # (n, 1)
@@ -242,8 +243,8 @@ def clip_fingers(states: FloatArray) -> None:
 
 
 def from_rest_to_rest(knots: Sequence[Knot], rest: FloatArray, up: int, down: int, signer: Signer) -> FloatArray:
-    """States of every whole frame of the preparation, ``up`` frames until the first knot's, of the trajectory, and of
-    the retraction, ``down`` frames from the last knot's.
+    """States of every whole frame of the preparation (``up`` frames to the first knot), the trajectory, and the
+    retraction (``down`` frames from the last knot).
     """
     core, still = through(knots), _still(rest)
     first, last = knots[0].frame, knots[-1].frame
@@ -261,29 +262,29 @@ def _still(state: FloatArray) -> FloatArray:
 
 
 def _passing(state: FloatArray, step: FloatArray, stop: bool) -> FloatArray:
-    """Three frames (3, 65) from a state on: of rest, or with a step from frame to frame."""
+    """Three frames (3, 65) from a state on: at rest, or with a step from frame to frame."""
     return _still(state) if stop else state + np.arange(3)[:, None] * step
 
 
 _SHOULDER_DISTANCE_CM = 23.0
-"""Least distance at which a wrist passes its shoulder; any nearer, the elbow would have to swing round."""
+"""Least distance at which a wrist passes its shoulder, cm; any nearer, the elbow would have to swing round."""
 _PASSING_DIRECTION = np.array([-0.35, 0.0, 0.94])
 _MOST_PASSING_CM = 16.0
-"""How far a path bows forward for that at most; plain motion has no limit, and throws a hand forward now and then."""
+"""Largest forward bow of a path for that, cm; plain motion has no limit and sometimes throws a hand forward."""
 
 
 def _avoid_shoulder(path: FloatArray, hill: FloatArray, start: FloatArray, end: FloatArray, signer: Signer) -> None:
-    """Bow a wrist's path (n, 3) forward and out, in place, where it would come nearer to the shoulder than its ends."""
+    """Bow a wrist's path (n, 3) forward and out, in place, if it would come nearer to the shoulder than its ends."""
     centre = shoulder(signer) * signer.scale
     ends = min(float(np.linalg.norm(start - centre)), float(np.linalg.norm(end - centre)))
     least = min(_SHOULDER_DISTANCE_CM * signer.scale, ends)
-    left = np.inf if signer.manner == PLAIN else _MOST_PASSING_CM * signer.scale
+    remaining = np.inf if signer.manner == PLAIN else _MOST_PASSING_CM * signer.scale
     for _ in range(4):
         lack = least - np.linalg.norm(path - centre, axis=-1)
         if lack.max() <= 0.0:
             break
-        bow = min(float((lack / np.maximum(hill[:, 0], 0.2)).max()), left)
-        left -= bow
+        bow = min(float((lack / np.maximum(hill[:, 0], 0.2)).max()), remaining)
+        remaining -= bow
         path += hill * bow * _PASSING_DIRECTION
 
 
@@ -318,21 +319,21 @@ def _quintic(start: tuple[FloatArray, ...], end: tuple[FloatArray, ...], steps: 
 
 
 def warp_time(states: FloatArray, times: FloatArray) -> FloatArray:
-    """States (T, 65), each number taken at a time of its own, frames (T, 65); between frames by a cubic spline."""
+    """States (T, 65) with each number taken at its own time, frames (T, 65); between frames by a cubic spline."""
     frames = np.arange(len(states))
     taken = states.copy()
     each, group = np.unique(times, axis=1, return_inverse=True)
     group = group.ravel()
-    for n, own in enumerate(each.T):
-        if (own != frames).any():
-            taken[:, group == n] = CubicSpline(frames, states[:, group == n])(own)
+    for n, column_times in enumerate(each.T):
+        if (column_times != frames).any():
+            taken[:, group == n] = CubicSpline(frames, states[:, group == n])(column_times)
     return taken
 
 
 def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Generator) -> FloatArray:
     """Breath, sway and tremor (T, 65) of a standing signer, to be added to states."""
     t = np.arange(n_frames) / fps
-    out = np.zeros((n_frames, pose.SIZE))
+    motion = np.zeros((n_frames, pose.SIZE))
 
     def wave(hz: float) -> FloatArray:
         """A wave of nearly one frequency: the sum of two close frequencies with random phases."""
@@ -342,16 +343,16 @@ def small_motions(n_frames: int, fps: float, signer: Signer, rng: np.random.Gene
         )
 
     breath = np.deg2rad(signer.breath_deg) * wave(signer.breath_hz)
-    out[:, pose.TRUNK.start] = -breath
-    out[:, pose.TRUNK.start + 2] = np.deg2rad(0.35) * wave(signer.sway_hz)
-    out[:, pose.HEAD.start] = 1.4 * breath + np.deg2rad(0.5) * wave(0.31)
-    out[:, pose.HEAD.start + 1] = np.deg2rad(0.7) * wave(0.22)
-    out[:, pose.ROOT.start] = signer.sway_cm * wave(signer.sway_hz)
-    out[:, pose.ROOT.start + 2] = 0.7 * signer.sway_cm * wave(0.83 * signer.sway_hz)
+    motion[:, pose.TRUNK.start] = -breath
+    motion[:, pose.TRUNK.start + 2] = np.deg2rad(0.35) * wave(signer.sway_hz)
+    motion[:, pose.HEAD.start] = 1.4 * breath + np.deg2rad(0.5) * wave(0.31)
+    motion[:, pose.HEAD.start + 1] = np.deg2rad(0.7) * wave(0.22)
+    motion[:, pose.ROOT.start] = signer.sway_cm * wave(signer.sway_hz)
+    motion[:, pose.ROOT.start + 2] = 0.7 * signer.sway_cm * wave(0.83 * signer.sway_hz)
     for first in (0, 27):
         for axis in range(3):
-            out[:, first + axis] = signer.tremor_cm * wave(signer.tremor_hz) + 0.08 * wave(0.4)
-    return out
+            motion[:, first + axis] = signer.tremor_cm * wave(signer.tremor_hz) + 0.08 * wave(0.4)
+    return motion
 
 
 def window(n_frames: int, edge: int) -> FloatArray:

@@ -1,7 +1,7 @@
-"""Two hands that are not each other's mirror image in place and time, and fingers that are late or early.
+"""Makes the two hands differ from mirror images in place and time, and fingers late or early.
 
-Where hands touch each other or the body, they are where the notation has them: what differs fades out there. A base
-hand comes and goes in a time of its own, and gives way a little where it is touched.
+The differences fade out where hands touch each other or the body, so that touches follow the notation. A base hand
+comes and goes in its own time, and gives way a little to touches.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from signsplice.signer.signer import Signer, stream
 from signsplice.signer.timing import Events, SignTake
 
 _FREE_CM = 3.5
-"""How much farther than that hands are as free as in the open."""
+"""Additional distance beyond ``TOUCH_CM`` at which hands are as free as in the open, cm."""
 _PLACE_CM = (1.5, 3.5)
-"""Least and greatest distance of one hand from the mirror image of the other, where both are free."""
+"""Least and greatest distance of one free hand from the mirror image of the other, cm."""
 _LAG_FRAMES = (0.5, 1.7)
 """Least and greatest lag of one hand, frames of 30 a second."""
 
@@ -28,10 +28,10 @@ _LAG_FRAMES = (0.5, 1.7)
 def with_separate_timing(
     states: FloatArray, take: SignTake, events: Events, near: Nearness | None = None
 ) -> FloatArray:
-    """States (T, 65) of a whole word in which hands and fingers differ in place and time as the signer's manner has it;
-    the states themselves where it is plain.
+    """Makes hands and fingers of a whole word's states (T, 65) differ in place and time according to the signer's
+    manner; returns the states unchanged if it is plain.
 
-    near: where hands are, if that is known
+    near: nearness of the hands, if known
     """
     sign, signer, fps, manner = take.sign, take.signer, take.fps, take.signer.manner
     mirrored, base = sign.hands in MIRRORED_HANDS, sign.hands == "base"
@@ -45,7 +45,7 @@ def with_separate_timing(
         clearances = np.column_stack([near.clearances.min(axis=-1), near.apart])
     free = _freedom(clearances, fps)  # (T, 2)
     frames = np.arange(len(states), dtype=np.float64)
-    times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # at which time each number is taken, (T, 65)
+    times = np.repeat(frames[:, None], pose.SIZE, axis=1)  # time at which each number is taken, (T, 65)
     shift, inside = np.zeros_like(states), _within(frames, events.up, events.down, fps)
     if mirrored and manner.hand_difference:
         level = free.min(axis=1) * inside
@@ -53,8 +53,8 @@ def with_separate_timing(
         times[:, 27:54] -= (lag * fps / 30.0 * level)[:, None]
         shift[:, 27:30] = place * level[:, None]
     if base and manner.base_lag:
-        own, shift = base_motion(states, clearances, take, events)
-        times[:, 27:54] = own[:, None]
+        base_times, shift = base_motion(states, clearances, take, events)
+        times[:, 27:54] = base_times[:, None]
     if formed:
         late = trajectory.delays(signer, sign.gloss, take.number) * fps / 30.0
         for which, first in enumerate((6, 33)):
@@ -67,8 +67,8 @@ def with_separate_timing(
 
 
 def _freedom(clearances: FloatArray, fps: float) -> FloatArray:
-    """How free the strong and the weak hand are, (T, 2): 0 around touches, 1 in the open; it changes over some frames,
-    so that time never runs backwards.
+    """Freedom (T, 2) of the strong and the weak hand: 0 around touches, 1 in the open; it changes over some frames, so
+    that time never runs backwards.
     """
     nearest = np.minimum(clearances[:, :2], clearances[:, 2:3])
     level = _smooth_step((nearest - TOUCH_CM) / _FREE_CM)
@@ -78,15 +78,15 @@ def _freedom(clearances: FloatArray, fps: float) -> FloatArray:
 
 
 def _within(frames: FloatArray, begin: int, end: int, fps: float) -> FloatArray:
-    """1 between two frames, 0 outside of them, rising over a third of a second or half of the way."""
+    """1 between two frames, 0 outside; it rises over a third of a second or half of the interval."""
     rise = min(10.0 * fps / 30.0, 0.5 * (end - begin))
     inside = np.minimum(frames - begin, end - frames)
     return _smooth_step(inside / max(rise, 1e-9))
 
 
 def _difference(seconds: FloatArray, take: SignTake) -> tuple[float, FloatArray]:
-    """By how many frames of 30 a second the weak hand lags, and its displacement (T, 3), cm, that varies slowly about
-    one of the word's.
+    """Lag of the weak hand, frames of 30 a second, and its displacement (T, 3), cm, which varies slowly about one that
+    the word fixes.
     """
     signer, label = take.signer, "hand_difference"
     habit, rng = stream(label, signer.name), stream(label, signer.name, take.sign.gloss, take.number)
@@ -104,22 +104,22 @@ def _smooth_step(x: FloatArray) -> FloatArray:
 
 
 _LAG_S = 0.15
-"""How much earlier or later than the strong hand a base hand comes and goes, at most."""
+"""Largest lead or lag of a base hand relative to the strong hand, seconds."""
 _ATTEMPTS = ((1.0, 0.0), (1.0, 3.0), (1.0, 6.0), (0.5, 0.0), (0.5, 3.0), (0.5, 6.0))
-"""What is tried in turn until hands do not go through one another: a fraction of the lag, a detour, cm."""
+"""Pairs of a fraction of the lag and a detour, cm, tried in turn until hands do not go through one another."""
 _DEEPER_CM = 0.1
-"""How much deeper than in plain motion hands may go into one another on their way."""
+"""How much deeper than in plain motion hands may go into one another on their way, cm."""
 _GIVE_CM = (0.15, 0.4)
-"""Least and greatest distance by which a base hand gives way to a touch."""
+"""Least and greatest distance by which a base hand gives way to a touch, cm."""
 
 
 def base_motion(
     states: FloatArray, clearances: FloatArray, take: SignTake, events: Events
 ) -> tuple[FloatArray, FloatArray]:
-    """At which time (T,), frames, a base hand's motion is taken, so that it comes and goes in its own time and is in
+    """Times (T,), frames, at which a base hand's motion is taken, so that it comes and goes in its own time and is in
     place while it is touched; and the displacements (T, 65), cm, of both hands for that.
 
-    clearances: ``hand_clearances`` of the states, those up to ``TOUCH_CM`` at least
+    clearances: ``hand_clearances`` of the states, exact up to ``TOUCH_CM`` at least
     """
     signer, fps, start, end = take.signer, take.fps, events.start, events.end
     rng = stream("base_lag", signer.name, take.sign.gloss, take.number)
@@ -129,14 +129,14 @@ def base_motion(
     first, last = (int(touched[0]), int(touched[-1])) if len(touched) else (middle, middle)
     back = len(states) - 1
     times, shift = np.arange(len(states), dtype=np.float64), _give(states, clearances[:, 3], rng, take)
-    own, displacement = _coming(
+    warped, displacement = _coming(
         states[: first + 1], clearances[: first + 1, 3], events.up, start, float(lags[0]), signer
     )
-    times[: first + 1] = own
+    times[: first + 1] = warped
     shift[: first + 1, :3] += displacement
     ends = back - events.down, back - end
-    own, displacement = _coming(states[last:][::-1], clearances[last:, 3][::-1], *ends, -float(lags[1]), signer)
-    times[last:] = back - own[::-1]
+    warped, displacement = _coming(states[last:][::-1], clearances[last:, 3][::-1], *ends, -float(lags[1]), signer)
+    times[last:] = back - warped[::-1]
     shift[last:, :3] += displacement[::-1]
     return times, shift
 
@@ -144,19 +144,19 @@ def base_motion(
 def _coming(
     states: FloatArray, clearance: FloatArray, up: int, start: int, lag: float, signer: Signer
 ) -> tuple[FloatArray, FloatArray]:
-    """At which time (n,) a base hand's motion is taken that ends in a touch at the last of the states (n, 65), and the
-    strong wrist's displacement (n, 3), cm: it goes round the base hand where that is in its way. Where there is no
-    way, the base hand comes with the strong one.
+    """Times (n,) at which a base hand's motion is taken that ends in a touch at the last of the states (n, 65), and the
+    strong wrist's displacement (n, 3), cm: it goes round the base hand if that is in its way. If every attempt fails,
+    the base hand comes with the strong one.
 
     clearance: distance of the hands' skins in plain motion, (n,)
     """
     frames = np.arange(len(states), dtype=np.float64)
     u = np.clip((frames - up) / max(1, start - up), 0.0, 1.0)
-    hill = trajectory.bump(u**2)[:, None]  # highest near to the touch, where the base hand is in the way
-    out = penetration(states[-1:], signer, 1e9)[1][0, 0]
+    hill = trajectory.bump(u**2)[:, None]  # highest near the touch, where the base hand is in the way
+    direction = penetration(states[-1:], signer, 1e9)[1][0, 0]
     for fraction, detour in _ATTEMPTS:
         times = _own_times(frames, states[:, 27:30], up, start, fraction * lag)
-        displacement = detour * signer.scale * hill * out
+        displacement = detour * signer.scale * hill * direction
         tried = trajectory.warp_time(
             states, np.column_stack([*[frames] * 27, *[times] * 27, *[frames] * (pose.SIZE - 54)])
         )
@@ -167,23 +167,23 @@ def _coming(
 
 
 def _own_times(frames: FloatArray, wrist: FloatArray, up: int, start: int, lag: float) -> FloatArray:
-    """Times (n,) at which a base hand that would be in place at frame ``start`` is ``lag`` frames later, or earlier
-    where it would be late for the last of them. It rests where time stands or turns.
+    """Times (n,) that delay a base hand, in place at frame ``start``, by ``lag`` frames, or advance it if it would be
+    late for the last frame. The hand rests while time stands or turns.
     """
     stop = len(frames) - 1
     moves = float(np.ptp(wrist[start:], axis=0).max()) > 0.5
     if lag > 0.0 and (moves or lag > 0.6 * (stop - start)):
         lag = -lag
     lag = max(lag, -0.4 * (start - up))
-    own = frames.copy()
+    warped = frames.copy()
     coming = slice(up, (start if lag < 0.0 else stop) + 1)
-    own[coming] = np.interp(frames[coming], (up, start + lag, coming.stop - 1), (up, start, coming.stop - 1))
-    return own
+    warped[coming] = np.interp(frames[coming], (up, start + lag, coming.stop - 1), (up, start, coming.stop - 1))
+    return warped
 
 
 def _give(states: FloatArray, clearance: FloatArray, rng: np.random.Generator, take: SignTake) -> FloatArray:
-    """Displacements (T, 65) of both hands together, cm, where the strong one touches the base hand: that gives way in
-    the direction of the touch and comes back.
+    """Displacements (T, 65), cm, of both hands together at touches of the base hand, which gives way in the direction
+    of the touch and comes back.
     """
     shift = np.zeros_like(states)
     touching = clearance < TOUCH_CM

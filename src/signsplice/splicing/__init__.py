@@ -1,1 +1,1 @@
-"""The product: where to leave and enter signs, the frames between, and the engine that joins them."""
+"""The product: cutters, transitions, and the engine that joins signs."""

@@ -1,14 +1,14 @@
 """Many sentences spliced together: the same frames as one by one, bit for bit, in less time.
 
-A word is read by the networks once, whatever the number of sentences. What is computed frame by frame (curves, what the
-network is shown and answers, poses, collisions, scores) is computed for the seams of many sentences in one go; every
-frame gets the numbers that it would get alone.
+The networks read a word once, whatever the number of sentences. Work done frame by frame (curves, network inputs and
+outputs, poses, collisions, scores) is batched over the seams of many sentences; every frame gets the numbers that it
+would get alone.
 
-A pair of words that comes again is not filled again (``TransitionCache``). The key of a gap is a digest of what a
-transition sees: every number of the frames that the gap shows on either side, the skeleton, the rate, whether a word
-was drawn between keys, the number of new frames, and the passes that fill it, with the file of the transition's
-network. Which words, cuts and options led to these frames does not matter, since they act through them alone. Whatever
-differs in one bit has another key.
+A repeated pair of words is not filled again (``TransitionCache``). The key of a gap is a digest of what a transition
+sees: every number of the frames that the gap shows on either side, the skeleton, the rate, whether a word was drawn
+between keys, the number of new frames, and the passes that fill it, with the file of the transition's network. Words,
+cuts and options act through these frames alone, so they are not part of the key. Gaps that differ in one bit have
+different keys.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from signsplice.splicing.sentence import Sentence
 from signsplice.splicing.word import Word, check_list
 
 _WORDS_AT_ONCE = 256
-"""About so many words are worked on together: more take more memory and are hardly faster."""
+"""Approximate number of words per batch: larger batches need more memory and are hardly faster."""
 Result = SpliceResult | SignspliceError
 T = TypeVar("T")
 _Asked = tuple[Sequence[Clip | Word], SpliceOptions]
@@ -46,40 +46,40 @@ def splice_many(
     options: Sequence[SpliceOptions] | SpliceOptions | None = None,
     transitions: TransitionCache | None = None,
 ) -> list[Result]:
-    """What ``splice`` gives of each sentence alone, in order; where it raises a ``SignspliceError``, that error.
+    """Returns what ``splice`` returns for each sentence alone, in order, or the ``SignspliceError`` that it raises.
 
-    options: of all sentences, or of each.
-    transitions: where those of earlier calls are found.
+    options: for all sentences, or one per sentence.
+    transitions: cache with the transitions of earlier calls.
 
-    Clips that are one word should be one object in all sentences: what is computed of a word is kept as long as that
-    object lives. Raises ``ValueError`` where there are not as many options as sentences.
+    Use one clip object per word in all sentences: results for a word are kept as long as that object lives. Raises
+    ``ValueError`` if the numbers of options and sentences differ.
     """
     if options is None or isinstance(options, SpliceOptions):
         options = [options or SpliceOptions()] * len(sentences)
-    out: list[Result] = []
+    results: list[Result] = []
     block: list[_Asked] = []
     for asked in zip(sentences, options, strict=True):
         check_list(asked[0])
         block.append(asked)
         if sum(len(clips) for clips, _ in block) >= _WORDS_AT_ONCE:
-            out += _splice_block(block, transitions)
+            results += _splice_block(block, transitions)
             block = []
-    return out + _splice_block(block, transitions)
+    return results + _splice_block(block, transitions)
 
 
 def _splice_block(block: Sequence[_Asked], transitions: TransitionCache | None) -> list[Result]:
-    """``splice_many`` of few sentences, each step for all of them."""
+    """Splices one batch of sentences, each step for all of them."""
     done: dict[int, Result] = {}
 
     def each(step: Callable[[int], T], rows: Iterable[int]) -> dict[int, T]:
-        """What a step makes of every sentence that it does not end."""
-        made: dict[int, T] = {}
+        """Runs a step for every sentence and returns the values of those in which it raises no error."""
+        values: dict[int, T] = {}
         for row in rows:
             try:
-                made[row] = step(row)
+                values[row] = step(row)
             except SignspliceError as error:
                 done[row] = error
-        return made
+        return values
 
     growing = each(lambda row: Sentence(block[row][1]), range(len(block)))
     planned = each(lambda row: growing[row].plan(block[row][0]), growing)
@@ -87,7 +87,7 @@ def _splice_block(block: Sequence[_Asked], transitions: TransitionCache | None) 
     for rows in _with_same_passes(growing, planned):
         try:
             filled |= _fill_seams({row: (growing[row], planned[row][1]) for row in rows}, transitions)
-        except SignspliceError:  # of some of them
+        except SignspliceError:  # at least one sentence fails: fill each alone
             filled |= each(lambda row: _fill_seams({row: (growing[row], planned[row][1])}, transitions)[row], rows)
     finished = each(lambda row: growing[row].finish(planned[row][0], filled[row]), filled)
     began = time.perf_counter()
@@ -104,7 +104,7 @@ def _splice_block(block: Sequence[_Asked], transitions: TransitionCache | None) 
 
 
 def _with_same_passes(sentences: dict[int, Sentence], rows: Iterable[int]) -> list[list[int]]:
-    """Sentences whose gaps are filled in the same way."""
+    """Groups sentences whose gaps are filled by the same passes."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for row in rows:
         groups.setdefault(signature(sentences[row].passes, id), []).append(row)
@@ -114,27 +114,27 @@ def _with_same_passes(sentences: dict[int, Sentence], rows: Iterable[int]) -> li
 def _fill_seams(
     sentences: dict[int, tuple[Sentence, Sequence[Seam]]], transitions: TransitionCache | None
 ) -> dict[int, list[Seam]]:
-    """The seams of sentences that are filled in the same way; each sentence takes its seams' part of the time."""
+    """Fills the seams of sentences with the same passes; each sentence is charged its seams' share of the time."""
     passes = next(sentence.passes for sentence, _ in sentences.values())
-    seams = [seam for _, some in sentences.values() for seam in some]
+    seams = [seam for _, sentence_seams in sentences.values() for seam in sentence_seams]
     began = time.perf_counter()
     filled = iter(fill(passes, seams) if transitions is None else transitions.fill(passes, seams))
     seconds = (time.perf_counter() - began) / max(1, len(seams))
-    for sentence, some in sentences.values():
-        sentence.seconds["transition"] += seconds * len(some)
-    return {row: [next(filled) for _ in some] for row, (_, some) in sentences.items()}
+    for sentence, sentence_seams in sentences.values():
+        sentence.seconds["transition"] += seconds * len(sentence_seams)
+    return {row: [next(filled) for _ in sentence_seams] for row, (_, sentence_seams) in sentences.items()}
 
 
 MOST_BYTES = 64_000_000
-"""Memory of the frames that are kept by default: about 3,500 transitions of a rig with fingers."""
+"""Default memory limit of the cache, bytes: about 3,500 transitions of a rig with fingers."""
 _ENTRY_BYTES = 1000
-"""Memory of an entry besides its frames."""
+"""Memory of a cache entry besides its frames, bytes."""
 
 
 class TransitionCache:
-    """The transitions that were used last, as many as ``most_bytes`` of memory hold; in one process.
+    """The most recently used transitions of one process, limited to ``most_bytes`` of memory.
 
-    hits, misses: gaps that were found, and gaps that had to be filled.
+    hits, misses: number of gaps found in the cache, and of gaps that had to be filled.
     """
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
@@ -143,8 +143,8 @@ class TransitionCache:
         self._kept: OrderedDict[bytes, _FilledGap] = OrderedDict()
 
     def fill(self, passes: Sequence[Pass], seams: Sequence[Seam]) -> list[Seam]:
-        """Seams with their new frames, bit for bit those of ``passes.fill``. Those of transitions whose frames do
-        not follow from what is known of them (``Transition.identity``), and on avatars, are always made anew.
+        """Returns the seams with their new frames, bit for bit those of ``passes.fill``. Seams on avatars, and of
+        transitions without an identity (``Transition.identity``), are never cached.
         """
         done = {row: seam for row, seam in enumerate(seams) if not seam.is_open}
         keys = {row: gap_key(passes, seam.gap) for row, seam in enumerate(seams) if row not in done}
@@ -156,10 +156,10 @@ class TransitionCache:
                 known[key] = self._kept[key]
             else:
                 asked.setdefault(row if key is None else key, row)
-        made = fill(passes, [seams[row] for row in asked.values()])
-        self.misses += len(made)
-        self.hits += len(keys) - len(made)
-        for row, seam in zip(asked.values(), made, strict=True):
+        filled = fill(passes, [seams[row] for row in asked.values()])
+        self.misses += len(filled)
+        self.hits += len(keys) - len(filled)
+        for row, seam in zip(asked.values(), filled, strict=True):
             done[row] = seam
             if (key := keys[row]) is not None:
                 known[key] = self._keep(key, seam)
@@ -177,16 +177,16 @@ class TransitionCache:
             translations=None if clip.translations is None else np.array(clip.translations),
             channels=None,
         )
-        kept = self._kept[key] = _FilledGap(compact, seam.frame_warnings, seam.depth, seam.peak_m_s)
+        entry = self._kept[key] = _FilledGap(compact, seam.frame_warnings, seam.depth, seam.peak_m_s)
         self.nbytes += compact.nbytes + _ENTRY_BYTES
         while self.nbytes > self.most_bytes:
             _, oldest = self._kept.popitem(last=False)
             self.nbytes -= oldest.clip.nbytes + _ENTRY_BYTES
-        return kept
+        return entry
 
 
 class _FilledGap(NamedTuple):
-    """What the passes that batch made of a gap: the fields of its seam."""
+    """The seam fields that the batching passes set for a gap."""
 
     clip: Clip
     warnings: tuple[str, ...]
@@ -194,7 +194,7 @@ class _FilledGap(NamedTuple):
     peak_m_s: float | None
 
     def apply_to(self, seam: Seam) -> Seam:
-        """A planned seam whose gap has the same numbers, with these frames."""
+        """Returns a planned seam with these frames; its gap must have the same numbers."""
         before, n_frames = seam.gap.before, len(self.clip)
         channels = None if before.channels is None else before.channels.forgotten(n_frames)
         clip = copy_unchecked(self.clip, skeleton=before.skeleton, channels=channels)
@@ -205,9 +205,9 @@ class _FilledGap(NamedTuple):
 
 
 def gap_key(passes: Sequence[Pass], gap: Gap) -> bytes | None:
-    """A digest of all that decides the frames of a gap; None where that is not known."""
+    """Returns a digest of all that determines the frames of a gap, or None if that is unknown."""
     described, skeleton = signature(passes, lambda transition: transition.identity), gap.before.skeleton
-    if any(None in one for one in described) or type(skeleton) is not Skeleton:
+    if any(None in part for part in described) or type(skeleton) is not Skeleton:
         return None
     digest = hashlib.blake2b(repr(described).encode(), digest_size=32)
     digest.update(skeleton.derived[_skeleton_key])
@@ -224,9 +224,9 @@ def _add_frames(digest: hashlib.blake2b, clip: Clip) -> None:
 
 
 def _skeleton_key(skeleton: Skeleton) -> bytes:
-    """A digest of a skeleton: names, parents, offsets, tips, roles and rest pose."""
+    """Returns a digest of a skeleton: names, parents, offsets, tips, roles and rest pose."""
     tips = [(site.joint, site.offset.tobytes()) for site in skeleton.end_sites]
     roles = None if skeleton.roles is None else sorted(skeleton.roles.items())
     rest = None if skeleton.rest_pose is None else skeleton.rest_pose.tobytes()
-    what = (skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tobytes(), tips, roles, rest)
-    return hashlib.blake2b(repr(what).encode(), digest_size=32).digest()
+    contents = (skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tobytes(), tips, roles, rest)
+    return hashlib.blake2b(repr(contents).encode(), digest_size=32).digest()

@@ -1,8 +1,8 @@
-"""A trained system as a folder: ONNX files, and bundle.json with what they are and the sha256 of each.
+"""A trained system as a folder: ONNX files, and a bundle.json that describes them and lists the sha256 of each.
 
-``BundleConfig`` is bundle.json, read and checked in one place. A bundle of another system, as the paper's are, has more
-in it, which ``stored`` keeps. ``Sessions`` opens the networks in onnxruntime, each checked when it is first run, on one
-thread. A graph that names other files for its weights is refused: no hash of the bundle covers those files.
+``BundleConfig`` reads and checks bundle.json. A bundle of another system, such as the paper's, has more fields, which
+``stored`` keeps. ``Sessions`` opens the networks in onnxruntime on one thread and checks each at its first run. Graphs
+that keep weights in other files are refused: no hash of the bundle covers those files.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from signsplice.formats.reading import as_format_error, format_errors, read_byte
 
 BUNDLE_FILE = "bundle.json"
 WEIGHTS = Path(__file__).parent / "weights"
-"""The bundle that ships, and in folders of it the systems that do."""
+"""The shipped bundle; its subfolders hold the shipped systems."""
 VERSION = 1
 
 
@@ -34,9 +34,9 @@ VERSION = 1
 class NetworkConfig:
     """One of this project's networks, as bundle.json describes it.
 
-    recipe: hash of everything that its training depended on; None where it is not known.
+    recipe: hash of everything that its training depended on; None if unknown.
     n_parameters: number of weights.
-    trained_on: ``corpus`` and ``split`` of the corpus of pairs that it learned from; None where it never saw one.
+    trained_on: ``corpus`` and ``split`` of the corpus of pairs used for training; None if none was used.
     stored: the whole entry of bundle.json.
     """
 
@@ -50,12 +50,12 @@ class NetworkConfig:
 class BundleConfig:
     """bundle.json, version 1.
 
-    path: the file, for messages.
+    path: path of the file, for messages.
     system: name of the system; "signsplice" for this project's networks.
     files: ONNX file name -> sha256.
-    features: version of the features that the networks see (``features.VERSION``).
+    features: version of the networks' input features (``features.VERSION``).
     networks: this project's networks by name.
-    precision: "float16" where weights are stored in 16 bits.
+    precision: "float16" if weights are stored in 16 bits.
     stored: the whole file as JSON values.
     """
 
@@ -72,7 +72,7 @@ _PLAIN = ("system", "features", "precision")
 
 
 def read_config(folder: Path) -> BundleConfig:
-    """bundle.json of a folder. Raises ``InputError`` where it is missing, broken, or of another version."""
+    """Reads bundle.json of a folder. Raises ``InputError`` if it is missing, broken, or of another version."""
     path = Path(folder) / BUNDLE_FILE
     stored = read_json(path, "the description of a trained system")
     version = stored.get("version") if isinstance(stored, dict) else None
@@ -82,7 +82,7 @@ def read_config(folder: Path) -> BundleConfig:
 
 
 def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
-    """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
+    """Converts JSON values to a configuration. Raises ``InputError`` if a value has the wrong type."""
     with config_errors(path):
         check_fields(stored, BundleConfig, *_PLAIN, "files")
         if names := [
@@ -102,7 +102,7 @@ def config_of(stored: Mapping[str, Any], path: Path) -> BundleConfig:
 
 @contextmanager
 def config_errors(path: Path) -> Iterator[None]:
-    """Turn what goes wrong in the block into an ``InputError`` about the bundle.json at a path."""
+    """Turns errors raised in the block into an ``InputError`` about the bundle.json at ``path``."""
     try:
         yield
     except (TypeError, AttributeError, ValueError, InputError) as error:
@@ -111,7 +111,7 @@ def config_errors(path: Path) -> Iterator[None]:
 
 
 def check_fields(stored: Mapping[str, Any], kind: type, *names: str) -> None:
-    """Raise ``TypeError`` where one of these keys is there with another type than the field of a class has."""
+    """Raises ``TypeError`` if a present key has another type than the field of class ``kind``."""
     kinds = get_type_hints(kind)
     for name in names:
         if name in stored:
@@ -127,14 +127,14 @@ def _network(entry: Mapping[str, Any]) -> NetworkConfig:
 
 
 def bundle_sha256(folder: Path) -> str:
-    """sha256 of a bundle: of its bundle.json, which holds those of its files. Raises ``InputError`` where it is
+    """Returns the sha256 of bundle.json, which lists those of the bundle's files. Raises ``InputError`` if it is
     missing.
     """
     return hashlib.sha256(read_bytes(Path(folder) / BUNDLE_FILE)).hexdigest()
 
 
 def read_file(folder: Path, config: BundleConfig, name: str) -> bytes:
-    """A file of a bundle. Raises ``InputError`` where it is not listed, missing, or not the one that was written."""
+    """Reads a file of a bundle. Raises ``InputError`` if it is not listed, is missing, or has another sha256."""
     path = Path(folder) / name
     expected = config.files.get(name)
     if expected is None:
@@ -158,17 +158,17 @@ _FIELDS = {
     "Tensor": {13: "Entry", 14: ""},
     "Entry": {},
 }
-"""Message of ONNX -> field number -> message in that field; "" for a number. Only what leads to a tensor's
+"""ONNX message -> field number -> message type of that field; "" for a number. Only the fields that lead to a tensor's
 ``external_data`` (13) and ``data_location`` (14); from onnx.proto3, https://github.com/onnx/onnx.
 """
 _EXTERNAL = 1
-"""``data_location`` of a tensor that lies in another file."""
+"""``data_location`` of a tensor stored in another file."""
 
 
 def names_other_files(graph: bytes) -> bool:
-    """Whether a tensor of an ONNX file lies in another file, in whatever graph, node or function of it.
+    """Whether any graph, node or function of an ONNX file has a tensor stored in another file.
 
-    Raises ``google.protobuf.message.DecodeError`` where the bytes are no such file.
+    Raises ``google.protobuf.message.DecodeError`` if the bytes are not an ONNX file.
     """
     model = _model_class()()
     model.ParseFromString(graph)
@@ -186,7 +186,7 @@ def _has_external_tensor(message: Any) -> bool:
 
 
 def _model_class() -> Any:
-    """The class of ONNX's ModelProto, with the fields of ``_FIELDS`` alone; protobuf passes over the others."""
+    """Builds the class of ONNX's ModelProto with the fields of ``_FIELDS`` only; protobuf skips the others."""
     file = descriptor_pb2.FileDescriptorProto(name="onnx_tensors.proto", package="tensors")
     for name, fields in _FIELDS.items():
         message = file.message_type.add(name=name)
@@ -205,11 +205,11 @@ Array = NDArray[Any]
 
 
 class Sessions:
-    """The networks of a bundle by file name without ``.onnx``.
+    """The networks of a bundle, by file name without ``.onnx``.
 
-    folder: the bundle.
+    folder: the bundle's folder.
     config: its bundle.json.
-    seconds: time that the networks have run, in all.
+    seconds: total run time of the networks, s.
     """
 
     def __init__(self, folder: Path, config: BundleConfig) -> None:
@@ -218,15 +218,15 @@ class Sessions:
         self._sessions: dict[str, tuple[Any, list[str], list[str]]] = {}
 
     def check(self) -> None:
-        """Read every file once. Raises ``InputError`` where one is missing or is not the one that was written."""
+        """Reads every file once. Raises ``InputError`` if one is missing or has another sha256."""
         for name in self.config.files:
             read_file(self.folder, self.config, name)
 
     def run(self, name: str, inputs: Mapping[str, Array], **shapes: tuple[int | None, ...]) -> dict[str, Array]:
-        """The outputs of a network by name; inputs that it does not have are left out.
+        """Runs a network and returns its outputs by name; inputs that it does not have are ignored.
 
-        shapes: of outputs that the caller relies on, None for any length; their numbers must be finite. Raises
-        ``FormatError`` where the network cannot be opened or run, or an output is another.
+        shapes: expected shapes of the outputs that the caller uses, None for any length; their numbers must be finite.
+        Raises ``FormatError`` if the network cannot be opened or run, or if an output is not as expected.
         """
         session, takes, gives = self._session(name)
         began = time.perf_counter()
@@ -261,9 +261,13 @@ class Sessions:
 
 
 def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None:
-    """Raise ``ValueError`` where an output is no array of finite numbers of this shape."""
-    found = np.shape(output) if isinstance(output, np.ndarray) and output.dtype.kind == "f" else None
-    if found is None or len(found) != len(shape) or any(n not in (None, m) for n, m in zip(shape, found, strict=True)):
-        raise ValueError(f"output {name} has shape {found}, expected {shape}")
+    """Raises ``ValueError`` if an output is not an array of finite numbers of this shape."""
+    actual = np.shape(output) if isinstance(output, np.ndarray) and output.dtype.kind == "f" else None
+    if (
+        actual is None
+        or len(actual) != len(shape)
+        or any(n not in (None, m) for n, m in zip(shape, actual, strict=True))
+    ):
+        raise ValueError(f"output {name} has shape {actual}, expected {shape}")
     if not np.isfinite(output).all():
         raise ValueError(f"output {name} is not finite")

@@ -1,19 +1,17 @@
 """The classical transitions: curves over the gap between two signs.
 
-Time runs from 0 at the last frame before to T = (n + 1) / fps at
-the first frame after; the n frames between are new. Each joint follows a rotation vector x(t) in the frame of its pose
-a before: x(0) = 0, x(T) = d = log(a^-1 b), pose(t) = a exp(x(t)), by the short side. The root's position (and bone
-lengths, where a file animates them) follows the same curve. Boundary velocities are those of the one frame step
-outside each end.
+Time runs from 0 at the last frame before to T = (n + 1) / fps at the first frame after; the n frames between are new.
+Each joint follows a rotation vector x(t) in the frame of its pose a before: x(0) = 0, x(T) = d = log(a^-1 b),
+pose(t) = a exp(x(t)), along the shorter arc. The root's position (and bone lengths, if a file animates them) follows
+the same curve. Boundary velocities are those of the frame step outside each end.
 
-**Limited ends.** A cubic or quintic that keeps the boundary velocities v over a long gap swings out by up to 4/27 v T,
-without bound in T, and the ends of two clips that were never meant for one another make it do so. Here each end's
-velocity fades out within its own time tau = min(T, max(tau_0, 3 |d| / |v|)), d the joint's whole displacement. Where
-tau = T this is the plain Hermite curve; 3 |d| / |v| is the bound within which a cubic stays monotone (Fritsch and
-Carlson 1980). tau_0 goes from 0.4 s for a velocity along the displacement to 0.2 s for one against it, where the clips
-disagree (the quintic, which swings wider: always 0.2 s). Velocities at both ends stay exact, and no end swings out by
-more than 4/27 |v| max(tau_0, 3 |d| / |v|) (the quintic: 0.22), whatever T is. docs/decisions.md has what this costs
-and gains.
+**Limited ends.** A cubic or quintic that keeps the boundary velocities v over a long gap overshoots by up to 4/27 v T,
+without bound in T, which happens if two clips do not fit together. Here each end's velocity fades out within its own
+time tau = min(T, max(tau_0, 3 |d| / |v|)), with d the joint's displacement. For tau = T this is the plain Hermite
+curve; 3 |d| / |v| is the bound within which a cubic stays monotone (Fritsch and Carlson 1980). tau_0 goes from 0.4 s
+for a velocity along the displacement to 0.2 s for one against it (always 0.2 s for the quintic, which overshoots more).
+Velocities at both ends stay exact, and no end overshoots by more than 4/27 |v| max(tau_0, 3 |d| / |v|) (the quintic:
+0.22), whatever T is. docs/decisions.md lists costs and gains.
 """
 
 from __future__ import annotations
@@ -35,13 +33,13 @@ MONOTONE = 3.0
 
 @dataclass(frozen=True, eq=False)
 class CurveProblem:
-    """What a curve has to bridge, for K vectors at once: joint rotations, the root's position, bone translations.
+    """The boundary conditions of a curve, for K vectors: joint rotations, the root's position, bone translations.
 
     displacement: (K, 3) from the last frame before to the first after.
-    velocities: (K, 3) at the end of the sign before and at the beginning of the sign after, a second.
+    velocities: (K, 3) at the end of the sign before and at the beginning of the sign after, per second.
     times: (n,) of the new frames, seconds.
     seconds: T, from the last frame before to the first after.
-    accelerations: (K, 3) at both ends; empty where the curve does not ask for them.
+    accelerations: (K, 3) at both ends; empty if the curve does not use them.
     """
 
     displacement: FloatArray
@@ -60,8 +58,8 @@ class CurveTransition(Transition):
     """A transition that follows a curve.
 
     curve: CurveProblem -> displacements (n, K, 3) at the new frames.
-    normalised_lerp: rotations are interpolated as normalised quaternions instead.
-    accelerates: the curve asks for accelerations.
+    normalised_lerp: whether rotations are interpolated as normalised quaternions instead.
+    accelerates: whether the curve uses accelerations.
     """
 
     name: str
@@ -72,18 +70,18 @@ class CurveTransition(Transition):
 
     @property
     def identity(self) -> str | None:
-        """Its name, where it is one of ``TRANSITIONS``."""
+        """Its name if it is one of ``TRANSITIONS``, else None."""
         return self.name if TRANSITIONS.get(self.name) is self else None
 
     def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
-        """The new frames of every gap; gaps of one length are one problem of the curve."""
-        made: dict[int, Clip] = {}
+        """Returns the new frames of every gap; gaps of one length are solved together."""
+        clips: dict[int, Clip] = {}
         for rows in _alike(gaps):
-            made |= zip(rows, self._between([gaps[row] for row in rows]), strict=True)
-        return [made[row] for row in range(len(gaps))]
+            clips |= zip(rows, self._between([gaps[row] for row in rows]), strict=True)
+        return [clips[row] for row in range(len(gaps))]
 
     def _between(self, gaps: Sequence[Gap]) -> list[Clip]:
-        """The new frames of G gaps that are alike."""
+        """Returns the new frames of G gaps of one length, skeleton and rate."""
         before, n = gaps[0].before, gaps[0].n_frames
         n_joints, moving_bones = before.local_rotations.shape[1], _moves_bones(gaps[0])
         ends = [(gap.before[-3:], gap.after[:3]) for gap in gaps]
@@ -96,14 +94,14 @@ class CurveTransition(Transition):
             rotations = rotation.nlerp(start, end, alpha)
         else:
             rotations = rotation.multiply(start, rotation.exp(curved[:, :, :n_joints]))
-        roots = np.stack([one.root_positions[-1] for one, _ in ends])[:, None] + curved[:, :, n_joints]
+        roots = np.stack([clip.root_positions[-1] for clip, _ in ends])[:, None] + curved[:, :, n_joints]
         bones = None
         if moving_bones:
-            bones = np.stack([bone_translations(one)[-1] for one, _ in ends])[:, None] + curved[:, :, n_joints + 1 :]
+            bones = np.stack([bone_translations(clip)[-1] for clip, _ in ends])[:, None] + curved[:, :, n_joints + 1 :]
             bones = bones.reshape(-1, n_joints, 3)
-        whole = Clip(before.skeleton, rotations.reshape(-1, n_joints, 4), roots.reshape(-1, 3), before.fps, "", bones)
+        joined = Clip(before.skeleton, rotations.reshape(-1, n_joints, 4), roots.reshape(-1, 3), before.fps, "", bones)
         channels = [None if gap.before.channels is None else gap.before.channels.forgotten(n) for gap in gaps]
-        return [copy_unchecked(whole[k * n : (k + 1) * n], channels=one) for k, one in enumerate(channels)]
+        return [copy_unchecked(joined[k * n : (k + 1) * n], channels=channel) for k, channel in enumerate(channels)]
 
 
 def _moves_bones(gap: Gap) -> bool:
@@ -111,7 +109,7 @@ def _moves_bones(gap: Gap) -> bool:
 
 
 def _alike(gaps: Sequence[Gap]) -> list[list[int]]:
-    """Which gaps are of one length, skeleton and rate. Raises ``InputError`` for a gap without frames."""
+    """Groups gaps by length, skeleton and rate. Raises ``InputError`` for a gap without frames."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for row, gap in enumerate(gaps):
         if gap.n_frames < 1:
@@ -124,9 +122,9 @@ def _alike(gaps: Sequence[Gap]) -> list[list[int]]:
 def _curve_problem(
     ends: Sequence[tuple[Clip, Clip]], n_frames: int, moving_bones: bool, accelerates: bool
 ) -> CurveProblem:
-    """G gaps of one length, each the last frames before and the first after: all joints as rotation vectors in the
-    frames of the pose before, the root's position, and, where bones move, every joint's translation. A clip too short
-    for a step stands still there.
+    """Builds the problem of G gaps of one length from the last frames before and the first after: all joints as
+    rotation vectors in the frames of the pose before, the root's position, and, if bones move, every joint's
+    translation. A step that a short clip lacks counts as standing still.
     """
     fps = ends[0][0].fps
     # Steps from frame to frame in order; the outermost two only give accelerations.
@@ -163,13 +161,13 @@ def _curve_problem(
 
 
 def _vectors(rotvecs: FloatArray, shifts: FloatArray) -> FloatArray:
-    """Rotation vectors (G, J, 3) and shifts (G, M, 3) of G gaps as the vectors of one problem (G (J + M), 3)."""
+    """Joins rotation vectors (G, J, 3) and shifts (G, M, 3) of G gaps to the vectors of one problem (G (J + M), 3)."""
     return np.concatenate([rotvecs, shifts], axis=1).reshape(-1, 3)
 
 
 def _steps(ends: Sequence[Sequence[FloatArray]], which: slice) -> tuple[FloatArray, FloatArray]:
-    """Some of the five steps between the last three frames before and the first three after, of G gaps: their starts
-    (S, G, ...) and their ends (S, G, ...). A short clip's edge frame is repeated.
+    """Returns the starts (S, G, ...) and ends (S, G, ...) of some of the five steps between the last three frames
+    before and the first three after, of G gaps. A short clip's edge frame is repeated.
     """
     rows = [[before[max(len(before) - k, 0)] for before, _ in ends] for k in (3, 2, 1)]
     rows += [[after[min(k, len(after) - 1)] for _, after in ends] for k in (0, 1, 2)]
@@ -214,22 +212,22 @@ def _quintic(problem: CurveProblem) -> FloatArray:
         tau = fade_times(displacement, velocity, problem.seconds, OPPOSING_FADE_S)
         s = np.minimum(times / tau, 1.0)
         curve = curve + tau * (s + s**3 * (-6.0 + s * (8.0 - 3.0 * s))) * velocity
-        # An acceleration from three frames is half noise: it may change the velocity over tau by no more than its size.
+        # An acceleration from three frames is half noise: it may change the velocity over tau by its size at most.
         size = np.linalg.norm(acceleration, axis=-1, keepdims=True)
-        most = np.linalg.norm(velocity, axis=-1, keepdims=True) / tau
-        limited = acceleration * np.minimum(1.0, most / np.maximum(size, 1e-12))
+        limit = np.linalg.norm(velocity, axis=-1, keepdims=True) / tau
+        limited = acceleration * np.minimum(1.0, limit / np.maximum(size, 1e-12))
         curve = curve + 0.5 * tau**2 * s**2 * (1.0 - s) ** 3 * limited
     return np.asarray(curve)
 
 
 def _inertialize(problem: CurveProblem) -> FloatArray:
-    """Bollo 2018, "Inertialization": jump to the motion after, and let the offset to the motion before decay by a
-    quintic.
+    """Jumps to the motion after and lets the offset to the motion before decay by a quintic (Bollo 2018,
+    "Inertialization").
 
-    The motion after is its first pose carried back along its own velocity, which fades as in Hermite's ends, since the
-    frames that came before it are not kept. The offset and its rate are reduced to their length along the offset, as in
-    the talk; the quintic ends at min(T, -5 x0 / v0), so that it does not undershoot, with the talk's clamp on its
-    start's acceleration.
+    The motion after is its first pose extrapolated back by its velocity, which fades as in ``_hermite``, since earlier
+    frames are not kept. The offset and its rate are reduced to their length along the offset, as in the talk; the
+    quintic ends at min(T, -5 x0 / v0), so that it does not undershoot, with the talk's clamp on its initial
+    acceleration.
     """
     velocity = problem.velocities[1]
     tau = fade_times(problem.displacement, velocity, problem.seconds)
@@ -256,8 +254,8 @@ def _inertialize(problem: CurveProblem) -> FloatArray:
 
 
 def _from_both_ends(problem: CurveProblem) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Seen from each end: the time since it (n, 1, 1), the displacement to the other end (K, 3), the velocity away from
-    it (K, 3).
+    """Returns for each end the time since it (n, 1, 1), the displacement to the other end (K, 3), and the velocity away
+    from it (K, 3).
     """
     t = problem.times[:, None, None]
     return [
@@ -269,11 +267,10 @@ def _from_both_ends(problem: CurveProblem) -> list[tuple[FloatArray, FloatArray,
 def fade_times(
     displacement: FloatArray, velocity: FloatArray, seconds: float, agreeing: float = AGREEING_FADE_S
 ) -> FloatArray:
-    """Seconds (K, 1) in which an end's velocity (K, 3) fades out: min(T, max(tau_0, 3 |d| / |v|)), d the displacement
-    (K, 3) from there.
+    """Returns the seconds (K, 1) in which an end's velocity (K, 3) fades out: min(T, max(tau_0, 3 |d| / |v|)), with d
+    the displacement (K, 3) from that end.
 
-    tau_0 goes from ``agreeing``, for a velocity along the displacement, evenly with the cosine to 0.2 s for one against
-    it.
+    tau_0 is linear in the cosine: ``agreeing`` for a velocity along the displacement, 0.2 s for one against it.
     """
     speed = np.linalg.norm(velocity, axis=-1, keepdims=True)
     length = np.linalg.norm(displacement, axis=-1, keepdims=True)
@@ -300,9 +297,9 @@ TRANSITIONS: dict[str, Transition] = {
     )
 }
 CLASSICAL_TRANSITION = "hermite"
-"""Used where no network can be read; the default is learned (``options.choose``)."""
+"""Used if no network can be read; the default is learned (``options.choose``)."""
 
 
 def find_transition(name: str) -> Transition:
-    """The transition of that name. Raises ``InputError`` that lists the existing names."""
+    """Returns the transition of that name. Raises an ``InputError`` that lists the existing names."""
     return find("transition", name, TRANSITIONS)

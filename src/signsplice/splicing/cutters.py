@@ -1,8 +1,8 @@
-"""Cutters: where to leave the sign before and where to enter the sign after.
+"""Rule-based cutters: they choose the frames at which the sign before is left and the sign after is entered.
 
-All rules search windows at the inner ends of the two clips' active spans (arms away from rest): the last 0.3 s of the
-one, the first 0.3 s of the other, each at most 30 % of its span. Over whole clips, the nearest pair would be two frames
-of rest, and the arms would drop between the words.
+Rules search the inner ends of the two clips' active spans (arms away from rest): the last 0.3 s of the first clip and
+the first 0.3 s of the second, each at most 30 % of its span. Over whole clips the closest pair would be two rest
+frames, and the arms would drop between the words.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from signsplice.rig.info import Arms, active_span, arms
 from signsplice.splicing.contracts import Cut, Cutter
 
 WINDOW_S = 0.3
+"""Longest search window, s."""
 WINDOW_FRACTION = 0.3
+"""Largest fraction of an active span that is searched."""
 VELOCITY_TIME_S = 0.15
-"""Velocities are weighed against positions by the distance covered in this time, half of a usual transition."""
+"""Velocities count as the distance covered in this time, s: half of a usual transition."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class RuleCutter(Cutter):
     own_rate: ClassVar[bool] = True
 
     def cut(self, before: Clip, after: Clip) -> Cut:
-        """The splice position of two aligned clips."""
+        """Returns the splice position of two aligned clips."""
         return self.rule(before, after)
 
 
@@ -47,7 +49,7 @@ def _rest_trim(before: Clip, after: Clip) -> Cut:
 
 
 def _hand_distance(before: Clip, after: Clip) -> Cut:
-    """Least sum over both hands of their distance (shoulder widths) and the angle between them (half turns)."""
+    """Minimises the distance (shoulder widths) plus the angle (half turns) between frames, summed over both hands."""
 
     def cost(p: Arms, q: Arms, rows: slice, columns: slice) -> FloatArray:
         step = p.wrists[rows, None] - q.wrists[None, columns]  # (P, Q, 2, 3)
@@ -60,7 +62,7 @@ def _hand_distance(before: Clip, after: Clip) -> Cut:
 
 
 def _pose_velocity(before: Clip, after: Clip) -> Cut:
-    """Least squared change of position and of velocity (over 0.15 s) of elbows and wrists."""
+    """Minimises the squared change of position and of velocity (over 0.15 s) of elbows and wrists."""
 
     def cost(p: Arms, q: Arms, rows: slice, columns: slice) -> FloatArray:
         a, b = _pose_and_velocity(p, rows), _pose_and_velocity(q, columns)
@@ -71,16 +73,16 @@ def _pose_velocity(before: Clip, after: Clip) -> Cut:
 
 
 def _pose_and_velocity(arms: Arms, frames: slice) -> FloatArray:
-    """Positions of elbows and wrists in some frames, and the distances that they cover in 0.15 s by central
+    """Returns positions of elbows and wrists in some frames, and the distances that they cover in 0.15 s by central
     differences: (n, 24), arm lengths.
     """
-    at = np.arange(frames.start, frames.stop)
-    last = np.minimum(at + 1, len(arms.wrists) - 1)
-    first = np.maximum(at - 1, 0)
+    indices = np.arange(frames.start, frames.stop)
+    last = np.minimum(indices + 1, len(arms.wrists) - 1)
+    first = np.maximum(indices - 1, 0)
     per_step = VELOCITY_TIME_S * arms.fps / np.maximum(last - first, 1)
     points = [part.reshape(len(part), 6) for part in (arms.elbows, arms.wrists)]
     steps = [(part[last] - part[first]) * per_step[:, None] for part in points]
-    return np.concatenate([part[at] for part in points] + steps, axis=1) / arms.length
+    return np.concatenate([part[indices] for part in points] + steps, axis=1) / arms.length
 
 
 def _lowest_cost(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, slice], FloatArray]) -> Cut:
@@ -94,7 +96,7 @@ def _lowest_cost(before: Clip, after: Clip, cost: Callable[[Arms, Arms, slice, s
 
 
 def search_window(n_frames: int, fps: float) -> int:
-    """Frames of an active span that are searched, at least one."""
+    """Returns the number of frames of an active span that are searched, at least one."""
     return max(1, int(min(WINDOW_S * fps, WINDOW_FRACTION * n_frames)))
 
 
@@ -108,4 +110,4 @@ CUTTERS: dict[str, Cutter] = {
     )
 }
 CLASSICAL_CUTTER = "pose-velocity"
-"""Used where no network can be read; the default is learned (``options.choose``)."""
+"""Used if no network can be read; the default is learned (``options.choose``)."""

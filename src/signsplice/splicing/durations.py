@@ -1,4 +1,4 @@
-"""How long a transition takes, by rule, and the tempos that a call may ask for."""
+"""Rules for the duration of a transition, and the tempos that a call may choose."""
 
 from __future__ import annotations
 
@@ -9,34 +9,44 @@ from signsplice.motion import Clip
 from signsplice.rig.info import Arms, arms
 from signsplice.splicing.contracts import Cut, Duration
 
-CITATION, NATURAL = "citation", "natural"
+CITATION = "citation"
+"""Tempo of signs as recorded."""
+NATURAL = "natural"
+"""Tempo of running signing."""
 RUNNING_S = 0.70
-"""Seconds a sign takes in running signing, the transition to it included."""
-FASTEST_S, SLOWEST_S = 0.4, 1.5
+"""Time that a sign takes in running signing, s, including the transition to it."""
+FASTEST_S = 0.4
+"""Fastest tempo, seconds a sign."""
+SLOWEST_S = 1.5
+"""Slowest tempo, seconds a sign."""
 FAST_M_S = 2.5
-"""Peaks of isolated words reach 1.7 to 2.5 m/s; a transition beyond that is faster than any sign."""
+"""Largest wrist speed of signs, m/s: peaks of isolated words reach 1.7 to 2.5 m/s."""
 HUMAN_MEDIAN_S = 0.25
-"""Median of 621 transitions between two signs, annotated in motion capture of Czech Sign Language (5 and 95 %: 0.16 and
-0.48 s).
+"""Median of 621 transitions between two signs, s, annotated in motion capture of Czech Sign Language (5 and 95 %: 0.16
+and 0.48 s).
 """
 
-SIGN_FRACTION, MEAN_SIGN_S = 0.62, 0.44
-"""How long a sign lasts in running signing over how long it lasts alone (median of 151 glosses of Czech Sign Language),
-and seconds that it lasts there on average (917 signs). Both are what ``measure.lengths`` of the workshop finds.
+SIGN_FRACTION = 0.62
+"""Duration of a sign in running signing over its duration alone: median of 151 glosses of Czech Sign Language, measured
+by ``measure.lengths`` of the workshop.
 """
-TRAVEL_S, DOUBLING_S = 0.10, 0.20
-"""Seconds of a transition without travel, and more for each doubling of one shoulder width plus the travel: what gives
-the distances at the default cutter's cuts the times of Czech transitions (the same).
+MEAN_SIGN_S = 0.44
+"""Mean duration of a sign in running signing, s (917 signs, the same measurement)."""
+TRAVEL_S = 0.10
+"""Duration of a transition without travel, s, fitted with ``DOUBLING_S`` to the distances at the default cutter's cuts
+and the durations of Czech transitions (the same measurement).
 """
+DOUBLING_S = 0.20
+"""Additional duration for each doubling of one shoulder width plus the travel, s."""
 MAX_TRANSITION_S = 10.0
-"""The longest transition, whatever asks for it."""
+"""Longest transition, s, whatever asks for it."""
 _PEAK_OVER_MEAN = 1.875
-"""Of a minimum-jerk movement from rest to rest."""
+"""Peak speed over mean speed of a minimum-jerk movement from rest to rest."""
 
 
 def seconds_a_sign(tempo: str | float) -> float | None:
-    """Seconds that a sign takes with its transition at a tempo: "natural", or the seconds themselves; None for
-    "citation". Raises ``InputError`` for anything else.
+    """Returns the seconds that a sign takes with its transition at a tempo ("natural", or the seconds themselves); None
+    for "citation". Raises ``InputError`` for any other tempo.
     """
     if tempo == CITATION:
         return None
@@ -52,29 +62,29 @@ def seconds_a_sign(tempo: str | float) -> float | None:
 
 
 def running_sign_s(alone_s: float, seconds_a_sign: float = RUNNING_S) -> float:
-    """Seconds that a sign takes at a tempo, from the seconds that it takes alone. Signs differ in length as they do
-    alone, but none aims at more than the mean: dictionaries show signs so slowly that length says little beyond it.
+    """Returns the seconds that a sign takes at a tempo, from the seconds that it takes alone: proportional, but at most
+    the mean. Dictionaries show signs so slowly that longer durations carry little information.
     """
     return min(SIGN_FRACTION * alone_s, MEAN_SIGN_S) * seconds_a_sign / RUNNING_S
 
 
 def most_frames(fps: float) -> int:
-    """The number of frames of the longest transition."""
+    """Returns the number of frames of the longest transition."""
     return round(MAX_TRANSITION_S * fps)
 
 
 def travel_widths(before: Arms, after: Arms, pre: int, post: int) -> float:
-    """Distance that the hand with the longer path has to go, in shoulder widths."""
+    """Returns the distance of the hand with the longer path, in shoulder widths."""
     distances = np.linalg.norm(after.wrists[post] - before.wrists[pre], axis=-1)
     return float(distances.max() / before.shoulder_width)
 
 
 class TravelDuration(Duration):
-    """People's time for the distance of the hand that goes farther, in proportion more at tempos slower than running
-    signing, and at least their median. Longer where that hand would pass ``FAST_M_S``.
+    """The human duration for the distance of the hand that moves farther, proportionally longer at tempos slower than
+    running signing, and at least the human median. Longer if that hand would exceed ``FAST_M_S``.
 
     seconds_a_sign: the tempo, by default that of signs as recorded: they last 1 / ``SIGN_FRACTION`` of their time in
-        running signing, and a transition at that tempo is beside them as smooth as they are.
+        running signing, and a transition at that tempo is as smooth as they are.
 
     Deaf viewers of avatars prefer transitions slower than human ones (Al-khazraji et al. 2021), so none is shorter than
     the human median.

@@ -1,10 +1,10 @@
-"""Clips -> one sentence, piece by piece: the filter layer of the paper's eq. 17, for any cutter and transition.
+"""Joins clips to one sentence, piece by piece: the filter layer of the paper's eq. 17, for any cutter and transition.
 
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]: frames of the first word up to pre, new frames O, the second word from post
 
-A piece that has been put out never changes: a word is settled as soon as the next word is known. Frames of a sign are
-those of its aligned clip, bit for bit, and under a tempo slerps between them; only transition frames are new, and the
-arm of a hand that is idle, where it is given more time (``idle_hands``).
+An emitted piece never changes: a word is final as soon as the next word is known. Frames of a sign are those of its
+aligned clip, bit for bit, or slerps between them under a tempo; only transition frames are new, and the arm of an idle
+hand that needs more time (``idle_hands``).
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult",
 
 
 def splice(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> SpliceResult:
-    """Clips in order joined into one continuous clip. A ``Word`` in the place of a clip says more of it: where another
-    spelled word begins, at which mark it is held (not where a system splices the words whole), and the brows of its
-    question, where the options have rules for faces. Neighbouring letters (clips named fs-A) are one spelled word.
+    """Joins clips in order into one continuous clip. A ``Word`` in place of a clip adds whether it begins another
+    spelled word, at which mark it is held (ignored if a system splices whole words), and the brows of its question (if
+    the options have rules for faces). Neighbouring letters (clips named fs-A) form one spelled word.
 
-    Raises ``InputError`` where there is no clip or an option is out of range, ``RigMismatchError`` where rigs have
-    nothing in common, ``LimitError`` where a clip has too many frames at the output rate, ``TypeError`` for what is no
+    Raises ``InputError`` if there is no clip or an option is out of range, ``RigMismatchError`` if rigs have nothing in
+    common, ``LimitError`` if a clip has too many frames at the output rate, ``TypeError`` for an item that is not a
     clip.
     """
     check_list(clips)
@@ -49,7 +49,7 @@ def splice(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -
 
 
 def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult:
-    """All pieces of a sentence joined. Raises ``InputError`` where there is none."""
+    """Joins all pieces of a sentence. Raises ``InputError`` if there are none."""
     tempo, system = sentence.options.tempo, sentence.options.whole_system
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
@@ -80,11 +80,11 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
 
 
 def stream(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> Iterator[Piece]:
-    """Pieces of the sentence in order, each as soon as the next clip is known; joined, they are what ``splice`` gives,
-    bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees two words at a time
-    here. It chooses otherwise where a word would be left before it was entered.
+    """Yields the pieces of the sentence in order, each as soon as the next clip is known; joined, they equal the result
+    of ``splice`` bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees only two
+    words at a time here, and its choice differs if a word would be left before it was entered.
 
-    Reads ``clips`` one ahead; without any, nothing comes. Raises as ``splice`` does, at the clip that is wrong.
+    Reads ``clips`` one ahead; yields nothing without clips. Raises as ``splice`` does, at the wrong clip.
     """
     growing = Stream(options)
     check_list(clips)
@@ -94,10 +94,10 @@ def stream(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -
 
 
 class Stream:
-    """A sentence that grows a word at a time: what ``stream`` gives, pushed instead of pulled. It holds the last word
-    and its seam, however long the sentence.
+    """A sentence that grows by a word at a time: like ``stream``, but pushed instead of pulled. It holds only the last
+    word and its seam, however long the sentence.
 
-    cutter, transition: names of the methods that are used.
+    cutter, transition: names of the methods in use.
 
     Raises ``InputError`` for an unknown method.
     """
@@ -107,13 +107,13 @@ class Stream:
         self.cutter, self.transition, _ = self._sentence.names
 
     def push(self, clip: Clip | Word) -> list[Piece]:
-        """The pieces that are final now that one more word is known: none for the first. Raises as ``splice`` does; a
+        """Adds a word and returns the pieces that are final now, none for the first word. Raises as ``splice`` does; a
         word that raises is not part of the sentence.
         """
         return self._sentence.add([clip])
 
     def end(self) -> list[Piece]:
-        """The rest of the last word; nothing where there was none, or where it was taken already."""
+        """Returns the rest of the last word; nothing if there was none or ``end`` was called before."""
         return self._sentence.end()
 
 
@@ -124,17 +124,17 @@ def inbetween(
     avoid_collisions: bool | None = None,
     bundle: str | Path | None = None,
 ) -> SpliceResult:
-    """The clip with frames [a, b) of every gap made anew from what surrounds them; every other frame unchanged.
+    """Replaces frames [a, b) of every gap by new frames made from the surrounding ones; other frames do not change.
 
-    Gaps are half-open frame ranges with at least one frame kept before, between and after them; ``transition``,
+    Gaps are half-open frame ranges with at least one kept frame before, between and after them; ``transition``,
     ``avoid_collisions`` and ``bundle`` as in ``SpliceOptions``. Raises ``InputError`` for other gaps.
     """
-    # No word is cut and no duration chosen here: those two methods open no network.
+    # No word is cut and no duration chosen: these two methods open no network.
     chosen = choose("ends", transition, "fixed", bundle)
     clip = with_rest_pose(clip)
     ranges = _check_gaps(gaps, len(clip))
-    entries = [0, *(stop for _, stop in ranges)]  # where each stretch that is kept begins
-    ends = [*(start for start, _ in ranges), len(clip)]  # and where it ends
+    entries = [0, *(stop for _, stop in ranges)]  # first frame of each kept stretch
+    ends = [*(start for start, _ in ranges), len(clip)]  # and the frame after its last
     began = perf_counter()
     keyed = judge_keyedness(*(clip[start:stop] for start, stop in zip(entries, ends, strict=True))).is_keyed
     word, planned = AlignedWord(0, clip, clip, FrameMap()), list[Seam]()
@@ -149,16 +149,16 @@ def inbetween(
     seams: list[SeamScore] = []
     pieces: list[Clip] = []
     for k, (seam, seen) in enumerate(zip(planned, seam_positions(planned), strict=True)):
-        kept, (start, stop), new = (entries[k], ends[k]), ranges[k], seam.new_frames
+        stretch, (start, stop), new = (entries[k], ends[k]), ranges[k], seam.new_frames
         if clip.face is not None:
             face = ease_face(clip.face[:start], clip.face[stop:], start - 1, 0, stop - start, clip.fps)
             new = copy_unchecked(new, face=face)
-        pieces += [clip[kept[0] : kept[1]], new]
-        spans += [Span("sign", 0, clip.name, kept, kept), Span("transition", None, None, None, (start, stop))]
+        pieces += [clip[stretch[0] : stretch[1]], new]
+        spans += [Span("sign", 0, clip.name, stretch, stretch), Span("transition", None, None, None, (start, stop))]
         seams += [score for score in (score_seam(seam, seen).score,) if score is not None]
-    kept = entries[-1], len(clip)
-    pieces.append(clip[kept[0] :])
-    spans.append(Span("sign", 0, clip.name, kept, kept))
+    stretch = entries[-1], len(clip)
+    pieces.append(clip[stretch[0] :])
+    spans.append(Span("sign", 0, clip.name, stretch, stretch))
     began = perf_counter()
     joined = concatenate(pieces, name=clip.name)
     timing = {"harmonize": 0.0, "cut": 0.0, "transition": transition_s, "join": perf_counter() - began}
@@ -175,22 +175,22 @@ def inbetween(
 
 
 def _check_gaps(gaps: Sequence[tuple[int, int]], n_frames: int) -> list[tuple[int, int]]:
-    """The gaps in order. Raises ``InputError`` where frames do not remain before, between and after them."""
-    at = 0
+    """Returns the gaps in order. Raises ``InputError`` unless frames remain before, between and after them."""
+    previous_stop = 0
     for start, stop in sorted(gaps):
-        if not at < start < stop < n_frames:
+        if not previous_stop < start < stop < n_frames:
             raise InputError(
-                f"gap {start}:{stop} in {n_frames} frames, expected {at + 1} <= A < B <= {n_frames - 1}: "
+                f"gap {start}:{stop} in {n_frames} frames, expected {previous_stop + 1} <= A < B <= {n_frames - 1}: "
                 "frames must remain before, between and after gaps"
             )
-        at = stop
+        previous_stop = stop
     return sorted(gaps)
 
 
 def onto_avatar(result: SpliceResult, avatar: Avatar) -> SpliceResult:
-    """The sentence on an avatar. Spans and seams are those of the sentence before; ``avatar`` says what the hands touch
-    and whether they do there.
+    """Retargets a sentence to an avatar. Spans and seams stay those of the sentence; ``avatar`` of the result lists the
+    contacts of the hands and whether they are kept.
     """
     done = retarget(result.clip, avatar)
-    found = {"name": avatar.label, "contacts": [asdict(contact) for contact in done.contacts]}
-    return replace(result, clip=done.clip, warnings=(*result.warnings, *done.warnings), avatar=found)
+    description = {"name": avatar.label, "contacts": [asdict(contact) for contact in done.contacts]}
+    return replace(result, clip=done.clip, warnings=(*result.warnings, *done.warnings), avatar=description)

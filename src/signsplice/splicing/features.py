@@ -1,18 +1,18 @@
-"""The features that networks see of clips: the only definition, for training and for running.
+"""The networks' input features of clips, defined here only, for training and inference.
 
 From a clip to features in three steps:
 
     motion = canonical_motion(clip)         # rig/info.py: the clip on the canonical humanoid
-    whole = trajectory(motion)              # resampled to FEATURE_FPS
-    tokens = word_tokens(whole)             # a word, for the network that cuts and times
+    sampled = trajectory(motion)            # resampled to FEATURE_FPS
+    tokens = word_tokens(sampled)           # a word, for the network that cuts and times
     seen = gap_features(motion, ...)        # a gap, for the network that makes transitions
 
-Everything is seen at ``FEATURE_FPS`` frames a second, whatever the clip's own rate; on the canonical humanoid, whatever
-its rig; and with the busier hand at the right, so that a mirrored clip has the same features. A gap is seen with
+Features are computed at ``FEATURE_FPS`` frames a second, whatever the clip's own rate; on the canonical humanoid,
+whatever its rig; and with the busier hand on the right, so that a mirrored clip has the same features. A gap includes
 ``N_CONTEXT`` frames of the signs on either side.
 
-The network that cuts also says which phase each frame is in; ``stroke_span`` finds a word's strokes by these, and by
-which hand moves when.
+The cutting network also classifies the phase of each frame; ``stroke_span`` finds a word's strokes from these phases
+and from the movements of the hands.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from signsplice.rig.info import (
 from signsplice.rig.roles import ARM
 
 VERSION = 5
-"""Of the features and of the networks' outputs: raised when either changes."""
+"""Version of the features and of the networks' outputs: increased when either changes."""
 N_ROTATION = 6 * len(ROLES)
 N_POSITION = 3 * len(TIPS)
 N_FRAME = 2 * (N_ROTATION + N_POSITION)
-"""Numbers of a frame: rotations and positions, and their rates."""
+"""Numbers per frame: rotations and positions, and their rates."""
 _RATE_SCALE = 1.0 / 5.0
-"""Rates reach some units a second: this scales them to about 1."""
+"""Scales rates, which reach some units a second, to about 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class CanonicalTrajectory:
-    """A canonical motion at any moments, usually every 1 / ``FEATURE_FPS`` s from 0.
+    """A canonical motion sampled at any times, usually every 1 / ``FEATURE_FPS`` s from 0.
 
     rotations_6d: (T, R, 6) the first two columns of each rotation matrix.
     positions: (T, 12, 3) the joints of ``TIPS``, arm lengths.
@@ -67,17 +67,17 @@ class CanonicalTrajectory:
 
     @cached_property
     def wrist_travel(self) -> FloatArray:
-        """Path length (2,) of the left and the right wrist, arm lengths."""
+        """Path lengths (2,) of the left and the right wrist, arm lengths."""
         steps = np.diff(self.positions[:, [0, len(TIPS) // 2]], axis=0)
         return np.asarray(np.linalg.norm(steps, axis=-1).sum(axis=0))
 
 
 def trajectory(motion: CanonicalMotion, times: FloatArray | None = None) -> CanonicalTrajectory:
-    """A canonical motion at ``times`` (T,), seconds from its first frame; at ``FEATURE_FPS`` over its whole length by
-    default.
+    """Samples a canonical motion at ``times`` (T,), seconds from its first frame; by default its whole length at
+    ``FEATURE_FPS``.
 
-    Between frames, positions and the six numbers of rotations are interpolated linearly, and the latter brought back to
-    a rotation. Before the first and after the last frame the pose is held.
+    Between frames, positions and the six numbers of rotations are interpolated linearly, and the latter are
+    orthonormalised. Before the first and after the last frame the pose is held.
     """
     n_frames = len(motion.quats)
     if times is None:
@@ -87,11 +87,11 @@ def trajectory(motion: CanonicalMotion, times: FloatArray | None = None) -> Cano
 
 @dataclass(frozen=True, eq=False)
 class MomentFrames:
-    """Moments of a motion between its frames.
+    """Sample times of a motion as positions between its frames.
 
-    low: (T,) the frame at or before each.
-    alpha: (T,) how far each lies from there to the next frame, 0 to 1.
-    mixed: rows of the moments that are interpolated: none where all lie on frames.
+    low: (T,) the frame at or before each time.
+    alpha: (T,) fraction of the way from there to the next frame, 0 to 1.
+    mixed: rows of the times that are interpolated: none if all lie on frames.
     """
 
     low: NDArray[np.intp]
@@ -100,17 +100,17 @@ class MomentFrames:
 
 
 def frames_at(times: FloatArray, fps: float, n_frames: int) -> MomentFrames:
-    """The frames at ``times`` (T,), seconds from the first of ``n_frames``."""
-    at = np.clip(np.asarray(times, np.float64) * fps, 0.0, n_frames - 1.0)
-    low = np.minimum(at.astype(int), max(n_frames - 2, 0))
-    alpha = at - low
+    """Converts ``times`` (T,), seconds from the first of ``n_frames``, to frames."""
+    positions = np.clip(np.asarray(times, np.float64) * fps, 0.0, n_frames - 1.0)
+    low = np.minimum(positions.astype(int), max(n_frames - 2, 0))
+    alpha = positions - low
     if np.all(np.abs(alpha - np.round(alpha)) < 1e-9):
-        return MomentFrames(np.round(at).astype(int), np.zeros_like(at), np.zeros(0, np.intp))
-    return MomentFrames(low, alpha, np.arange(len(at)))
+        return MomentFrames(np.round(positions).astype(int), np.zeros_like(positions), np.zeros(0, np.intp))
+    return MomentFrames(low, alpha, np.arange(len(positions)))
 
 
 def sample_motion(motion: CanonicalMotion, frames: MomentFrames) -> CanonicalTrajectory:
-    """A canonical motion at these moments."""
+    """Samples a canonical motion at these positions between frames."""
     rotations, positions = rotation.to_6d(motion.quats[frames.low]), motion.positions[frames.low]
     if len(frames.mixed):
         high = np.minimum(frames.low[frames.mixed] + 1, len(motion.quats) - 1)
@@ -123,12 +123,12 @@ def sample_motion(motion: CanonicalMotion, frames: MomentFrames) -> CanonicalTra
 
 def left_hand_busier(*trajectories: CanonicalTrajectory) -> bool:
     """Whether the left wrist travels farther than the right one, over all trajectories together."""
-    left, right = (sum(float(one.wrist_travel[side]) for one in trajectories) for side in (0, 1))
-    return left > right
+    left_travel, right_travel = (sum(float(motion.wrist_travel[side]) for motion in trajectories) for side in (0, 1))
+    return left_travel > right_travel
 
 
 def mirror_trajectory(one: CanonicalTrajectory) -> CanonicalTrajectory:
-    """A trajectory as it is in the mirror."""
+    """Mirrors a trajectory: left and right are exchanged."""
     flip = np.array([-1.0, 1.0, 1.0])
     order = np.r_[0 : LEFT.start, RIGHT.start : RIGHT.stop, LEFT.start : LEFT.stop]
     # A mirrored rotation is M A M, M = diag(-1, 1, 1): the signs of its first two columns.
@@ -143,82 +143,84 @@ def frame_features(
     spacing: float | FloatArray = 1.0 / FEATURE_FPS,
     firsts: Sequence[int] = (0,),
 ) -> NDArray[np.float32]:
-    """Features (T, N_FRAME) of frames: rotations, positions, and both as rates from the frame before (0 at the first).
+    """Returns features (T, N_FRAME): rotations, positions, and their rates from the frame before (0 at the first).
 
     spacing: seconds from every frame to the next, one number or (T - 1,).
-    firsts: frames with which stretches of their own begin.
+    firsts: first frames of separate stretches.
     """
-    out = np.empty((len(one), N_FRAME), np.float32)
-    values, rates = np.split(out, 2, axis=1)
+    features = np.empty((len(one), N_FRAME), np.float32)
+    values, rates = np.split(features, 2, axis=1)
     values[:, :N_ROTATION] = one.rotations_6d.reshape(len(one), -1)
     values[:, N_ROTATION:] = one.positions.reshape(len(one), -1)
     np.subtract(values[1:], values[:-1], out=rates[1:])
     rates[1:] *= np.reshape(_RATE_SCALE / np.asarray(spacing, np.float64), (-1, 1)).astype(np.float32)
     rates[firsts] = 0.0
-    return out
+    return features
 
 
 def tip_positions(features: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Positions (..., 2, 6, 3) of both wrists, each with its fingertips, in features (..., N_FRAME) of frames, arm
-    lengths.
+    """Returns positions (..., 2, 6, 3) of both wrists, each with its fingertips, arm lengths, from features
+    (..., N_FRAME) of frames.
     """
     positions = features[..., N_ROTATION : N_ROTATION + N_POSITION]
     return positions.reshape(*features.shape[:-1], 2, len(TIPS) // 2, 3)
 
 
 def wrist_positions(features: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Positions (..., 2, 3) of both wrists in features (..., N_FRAME) of frames, arm lengths."""
+    """Returns positions (..., 2, 3) of both wrists, arm lengths, from features (..., N_FRAME) of frames."""
     return tip_positions(features)[..., 0, :]
 
 
 PHASES = ("rest", "preparation", "hold", "stroke", "retraction")
-"""Phases of a word's frames (Kita et al. 1998): the stroke goes from the begin of the first movement to the end of the
+"""Phases of a word's frames (Kita et al. 1998): the stroke lasts from the start of the first movement to the end of the
 last; a standstill before or after it is a hold.
 """
 WORD_FRAMES = 150
-"""Most frames, at ``FEATURE_FPS``, of a word that a cutter sees: the last of the word before, the first of the word
-after.
+"""Largest number of frames, at ``FEATURE_FPS``, of a word that a cutter sees: the last of the word before, the first of
+the word after.
 """
 N_WORD = N_FRAME + 2
 
 
 def word_tokens(word: CanonicalTrajectory) -> NDArray[np.float32]:
-    """What a cutter sees of a word (T, N_WORD): each frame's features, and the seconds from the word's first frame and
-    to its last. The network reads frames in twos: of a word with an odd number of frames the last one is repeated.
+    """Returns a cutter's input for a word (T, N_WORD): each frame's features, and the seconds from the word's first
+    frame and to its last. The network reads frames in pairs: if their number is odd, the last one is repeated.
     """
-    at = np.arange(len(word), dtype=np.float32) / np.float32(FEATURE_FPS)
-    tokens = np.concatenate([frame_features(word), np.column_stack([at, at[-1] - at])], axis=1)
+    times = np.arange(len(word), dtype=np.float32) / np.float32(FEATURE_FPS)
+    tokens = np.concatenate([frame_features(word), np.column_stack([times, times[-1] - times])], axis=1)
     return np.concatenate([tokens, tokens[-1:]]) if len(word) % 2 else tokens
 
 
 Mask = NDArray[np.bool_]
 
 _PREPARATION, _HOLD, _STROKE, _RETRACTION = range(1, len(PHASES))
-_POSSIBLE, _SURE = 0.02, 0.5
-"""Probability from which on a frame may be part of a stroke, and that of one frame of it at least. Of 300 made words 7
-lose a part at 0.05, 4 at 0.02, which keeps 0.3 frames more; seams of the words that ship hardly change.
+_POSSIBLE = 0.02
+"""Probability from which on a frame may belong to a stroke. Of 300 synthetic words 7 lose a part at 0.05, 4 at 0.02,
+which keeps 0.3 frames more; seams of the shipped words hardly change.
 """
+_SURE = 0.5
+"""Probability that at least one frame of a stroke must exceed."""
 _JOINED = np.ones(4, bool)
-"""Strokes that are fewer frames apart than these are one, unless those are a way from or to rest."""
-_PARTING, _PARTING_HEIGHT = 9, 0.05
-"""Hands that lie on one another part before they rise, and meet as they sink: that takes so many frames at most, at no
-more than this height, arm lengths, above where the higher one rests.
-"""
+"""Strokes fewer frames apart than this mask is long are joined, unless the hands move from or to rest in between."""
+_PARTING = 9
+"""Hands that rest on one another part before they rise, and meet as they sink, within at most this number of frames."""
+_PARTING_HEIGHT = 0.05
+"""Largest height above the rest height of the higher hand at which hands part or meet, arm lengths."""
 _MOMENT = 5
-"""A stroke takes so many frames at least where it lies amid a way from or to rest."""
+"""Least number of frames of a stroke within a movement from or to rest."""
 _AT_REST = 0.12
-"""Distance, arm lengths, from where it begins or ends up to which a hand rests."""
+"""Distance from its first or last position up to which a hand rests, arm lengths."""
 _ALONE = 6
-"""Frames, 0.2 s, from which on a hand moves alone."""
+"""Number of frames, 0.2 s, from which on a hand counts as moving alone."""
 
 
 def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.floating]) -> tuple[int, int] | None:
-    """First and last frame of a word's strokes by the scores (T, 5) of its frames' phases; ``raised`` (T,): frames in
-    which a stroke may lie; ``wrists`` (T, 2, 3), arm lengths.
+    """Returns the first and last frame of a word's strokes from the scores (T, 5) of its frames' phases; ``raised``
+    (T,): frames in which a stroke may lie; ``wrists`` (T, 2, 3), arm lengths.
 
-    All frames count that are not surely something else; but not a stroke of which no frame is sure, or none is raised,
-    nor hands that part before their preparation or meet after their retraction. The middle frame of a sign that is all
-    hold; None where neither is seen.
+    All frames count that may belong to a stroke, except strokes of which no frame is sure or raised, and hands that
+    part before their preparation or meet after their retraction. Returns the middle frame of a sign that is only held,
+    and None if there is neither stroke nor hold.
     """
     weights = np.exp(scores.astype(np.float64) - scores.max(axis=-1, keepdims=True))
     phases = weights / weights.sum(axis=-1, keepdims=True)
@@ -237,22 +239,22 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.fl
     rows = [last - row[::-1] for row in rows[::-1]]
     if rows:
         return int(rows[0][0]), int(rows[-1][-1])
-    held = np.flatnonzero(raised & (phases[:, _HOLD] > 0.5))
-    return (int(held[len(held) // 2]),) * 2 if len(held) else None
+    holds = np.flatnonzero(raised & (phases[:, _HOLD] > 0.5))
+    return (int(holds[len(holds) // 2]),) * 2 if len(holds) else None
 
 
 def _without_rest_moves(
     strokes: list[NDArray[np.intp]], heights: NDArray[np.floating], phases: NDArray[np.intp], rest_phase: int
 ) -> list[NDArray[np.intp]]:
-    """The frames of each of a word's strokes without the first ones in which hands only leave rest, by the height (T,)
-    of the higher one and the phase (T,) that each frame is surest in: it is as low as it rests, and goes from there to
-    the next stroke, or it is a moment within the phase ``rest_phase``.
+    """Removes a word's first strokes if hands only leave rest in them: the higher hand is as low as at rest and then
+    moves to the next stroke, or the stroke is a moment within the phase ``rest_phase``. ``heights`` (T,) of the higher
+    hand; ``phases`` (T,): the most probable phase of each frame.
     """
     while len(strokes) > 1:
-        first, stop, then = int(strokes[0][0]), int(strokes[0][-1]) + 1, phases[strokes[0][-1] + 1 : strokes[1][0]]
-        then = then[then != _HOLD]
+        first, stop, between = int(strokes[0][0]), int(strokes[0][-1]) + 1, phases[strokes[0][-1] + 1 : strokes[1][0]]
+        between = between[between != _HOLD]
         is_low = stop - first <= _PARTING and heights[strokes[0]].max() <= heights[0] + _PARTING_HEIGHT
-        goes = len(then) > 0 and np.isin(then, (_PREPARATION, _RETRACTION)).mean() > 0.5
+        goes = len(between) > 0 and np.isin(between, (_PREPARATION, _RETRACTION)).mean() > 0.5
         is_moment = stop - first < _MOMENT and first > 0 and phases[first - 1] == phases[stop] == rest_phase
         if not (is_low and goes) and not is_moment:
             break
@@ -261,49 +263,53 @@ def _without_rest_moves(
 
 
 def are_away(wrists: NDArray[np.floating]) -> Mask:
-    """Whether each wrist of wrists (T, 2, 3), arm lengths, is away from where it begins and ends (T, 2)."""
-    away = [np.linalg.norm(wrists - wrists[end], axis=-1) > _AT_REST for end in (0, -1)]
-    return np.asarray(away[0] & away[1])
+    """Returns whether (T, 2) each wrist is away from its first and last position; ``wrists`` (T, 2, 3), arm lengths."""
+    is_away = [np.linalg.norm(wrists - wrists[end], axis=-1) > _AT_REST for end in (0, -1)]
+    return np.asarray(is_away[0] & is_away[1])
 
 
 def frames_alone(wrists: NDArray[np.floating]) -> Mask:
-    """Frames (T,) in which the first wrist of wrists (T, 2, 3) is away from rest while the second rests, for longer
-    than a hand that comes or goes a little before the other.
+    """Returns the frames (T,) in which the first wrist of wrists (T, 2, 3) is away from rest while the second rests,
+    for longer than one hand moves before or after the other.
     """
-    away = are_away(wrists)
-    return np.asarray(binary_opening(away[:, 0] & ~away[:, 1], np.ones(_ALONE, bool)))
+    is_away = are_away(wrists)
+    return np.asarray(binary_opening(is_away[:, 0] & ~is_away[:, 1], np.ones(_ALONE, bool)))
 
 
 N_CONTEXT = 8
-"""Frames of each sign that the network which makes transitions sees."""
-MIN_GAP_FRAMES, MAX_GAP_FRAMES = 2, 45
-"""Fewest and most frames, at ``FEATURE_FPS``, of the transitions that it makes."""
+"""Frames of each sign that the transition network sees."""
+MIN_GAP_FRAMES = 2
+"""Shortest transition that it makes, frames at ``FEATURE_FPS``."""
+MAX_GAP_FRAMES = 45
+"""Longest transition that it makes, frames at ``FEATURE_FPS``."""
 N_MOMENTS = 12
-"""Moments of a gap that it sees, evenly spaced, however long the gap is."""
+"""Number of evenly spaced sample times in a gap of any length."""
 N_SEEN = N_CONTEXT + N_MOMENTS + N_CONTEXT
+"""Number of sample times of a gap with its context."""
 N_TOKEN = 2 * N_FRAME + 8
+"""Numbers per token of a gap (``gap_tokens``)."""
 N_TERMS = 3
-"""Terms of the polynomial in time that it answers with."""
+"""Terms of the polynomial in time that it predicts."""
 IS_ARM = np.array([role.endswith(ARM) for role in ROLES])
-"""Roles (R,) that it corrects: collarbones, arms and wrists, A of them. On captures that networks had not seen, their
-answers for fingers, trunk, neck and head were worse than the curve at every length of a gap.
+"""Roles (R,) that it corrects: collarbones, arms and wrists, A of them. On unseen captures its predictions for fingers,
+trunk, neck and head were worse than the curve at every length of a gap.
 """
 
 
 def gap_frames(seconds: float) -> int:
-    """New frames at ``FEATURE_FPS`` between two frames that lie ``seconds`` apart."""
+    """Returns the number of new frames at ``FEATURE_FPS`` between two frames that lie ``seconds`` apart."""
     return round(seconds * FEATURE_FPS) - 1
 
 
 @dataclass(frozen=True, eq=False)
 class GapMoments:
-    """The ``N_SEEN`` moments at which the network looks at a gap; they follow from numbers of frames alone.
+    """The ``N_SEEN`` sample times of a gap; they depend on numbers of frames only.
 
     seconds: from the last frame before to the first after.
-    frames: of the motion that is looked at.
+    frames: the sample times as frames of the motion.
     position_codes: (N_SEEN, 8) one-hot before, in or after the gap; real (a frame of the clips and not a repeated edge)
         or not; time t in the gap from 0 to 1, t (1 - t), the gap's length and its logarithm.
-    spacing: (N_SEEN,) seconds from every moment to the next.
+    spacing: (N_SEEN,) seconds from every sample time to the next.
     """
 
     seconds: float
@@ -313,7 +319,7 @@ class GapMoments:
 
 
 def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> GapMoments:
-    """The moments of a gap: of ``n_frames``, ``n_before`` of the sign before and then ``n_between`` of a transition."""
+    """Returns the sample times of a gap in ``n_frames``: ``n_before`` of the sign before, then ``n_between`` new."""
     seconds = (n_between + 1) / fps
     last, first = (n_before - 1) / fps, (n_before + n_between) / fps
     steps = np.arange(N_CONTEXT) / FEATURE_FPS
@@ -331,27 +337,28 @@ def gap_moments(n_frames: int, n_before: int, n_between: int, fps: float) -> Gap
 
 
 def gap_tokens(whole: CanonicalTrajectory, gaps: Sequence[GapMoments]) -> NDArray[np.float32]:
-    """What the network sees of G gaps (G, N_SEEN, N_TOKEN), of ``whole``, the moments of all ``gaps`` in order: the
-    sign before, a classical transition, the sign after.
+    """Returns the network's input for G gaps (G, N_SEEN, N_TOKEN) from ``whole``, sampled at the times of all ``gaps``
+    in order: the sign before, a classical transition, the sign after.
 
-    A token is the frame's features, the same relative to the last frame before, and where it lies (``GapMoments``).
+    A token holds the frame's features, the same relative to the last frame before, and its position (``GapMoments``).
     """
-    out = np.empty((len(gaps), N_SEEN, N_TOKEN), np.float32)
+    tokens = np.empty((len(gaps), N_SEEN, N_TOKEN), np.float32)
     spacing = np.concatenate([gap.spacing for gap in gaps])[:-1]
     frames = frame_features(whole, spacing, range(0, len(whole), N_SEEN)).reshape(len(gaps), N_SEEN, N_FRAME)
-    out[..., :N_FRAME] = frames
-    np.subtract(frames, frames[:, N_CONTEXT - 1, None], out=out[..., N_FRAME : 2 * N_FRAME])
-    out[..., 2 * N_FRAME :] = [gap.position_codes for gap in gaps]
-    return out
+    tokens[..., :N_FRAME] = frames
+    np.subtract(frames, frames[:, N_CONTEXT - 1, None], out=tokens[..., N_FRAME : 2 * N_FRAME])
+    tokens[..., 2 * N_FRAME :] = [gap.position_codes for gap in gaps]
+    return tokens
 
 
 @dataclass(frozen=True, eq=False)
 class GapFeatures:
-    """A gap as the network sees it, and what its answer needs on the return to the clip.
+    """The network's input for a gap, and the data that converts its output to the clip.
 
     tokens: (N_SEEN, N_TOKEN), see ``gap_tokens``.
-    mirrored: whether the network sees the gap in the mirror.
-    weights: (A,) factors of the network's answer, 0 to 1, as it sees the arms (``answer_weights``).
+    mirrored: whether the network sees the gap mirrored.
+    weights: (A,) factors of the network's output, 0 to 1, in the order of the possibly mirrored arms
+        (``answer_weights``).
     """
 
     tokens: NDArray[np.float32]
@@ -360,14 +367,14 @@ class GapFeatures:
 
 
 def gap_features(joined: CanonicalMotion, n_before: int, n_between: int) -> GapFeatures:
-    """The features of a gap: ``n_before`` frames of the sign before, ``n_between`` of a classical transition, the sign
-    after.
+    """Returns the features of a gap: ``n_before`` frames of the sign before, ``n_between`` of a classical transition,
+    the sign after.
     """
     return all_gap_features(joined, [(slice(0, len(joined.quats)), n_before, n_between)])[0]
 
 
 def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, int]]) -> list[GapFeatures]:
-    """The features of gaps that lie in one motion, each (its frames, ``n_before``, ``n_between``)."""
+    """Returns the features of gaps in one motion, each gap as (its frames, ``n_before``, ``n_between``)."""
     moments = [
         CACHE.recent(gap_moments, frames.stop - frames.start, *counts, motion.fps, most=_MOMENTS_KEPT)
         for frames, *counts in gaps
@@ -376,35 +383,35 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
     low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, moments, strict=True)])
     alpha = np.concatenate([gap.frames.alpha for gap in moments])
     mixed = np.concatenate([N_SEEN * k + gap.frames.mixed for k, gap in enumerate(moments)])
-    whole = sample_motion(motion, MomentFrames(low, alpha, mixed))
-    positions = whole.positions.reshape(len(gaps), N_SEEN, len(TIPS), 3)
+    seen = sample_motion(motion, MomentFrames(low, alpha, mixed))
+    positions = seen.positions.reshape(len(gaps), N_SEEN, len(TIPS), 3)
     paths = np.linalg.norm(np.diff(positions, axis=1), axis=-1).sum(axis=1)  # (G, 12) path length of each joint
     mirror = paths[:, 0] > paths[:, len(TIPS) // 2]
     if mirror.any():
         rows = np.repeat(mirror, N_SEEN)
-        part = mirror_trajectory(CanonicalTrajectory(whole.rotations_6d[rows], whole.positions[rows], whole.has_role))
-        whole.rotations_6d[rows], whole.positions[rows] = part.rotations_6d, part.positions
+        part = mirror_trajectory(CanonicalTrajectory(seen.rotations_6d[rows], seen.positions[rows], seen.has_role))
+        seen.rotations_6d[rows], seen.positions[rows] = part.rotations_6d, part.positions
         paths[mirror] = np.roll(paths[mirror], len(TIPS) // 2, axis=1)
     return [
         GapFeatures(tokens, bool(is_mirrored), answer_weights(path, gap.seconds))
-        for tokens, is_mirrored, path, gap in zip(gap_tokens(whole, moments), mirror, paths, moments, strict=True)
+        for tokens, is_mirrored, path, gap in zip(gap_tokens(seen, moments), mirror, paths, moments, strict=True)
     ]
 
 
 _CONTEXT_S = 2.0 * (N_CONTEXT - 1) / FEATURE_FPS
 _MOMENTS_KEPT = 512
 _FULL_SPEED = 0.4
-"""Mean speed of a hand, arm lengths a second, from which on it counts as moving in full: half of continuous signing."""
+"""Mean speed of a hand, arm lengths a second, from which on the output has full weight: half of continuous signing."""
 FULL_S = 0.6
-"""Length of a gap, seconds, from which on a network's answer counts in full."""
+"""Length of a gap, s, from which on the output has full weight."""
 
 
 def answer_weights(lengths: FloatArray, seconds: float) -> FloatArray:
-    """Factors (A,) of a network's answer for a gap of ``seconds``, by the path lengths (12,) of the joints of ``TIPS``
-    over the gap and its context: min(1, seconds / FULL_S)^1.5, times the mean speed of the arm's wrist and fingers, as
-    a fraction of ``_FULL_SPEED``, at most 1, to the third power.
+    """Returns factors (A,) of the network's output for a gap of ``seconds``, from the path lengths (12,) of the joints
+    of ``TIPS`` over the gap and its context: min(1, seconds / FULL_S)^1.5, times min(1, v / _FULL_SPEED)^3, with v the
+    mean speed of the arm's wrist and fingers.
 
-    What a cubic bridges well stays near it: short gaps, and hands that rest, wherever they hang (docs/decisions.md).
+    Short gaps and resting hands, which a cubic bridges well, stay close to it (docs/decisions.md).
     """
     speeds = lengths.reshape(2, -1).mean(axis=1) / (seconds + _CONTEXT_S)  # (2,)
     sides = min(1.0, seconds / FULL_S) ** 1.5 * np.minimum(1.0, speeds / _FULL_SPEED) ** 3
@@ -412,17 +419,17 @@ def answer_weights(lengths: FloatArray, seconds: float) -> FloatArray:
 
 
 def answer_basis(t: FloatArray) -> FloatArray:
-    """The polynomials (n, N_TERMS) of a network's answer at times t (n,) in the gap, 0 to 1: 64 t^3 (1 - t)^3 times
-    Legendre's first ones, so that both ends, their velocities and their accelerations stay the curve's.
+    """Returns the polynomials (n, N_TERMS) of the network's output at times t (n,) in the gap, 0 to 1: 64 t^3 (1 - t)^3
+    times the first Legendre polynomials, so that ends, end velocities and end accelerations stay those of the curve.
     """
     return 64.0 * (t * (1.0 - t))[:, None] ** 3 * legvander(2.0 * t - 1.0, N_TERMS - 1)
 
 
 def delta_rotvecs(answer: FloatArray, seen: GapFeatures, n_between: int) -> FloatArray:
-    """Canonical rotation vectors (n_between, R, 3), radians, that a network's answer (N_TERMS, A, 3) gives the frames
-    of a transition; 0 for roles that it does not correct.
+    """Converts the network's output (N_TERMS, A, 3) to canonical rotation vectors (n_between, R, 3), radians, of the
+    frames of a transition; 0 for roles that it does not correct.
     """
     basis = answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
-    out = np.zeros((n_between, len(ROLES), 3))
-    out[:, IS_ARM] = seen.weights[:, None] * np.tensordot(basis, answer.astype(np.float64), axes=1)
-    return mirror_deltas(out) if seen.mirrored else out
+    rotvecs = np.zeros((n_between, len(ROLES), 3))
+    rotvecs[:, IS_ARM] = seen.weights[:, None] * np.tensordot(basis, answer.astype(np.float64), axes=1)
+    return mirror_deltas(rotvecs) if seen.mirrored else rotvecs

@@ -1,13 +1,13 @@
-"""Idle hands: at a seam, those that only go to rest, or only come from it, while the other hand signs.
+"""Idle hands: hands that only move to or from rest at a seam, while the other hand signs.
 
-With the rest of the body such a hand has the time of the transition, and may have to fall from the face to the hip in
-it. Two things give it more.
+Like the rest of the body such a hand moves within the transition, and may have to fall from the face to the hip. Two
+modes give it more time.
 
-**transition**, the default: where it would pass ``FASTEST_M_S``, the transition is lengthened for the whole body.
-**natural**: it goes to rest over the first frames of the next sign, or leaves rest in the last frames of the sign
+**transition**, the default: if it would exceed ``FASTEST_M_S``, the transition is lengthened for the whole body.
+**natural**: it moves to rest over the first frames of the next sign, or leaves rest in the last frames of the sign
 before, as long as it rests there. Its arm follows one curve over the transition and those frames (``quintic``: minimum
-jerk between the velocities of both ends), is led around the body and the other hand, and is as slow as the hands of
-people are. All other joints keep the frames of the sign.
+jerk between the velocities of both ends), avoids the body and the other hand, and is as slow as human hands. All other
+joints keep the frames of the sign.
 """
 
 from __future__ import annotations
@@ -32,27 +32,30 @@ from signsplice.splicing.passes import Pass, Refill
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.word import apply_edits, edit_of
 
-_NEAR_REST, _TURNED_RAD = 0.13, np.deg2rad(20.0)
-"""A hand is at rest where it is this near to where it rests from the hips, in arm lengths, and turned by no more than
-this. While the other hand signs, that of the synthetic signer stays within 0.12 and 16 degrees, however it rests; one
-that signs too has 0.20 at least. (From the shoulders, which sway, it is 0.20 against 0.22.)
+_NEAR_REST = 0.13
+"""Distance from its rest position, seen from the hips, within which a hand rests, arm lengths. While the other hand
+signs, the synthetic signer's resting hand stays within 0.12; a hand that signs too has at least 0.20. (From the
+shoulders, which sway, the values are 0.20 and 0.22.)
 """
-_HANGING, _LOW = 0.25, 0.6
-"""Height, in arm lengths above a hanging wrist, up to which an arm hangs; up to which both hands rest where both are
-still (folded before the belly, held before the waist).
-"""
+_TURNED_RAD = np.deg2rad(20.0)
+"""Largest rotation of a resting hand, radians; the synthetic signer's stays within 16 degrees."""
+_HANGING = 0.25
+"""Height above a hanging wrist up to which an arm hangs, arm lengths."""
+_LOW = 0.6
+"""Height up to which both hands rest if both are still (folded at the belly, held at the waist), arm lengths."""
 _STILL_M_S = 0.3
+"""Speed below which a hand is still, m/s."""
 _CLEAR_M = 0.03
-"""A signing hand this near to the other arm may be about to touch it: that arm keeps its frames from there on."""
+"""Distance from the other arm within which a signing hand may touch it soon, m: the arm then keeps its frames."""
 
 
 @dataclass(frozen=True)
 class IdleHand:
-    """A hand that is at rest on one side of a seam and away from it on the other.
+    """A hand that rests on one side of a seam and is away from rest on the other.
 
     side: 0 left, 1 right.
-    arrives: it goes to rest; else it comes from it.
-    n_rest: frames next to the seam in which it rests.
+    arrives: whether it moves to rest; else it leaves rest.
+    n_rest: number of frames next to the seam in which it rests.
     """
 
     side: int
@@ -61,22 +64,22 @@ class IdleHand:
 
 
 def idle_hands(before: Clip, after: Clip, cut: Cut) -> list[IdleHand]:
-    """The idle hands of a seam; none on a rig whose arms are not known by name."""
+    """Returns the idle hands of a seam; none if the rig's arms are not known by name."""
     if not rig_info(before.skeleton).has_arms:
         return []
     p, q = arms(before), arms(after)
-    found = []
+    hands = []
     for side in (0, 1):
-        left = _frames_at_rest(p, side, cut.pre, -1)
-        entered = _frames_at_rest(q, side, cut.post, 1)
-        if bool(left) != bool(entered):
-            found.append(IdleHand(side, entered > 0, left or entered))
-    return found
+        n_rest_before = _frames_at_rest(p, side, cut.pre, -1)
+        n_rest_after = _frames_at_rest(q, side, cut.post, 1)
+        if bool(n_rest_before) != bool(n_rest_after):
+            hands.append(IdleHand(side, n_rest_after > 0, n_rest_before or n_rest_after))
+    return hands
 
 
 def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
-    """Frames from one on, forwards or backwards, in which a hand is where it rests at that end of the clip (step 1: the
-    beginning); 0 where it does not rest there.
+    """Counts the frames from ``frame`` on, forwards or backwards, in which a hand is in its rest position at that end
+    of the clip (step 1: the beginning); 0 if it does not rest there.
     """
     end = 0 if step > 0 else -1
     positions = motion.wrists - motion.hips[:, None]  # (T, 2, 3)
@@ -86,62 +89,63 @@ def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
     hangs = heights[side] < _HANGING and is_still[side]
     if not (hangs or (heights.max() < _LOW and is_still.all())):
         return 0
-    here, there = slice(frame, None, step), motion.hand_rotations[end, side]
-    near = np.linalg.norm(positions[here, side] - positions[end, side], axis=-1) < _NEAR_REST * motion.length
-    cosines = 0.5 * (np.einsum("tab,ab->t", motion.hand_rotations[here, side], there) - 1.0)
-    run = near & (cosines > np.cos(_TURNED_RAD))
+    frames, end_rotation = slice(frame, None, step), motion.hand_rotations[end, side]
+    is_close = np.linalg.norm(positions[frames, side] - positions[end, side], axis=-1) < _NEAR_REST * motion.length
+    cosines = 0.5 * (np.einsum("tab,ab->t", motion.hand_rotations[frames, side], end_rotation) - 1.0)
+    run = is_close & (cosines > np.cos(_TURNED_RAD))
     return len(run) if run.all() else int(np.argmin(run))
 
 
 def is_approached(clip: Clip, side: int) -> NDArray[np.bool_]:
-    """For every frame (T,) whether the hand of the other side is near the arm of this one."""
+    """Returns for every frame (T,) whether the hand of the other side is close to the arm of this side."""
     posed = collision.pose_capsules(clip.skeleton, *kinematics.forward(clip))
     body = posed.body
-    own = [n for n, of in enumerate(body.sides) if of == SIDES[side] and body.parts[n] not in ("leg", "shoe")]
-    other = body.groups.right if side == 0 else body.groups.left
-    if not own or not other:
+    arm_capsules = [n for n, of in enumerate(body.sides) if of == SIDES[side] and body.parts[n] not in ("leg", "shoe")]
+    hand_capsules = body.groups.right if side == 0 else body.groups.left
+    if not arm_capsules or not hand_capsules:
         return np.zeros(len(clip), bool)
-    overlap, _ = collision.overlap(posed.starts, posed.ends, body.radii, other, own)
+    overlap, _ = collision.overlap(posed.starts, posed.ends, body.radii, hand_capsules, arm_capsules)
     return np.asarray(-overlap.max(axis=(1, 2)) * rig_info(clip.skeleton).sizes.unit.metres < _CLEAR_M)
 
 
 def arm_joints(clip: Clip, side: int) -> tuple[int, ...]:
-    """Every joint of an arm, from the collarbone to the fingertips, where the rig's arms are known."""
+    """Returns every joint of an arm, from the collarbone to the fingertips; the rig's arms must be known."""
     info = rig_info(clip.skeleton)
     collarbone = info.roles.joints.get(f"{SIDES[side]}Shoulder", info.arm_joints[3 * side])
     return tuple(kinematics.subtree(clip.skeleton, collarbone))
 
 
 TRANSITION, NATURAL = FREE_HANDS = ("transition", "natural")
-"""What the idle hand's time may be."""
+"""Modes for the time of idle hands."""
 FASTEST_M_S = 2.2
-"""A hand that only goes to rest, or comes from it, is not faster than this."""
+"""Largest speed of an idle hand, m/s."""
 _UNHURRIED_M_S = 1.4
-"""Nor, under ``natural``, than 9 of 10 hands that people let sink in running signing (15 movements of 0.15 to 0.4 m in
-16 sentences of the DGS Corpus: median 0.8 m/s, 1.8 at most).
+"""Largest speed under ``natural``, m/s: that of 9 of 10 sinking hands in running signing (15 movements of 0.15 to 0.4 m
+in 16 sentences of the DGS Corpus: median 0.8 m/s, at most 1.8).
 """
 _ROUNDS = 8
+"""Largest number of times that a transition is lengthened."""
 
 
 @dataclass(frozen=True)
 class WristSpeeds(Pass):
-    """Measures how fast wrists are in new frames, for ``FreeHands``; on rigs whose arms are known."""
+    """Measures the speed of wrists in new frames, for ``FreeHands``, if the rig's arms are known."""
 
     batches: ClassVar[bool] = True
 
     def change_all(self, seams: Sequence[Seam]) -> list[Seam]:
-        """The seams with the highest speed of their wrists."""
+        """Returns the seams with the highest speed of their wrists."""
         return with_peaks(seams)
 
 
 @dataclass(frozen=True)
 class FreeHands(Pass):
-    """Idle hands get the time that they need.
+    """Gives idle hands the time that they need.
 
     refill: makes the frames of a gap that is lengthened, or whose words were edited.
-    natural: they take frames of the signs.
-    lengthens: the transition is lengthened where they would be too fast.
-    avoids: their arms are led around the body in frames of the signs.
+    natural: whether idle hands take frames of the signs.
+    lengthens: whether the transition is lengthened if they would be too fast.
+    avoids: whether their arms are led around the body in frames of the signs.
     """
 
     refill: Refill
@@ -150,7 +154,7 @@ class FreeHands(Pass):
     avoids: bool
 
     def change(self, seam: Seam) -> Seam:
-        """The seam with slower idle hands; the seam itself where they are slow enough."""
+        """Returns the seam with slower idle hands, or unchanged if they are slow enough."""
         seam = self.refill.fresh(seam)
         least = _UNHURRIED_M_S if self.natural else FASTEST_M_S
         if not _is_faster(seam, least):
@@ -168,39 +172,39 @@ class FreeHands(Pass):
             n_frames = seam.gap.n_frames
             if not self.lengthens or peak <= FASTEST_M_S or n_frames >= longest:
                 break
-            wanted = math.ceil((n_frames + 1) * peak / FASTEST_M_S) - 1
-            seam = self.refill.again(seam, min(max(wanted, n_frames + 1), longest))
+            n_needed = math.ceil((n_frames + 1) * peak / FASTEST_M_S) - 1
+            seam = self.refill.again(seam, min(max(n_needed, n_frames + 1), longest))
         return done
 
 
 def _let_free(seam: Seam, hand: IdleHand, avoids: bool) -> Seam:
-    """The seam with one idle hand given as many frames of the sign as it needs, where it has them."""
+    """Gives one idle hand as many frames of the sign as it needs, as far as available."""
     n_frames = seam.gap.n_frames
     peak = least = _peak(_window(seam.gap, seam.new_frames), hand.side)
-    most = _frames_free(seam, hand)
+    limit = _frames_free(seam, hand)
     best: _ArmPath | None = None
     n_more = 0
-    while peak > _UNHURRIED_M_S and n_more < most:
-        wanted = math.ceil((n_frames + n_more + 1) * peak / _UNHURRIED_M_S) - 1 - n_frames
-        n_more = min(max(wanted, n_more + 1), most)
+    while peak > _UNHURRIED_M_S and n_more < limit:
+        n_wanted = math.ceil((n_frames + n_more + 1) * peak / _UNHURRIED_M_S) - 1 - n_frames
+        n_more = min(max(n_wanted, n_more + 1), limit)
         path = _arm_path(seam, hand, n_more, avoids)
         peak = path.peak
-        # A way around the body may be longer, and faster, than the transition's own.
+        # A path around the body may be longer, and faster, than the transition's own.
         if peak < least and path.depth <= max(TOLERANCE_M, seam.depth or 0.0):
             best, least = path, peak
     return seam if best is None else _apply_arm_path(seam, hand, best)
 
 
 def _frames_free(seam: Seam, hand: IdleHand) -> int:
-    """Frames of the sign that an idle hand may take: it rests there, up to a frame that it keeps, and the other hand
-    does not come near its arm.
+    """Returns the number of frames of the sign that an idle hand may take: it rests in them and in one more, and the
+    other hand is not close to its arm.
     """
-    cut, most = seam.retimed_cut, hand.n_rest - 1
+    cut, limit = seam.retimed_cut, hand.n_rest - 1
     if hand.arrives:
-        rest = seam.after_clip[cut.post : cut.post + most] if most > 0 else None
+        rest = seam.after_clip[cut.post : cut.post + limit] if limit > 0 else None
     else:
-        most = min(most, cut.pre - seam.before.first_frame)
-        rest = seam.before_clip[cut.pre + 1 - most : cut.pre + 1] if most > 0 else None
+        limit = min(limit, cut.pre - seam.before.first_frame)
+        rest = seam.before_clip[cut.pre + 1 - limit : cut.pre + 1] if limit > 0 else None
     if rest is None:
         return 0
     touched = is_approached(rest, hand.side)
@@ -208,17 +212,17 @@ def _frames_free(seam: Seam, hand: IdleHand) -> int:
 
 
 def _first(flags: NDArray[np.bool_]) -> int:
-    """Number of flags before the first that is set."""
+    """Returns the number of flags before the first that is set."""
     return int(np.argmax(flags)) if flags.any() else len(flags)
 
 
 @dataclass(frozen=True, eq=False)
 class _ArmPath:
-    """An idle arm's new frames, among those of the other joints.
+    """An idle arm's new frames, with those of the other joints.
 
     clip: the transition and the ``n_more`` frames of the sign.
     peak: the wrist's highest speed, m/s.
-    depth: how deep the hand lies in the body or in the other hand, beyond what both ends call for, m.
+    depth: depth of the hand in the body or in the other hand, beyond that of both ends, m.
     """
 
     clip: Clip
@@ -228,7 +232,7 @@ class _ArmPath:
 
 
 def _arm_path(seam: Seam, hand: IdleHand, n_more: int, avoids: bool) -> _ArmPath:
-    """The idle arm on one curve over the transition and ``n_more`` frames of the sign."""
+    """Moves the idle arm on one curve over the transition and ``n_more`` frames of the sign."""
     cut, entry, before, after = seam.retimed_cut, seam.before.first_frame, seam.before_clip, seam.after_clip
     post, stop = cut.post, cut.pre + 1
     if hand.arrives:
@@ -248,7 +252,7 @@ def _arm_path(seam: Seam, hand: IdleHand, n_more: int, avoids: bool) -> _ArmPath
 
 
 def _apply_arm_path(seam: Seam, hand: IdleHand, path: _ArmPath) -> Seam:
-    """The seam with an arm's new frames in the transition, and as an edit in the sign."""
+    """Puts an arm's new frames into the seam's transition, and as an edit into the sign."""
     cut, n_frames, n_more = seam.retimed_cut, seam.gap.n_frames, path.n_more
     joints = arm_joints(path.clip, hand.side)
     if hand.arrives:
@@ -265,20 +269,20 @@ def _apply_arm_path(seam: Seam, hand: IdleHand, path: _ArmPath) -> Seam:
 
 
 def _window(gap: Gap, new: Clip) -> Clip:
-    """New frames with those on either side."""
+    """Joins the new frames and one frame on either side."""
     return concatenate([gap.before[-1:], new, gap.after[:1]])
 
 
 def _is_faster(seam: Seam, speed: float) -> bool:
-    """Whether a hand of known arms passes a speed in the transition, m/s."""
+    """Whether a hand of known arms exceeds ``speed`` in the transition, m/s."""
     if seam.peak_m_s is None:
         (seam,) = with_peaks([seam])
     return seam.peak_m_s is not None and seam.peak_m_s > speed
 
 
 def with_peaks(seams: Sequence[Seam]) -> list[Seam]:
-    """The seams with the highest speed of wrists in their new frames; without it on rigs whose arms are not known."""
-    out = list(seams)
+    """Returns the seams with the highest speed of wrists in their new frames, if the rig's arms are known."""
+    measured = list(seams)
     for block in batch_clips([(seam.gap.before[-1:], seam.new_frames, seam.gap.after[:1]) for seam in seams]):
         info = rig_info(block.clip.skeleton)
         if not info.has_arms:
@@ -287,12 +291,12 @@ def with_peaks(seams: Sequence[Seam]) -> list[Seam]:
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1).max(axis=1)
         for k, frames in block:
             peak = float(steps[frames.start : frames.stop - 1].max(initial=0.0))
-            out[k] = replace(out[k], peak_m_s=peak * block.clip.fps * info.sizes.unit.metres)
-    return out
+            measured[k] = replace(measured[k], peak_m_s=peak * block.clip.fps * info.sizes.unit.metres)
+    return measured
 
 
 def _peak_with_rest(seam: Seam, hand: IdleHand) -> float:
-    """Highest speed of an idle hand in the transition and while it rests, m/s."""
+    """Returns the highest speed of an idle hand in the transition and while it rests, m/s."""
     cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
     start, stop = cut.pre, cut.post + 1
     if hand.arrives:
@@ -304,7 +308,7 @@ def _peak_with_rest(seam: Seam, hand: IdleHand) -> float:
 
 
 def _peak(clip: Clip, side: int) -> float:
-    """Highest speed of a wrist, m/s."""
+    """Returns the highest speed of a wrist, m/s."""
     info = rig_info(clip.skeleton)
     _, positions = kinematics.forward(clip, [info.arm_joints[3 * side + 2]])
     steps = np.linalg.norm(np.diff(positions[:, 0], axis=0), axis=-1)

@@ -1,12 +1,12 @@
-"""The learned cutter and transition: a bundle's networks behind the classes of the classical methods.
+"""The learned cutter and transition: a bundle's networks with the interface of the classical methods.
 
-Two words are seen on the canonical humanoid at 30 frames a second (``features``), each read once however often it is
-placed (``WordReader``); the networks' answers go back to the clips' own joints and rate.
+The networks see words on the canonical humanoid at 30 frames a second (``features``) and read each once, however often
+it is placed (``WordReader``); their outputs are converted back to the clips' joints and rate.
 
-The best cuts of a whole sentence are found by dynamic programming (Viterbi 1967). A cutter that scores every pair of
-frames for every seam cannot take the best pair of each seam alone: a word must not be left before it was entered. The
-best sentence is found over the frames at which words are entered, in time linear in the number of words. Cuts are then
-moved outside strokes: these stay whole, and ways from and to rest are left out.
+Dynamic programming (Viterbi 1967) finds the best cuts of a whole sentence. The best pair of frames of each seam alone
+does not suffice: a word must not be left before it was entered. The search runs over the frames at which words are
+entered, in time linear in the number of words. Cuts are then moved outside strokes: these stay whole, and movements
+from and to rest are left out.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from signsplice.splicing.features import (
 )
 
 _TOO_EARLY = 1e6
-"""Cost of every frame that a word is left too early: larger than any score, but finite, so that there is an answer."""
+"""Cost per frame that a word is left too early: larger than any score, but finite, so that a solution exists."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeamScores:
     """The scores of a seam.
 
-    scores: (P, Q) of leaving the word before at frame ``leaves_from`` + row, and entering the word after at frame
+    scores: (P, Q) for leaving the word before at frame ``leaves_from`` + row and entering the word after at frame
         ``enters_from`` + column.
     leaves_from, enters_from: first frames of rows and columns.
     """
@@ -59,15 +59,15 @@ class SeamScores:
 
 
 def best_path(seams: Sequence[SeamScores], least: int = 1) -> list[tuple[int, int]]:
-    """The frames (left, entered) of every seam whose scores have the largest sum, among all with at least ``least``
-    frames between entering and leaving a word; of a word that is too short for that, as many as it has.
+    """Returns the frames (left, entered) of every seam that maximise the sum of scores, with at least ``least`` frames
+    between entering and leaving a word, or all its frames if it is shorter.
     """
     sums_so_far, entered_from = np.zeros(1), 0  # best sum by the frame at which the word before was entered
     back: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
     for seam in seams:
         latest = seam.leaves_from + np.arange(len(seam.scores)) - least
-        kept, entered = _best_entry(sums_so_far, latest - entered_from)
-        sums = seam.scores + kept[:, None]  # (P, Q)
+        best_sums, entered = _best_entry(sums_so_far, latest - entered_from)
+        sums = seam.scores + best_sums[:, None]  # (P, Q)
         rows = sums.argmax(axis=0)
         sums_so_far, entered_from = sums[rows, np.arange(sums.shape[1])], seam.enters_from
         back.append((rows, entered))
@@ -81,30 +81,32 @@ def best_path(seams: Sequence[SeamScores], least: int = 1) -> list[tuple[int, in
 
 
 def _best_entry(sums: FloatArray, latest: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.intp]]:
-    """The best sum no later than each of ``latest``, and the frame of entering that it belongs to."""
+    """Returns the best sum among entries no later than each of ``latest``, and the frame of that entry."""
     running = np.maximum.accumulate(sums)
     improves = np.concatenate([[True], sums[1:] > running[:-1]])
-    where = np.maximum.accumulate(np.where(improves, np.arange(len(sums)), 0))
-    at = np.minimum(latest, len(sums) - 1)
-    missing = np.maximum(-at, 0)  # frames before the word's first one, at which it cannot be entered
-    at = np.maximum(at, 0)
-    return np.where(missing > 0, sums[0], running[at]) - _TOO_EARLY * missing, np.where(missing > 0, 0, where[at])
+    frames = np.maximum.accumulate(np.where(improves, np.arange(len(sums)), 0))
+    index = np.minimum(latest, len(sums) - 1)
+    missing = np.maximum(-index, 0)  # frames before the word's first one, at which it cannot be entered
+    index = np.maximum(index, 0)
+    best = np.where(missing > 0, sums[0], running[index]) - _TOO_EARLY * missing
+    return best, np.where(missing > 0, 0, frames[index])
 
 
-BELOW, NEXT_BELOW = 0.015, 0.03
-"""How far below the end of its stroke, arm lengths (0.8 cm), a hand is still kept, and in the next frame beside it,
-where movements are too slow to be told from holds: a hand that is farther below in a thirtieth of a second falls. Of
-the words that ship, twice as many transitions dip by over 3 cm at 0.02, and at 0.01 one stroke in a hundred loses a
-frame.
+BELOW = 0.015
+"""Largest distance of a kept hand below the end of its stroke, arm lengths (0.8 cm). Of the shipped words, twice as
+many transitions dip by over 3 cm at 0.02, and at 0.01 one stroke in a hundred loses a frame.
+"""
+NEXT_BELOW = 0.03
+"""The same in the frame next to the stroke, in which slow movements look like holds: a hand that is farther below
+within a thirtieth of a second falls.
 """
 _BESIDE = 2
-"""Frames beside a stroke that are kept, unless a hand is below it there."""
+"""Number of frames beside a stroke that are kept, unless a hand is below it there."""
 
 
 def outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tuple[int, int]:
-    """A cut, frames at ``FEATURE_FPS``, moved outwards until it leaves both words' strokes whole, then inwards, as far
-    as these, past frames in which a hand has begun to sink or still rises: a transition that ends in them goes down
-    first, below both signs.
+    """Moves a cut, frames at ``FEATURE_FPS``, outwards until both words' strokes stay whole, then inwards, up to the
+    strokes, past frames in which a hand sinks or rises: a transition that ends in them would dip below both signs.
     """
     pre, post = cut
     if p.stroke is not None:
@@ -117,8 +119,8 @@ def outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tup
 
 
 def _n_raised(word: WordReading, frames: range) -> int:
-    """How many of a word's frames, away from its stroke, lie before the last at which both hands are still as high as
-    in the first.
+    """Counts the ``frames`` of a word, away from its stroke, before the last in which both hands are as high as in the
+    first.
     """
     heights = word.wrists[np.array(frames) - word.first, :, 1]  # (n, 2)
     below = (heights[0] - heights).max(axis=1)
@@ -126,17 +128,20 @@ def _n_raised(word: WordReading, frames: range) -> int:
 
 
 SYSTEM = "signsplice"
-NAME, FLUENT = "learned", "learned-fluent"
+NAME = "learned"
+"""Name of the cutter that keeps movements whole, and of the transition."""
+FLUENT = "learned-fluent"
+"""Name of the cutter that shortens signs as in running signing."""
 _BATCH = 16
-"""Gaps of one pass at most: larger passes take as long a gap."""
+"""Largest number of gaps in one run of the network: larger batches are no faster per gap."""
 
 
 REST_FRAMES = 24
-"""Most frames of rest, at ``FEATURE_FPS``, that the cutter is shown at either end of a word."""
+"""Largest number of rest frames, at ``FEATURE_FPS``, that the cutter sees at either end of a word."""
 _LONGEST_LOW = 60
-"""Most frames of a sign's low part before an arm is raised: of hands that rest far from where they began, no more."""
+"""Largest number of frames of a sign's low part, before an arm is raised, that the cutter sees."""
 STILL = 0.05
-"""Distance, arm lengths, within which a hand or finger counts as standing still: people who wait sway."""
+"""Distance, arm lengths, within which a hand or finger counts as still: people who wait sway."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +149,13 @@ class WordReading:
     """A word as the cutting network reads it; T frames at ``FEATURE_FPS``.
 
     features: (T, N_FRAME) of its frames.
-    wrists: (T, 2, 3) of its frames, arm lengths.
+    wrists: (T, 2, 3) wrist positions, arm lengths.
     states: (1, T, D) the network's states.
-    leave, enter: (1, S) its summaries for leaving and for entering the word.
-    first: the frame of the clip, at ``FEATURE_FPS``, with which ``features`` begin.
-    active: frames [start, stop), counted from there, in which the arms are away from rest.
+    leave, enter: (1, S) the network's summaries for leaving and for entering the word.
+    first: first frame of ``features`` in the clip, at ``FEATURE_FPS``.
+    active: frames [start, stop), counted from ``first``, in which the arms are away from rest.
     phases: (T, 5) scores of its frames' phases.
-    stroke: first and last frame of the movements, counted from there; None where no sign is seen.
+    stroke: first and last frame of the movements, counted from ``first``; None if no sign is detected.
     """
 
     features: NDArray[np.float32]
@@ -168,10 +173,10 @@ class WordReading:
 class _Shown:
     """A word before it is read.
 
-    trajectory: what the network is shown of it, from frame ``first`` on, at ``FEATURE_FPS``.
+    trajectory: the part that the network sees, from frame ``first`` on, at ``FEATURE_FPS``.
     first: number of its first frame.
-    active: frames [start, stop), counted from there, in which the arms are away from rest.
-    readings: what the network made of it, by (features.mirrored, only its end, with the strokes of both hands).
+    active: frames [start, stop), counted from ``first``, in which the arms are away from rest.
+    readings: the network's readings, by (mirrored, only its end, with the strokes of both hands).
     """
 
     trajectory: CanonicalTrajectory
@@ -181,8 +186,8 @@ class _Shown:
 
 
 class WordReader:
-    """Reads words by a bundle's networks. What was read is kept as long as the clip lives that a word comes from: it
-    stands on both sides of two seams, and in more than one sentence.
+    """Reads words with a bundle's networks. Readings are kept as long as the word's source clip lives: a word has two
+    seams, and may occur in more than one sentence.
     """
 
     def __init__(self, sessions: Sessions) -> None:
@@ -190,23 +195,23 @@ class WordReader:
         self._words: WeakKeyDictionary[Clip, _Shown] = WeakKeyDictionary()
 
     def alone(self, clip: Clip) -> tuple[WordReading, WordReading]:
-        """A word seen with its own busier hand at the right: its end and its beginning, one and the same unless it is
-        long. Neither depends on the words beside it.
+        """Reads a word with its own busier hand on the right, independently of its neighbours; returns the readings of
+        its end and its beginning, which are the same unless the word is long.
         """
         (word,) = self.prepare([clip])
         mirror = features.left_hand_busier(word.trajectory)
         return self._alone(word, mirror, end=True), self._alone(word, mirror, end=False)
 
     def pair(self, before: Clip, after: Clip) -> tuple[WordReading, WordReading]:
-        """Two words, both seen with the busier hand of the pair at the right, so that each hand of the one is that hand
-        of the other; of long ones the end and the beginning.
+        """Reads two words, both with the busier hand of the pair on the right, so that left and right hands match; of
+        long words only the end of the first and the beginning of the second.
         """
         p, q = self.prepare([before, after])
         mirror = features.left_hand_busier(p.trajectory, q.trajectory)
         return self._reading(p, mirror, end=True), self._reading(q, mirror, end=False)
 
     def prepare(self, clips: Sequence[Clip]) -> list[_Shown]:
-        """The words of aligned clips; those that are new are brought into canonical form."""
+        """Returns the words of aligned clips; converts new ones to canonical form."""
         sources = [clip if clip.source_clip is None else clip.source_clip for clip in clips]
         for clip in sources:
             if clip not in self._words:
@@ -214,21 +219,21 @@ class WordReader:
         return [self._words[clip] for clip in sources]
 
     def forget(self, *clips: Clip) -> None:
-        """Forget these words, so that they are read anew."""
+        """Discards the readings of these words."""
         for clip in clips:
             self._words.pop(clip.source_clip or clip, None)
 
     def _alone(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
-        """The reading by the busier hand, with the strokes that the other one makes while that rests."""
+        """Returns the reading by the busier hand, with the strokes of the other hand while the busier one rests."""
         key = (mirror, end and len(word.trajectory.positions) > WORD_FRAMES, True)
         if key not in word.readings:
-            own = self._reading(word, mirror, end)
-            alone = frames_alone(own.wrists)
-            if alone.any():
-                seen = self._reading(word, not mirror, end)
-                frames = [*(own.stroke or ()), *(stroke_span(seen.phases, alone, seen.wrists) or ())]
-                own = replace(own, stroke=(min(frames), max(frames)) if frames else None)
-            word.readings[key] = own
+            reading = self._reading(word, mirror, end)
+            is_alone = frames_alone(reading.wrists)
+            if is_alone.any():
+                mirrored = self._reading(word, not mirror, end)
+                frames = [*(reading.stroke or ()), *(stroke_span(mirrored.phases, is_alone, mirrored.wrists) or ())]
+                reading = replace(reading, stroke=(min(frames), max(frames)) if frames else None)
+            word.readings[key] = reading
         return word.readings[key]
 
     def _reading(self, word: _Shown, mirror: bool, end: bool) -> WordReading:
@@ -262,27 +267,27 @@ class WordReader:
 
 
 def _without_long_rests(motion: CanonicalMotion) -> _Shown:
-    """A word without the rest, or the standing still wherever the hands are, that goes beyond ``REST_FRAMES``: the
-    networks learned from words that begin and end soon.
+    """Removes rest, and stillness anywhere, beyond ``REST_FRAMES`` from a word: the networks learned from words without
+    long pauses at their ends.
     """
     start, stop = motion.active_span
-    whole = features.trajectory(motion)
+    sampled = features.trajectory(motion)
     # Frames at FEATURE_FPS that lie within the span whatever the clip's own rate.
-    last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(whole.positions) - 1)
+    last = min(int((stop - 1) / motion.fps * FEATURE_FPS + 1e-6), len(sampled.positions) - 1)
     start, stop = min(int(np.ceil(start / motion.fps * FEATURE_FPS - 1e-6)), last), last + 1
-    n = len(whole.positions)
-    away = np.logical_or(*are_away(whole.positions[:, :: whole.positions.shape[1] // 2]).T)
-    first = max(0, _n_left_out(whole.positions, away, start))
-    kept = slice(first, n - max(0, _n_left_out(whole.positions[::-1], away[::-1], n - stop)))
-    start, stop = max(start, first), min(stop, kept.stop)
-    shown = CanonicalTrajectory(whole.rotations_6d[kept], whole.positions[kept], whole.has_role)
+    n = len(sampled.positions)
+    is_away = np.logical_or(*are_away(sampled.positions[:, :: sampled.positions.shape[1] // 2]).T)
+    first = max(0, _n_left_out(sampled.positions, is_away, start))
+    window = slice(first, n - max(0, _n_left_out(sampled.positions[::-1], is_away[::-1], n - stop)))
+    start, stop = max(start, first), min(stop, window.stop)
+    shown = CanonicalTrajectory(sampled.rotations_6d[window], sampled.positions[window], sampled.has_role)
     return _Shown(shown, first, (start - first, stop - first))
 
 
 def _n_left_out(positions: FloatArray, away: Mask, n_low: int) -> int:
-    """How many frames of a word's beginning are not shown, from positions (T, 12, 3), whether a hand is away from rest
-    (T,) and how many frames pass until an arm is raised: not all of them where a hand has left its rest long before
-    that, for a part of the sign that is low.
+    """Returns how many frames of a word's beginning are left out, from positions (T, 12, 3), whether a hand is away
+    from rest (T,), and the number of frames until an arm is raised. A low part of the sign, in which a hand has left
+    its rest long before an arm is raised, is kept.
     """
     n_still = _n_still_frames(positions)
     n_rest = max(n_low - _LONGEST_LOW, int(np.flatnonzero(~away[:n_low]).max(initial=0)))
@@ -290,15 +295,15 @@ def _n_left_out(positions: FloatArray, away: Mask, n_low: int) -> int:
 
 
 def _n_still_frames(positions: FloatArray) -> int:
-    """How many frames of positions (T, 12, 3) pass before one joint has left its first position; 0 where none does."""
-    away = positions - positions[0]
-    return int((np.einsum("tkc,tkc->tk", away, away).max(axis=1) > STILL**2).argmax())
+    """Returns the number of frames of positions (T, 12, 3) until a joint leaves its first position; 0 if none does."""
+    offsets = positions - positions[0]
+    return int((np.einsum("tkc,tkc->tk", offsets, offsets).max(axis=1) > STILL**2).argmax())
 
 
 def open_sessions(folder: str | Path) -> Sessions:
-    """The networks of a bundle; each is read and checked when first run.
+    """Opens the networks of a bundle; each is read and checked at its first run.
 
-    Raises ``InputError`` where the folder holds no bundle, another system's, or one that was made for other features.
+    Raises ``InputError`` if the folder holds no bundle, another system's bundle, or one made for other features.
     """
     folder = Path(folder)
     config = read_config(folder)
@@ -314,14 +319,14 @@ def open_sessions(folder: str | Path) -> Sessions:
 class LearnedCutter(Cutter):
     """Scores the frames at which words are left and entered, and chooses all seams of a sentence together.
 
-    whole: no movement is cut into; a word is left after its last movement and entered before its first, as far as they
-        lie between rests. Every word is read by its own busier hand and scored as if it stood before and after itself,
-        so that it is cut alike whatever stands beside it. Otherwise, words are read and scored in pairs: the motion
-        that the network learned from shortens signs as running signing does, by where the hands go next; repetitions
-        go, and the outer part of movements.
+    whole: whether movements stay whole: a word is left after its last movement and entered before its first, as far as
+        these lie between rests. Every word is read by its own busier hand and scored as if it preceded and followed
+        itself, so that its cut does not depend on its neighbours. Otherwise words are read and scored in pairs, and
+        signs are shortened as in running signing, depending on where the hands go next: repetitions and the outer parts
+        of movements are cut.
 
-    Words are left and entered while their arms are away from rest, where the height of the hands shows rest
-    (``rig.info.active_span``), whatever the network takes it for.
+    Words are left and entered while their arms are away from rest by the height of the hands
+    (``rig.info.active_span``), whatever phase the network assigns.
     """
 
     learned = own_rate = True
@@ -337,14 +342,14 @@ class LearnedCutter(Cutter):
         )
 
     def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
-        """The splice positions of a sentence, chosen together (``best_path``)."""
+        """Returns the splice positions of a sentence, chosen together (``best_path``)."""
         self.reader.prepare(clips)
         pairs = list(pairwise(clips))
         if self.whole:
             words = [self.reader.alone(clip) for clip in clips]
             scored = [self._score_word(*word) for word in words]
             readings = [(p, q) for (p, _), (_, q) in pairwise(words)]
-            seams = [(left, entered) for (left, _), (_, entered) in pairwise(scored)]
+            seams = [(leave_scores, enter_scores) for (leave_scores, _), (_, enter_scores) in pairwise(scored)]
         else:
             readings = [self.reader.pair(*pair) for pair in pairs]
             seams = [self._log_probabilities(*pair) for pair in readings]
@@ -358,27 +363,27 @@ class LearnedCutter(Cutter):
         ]
 
     def scores(self, p: WordReading, q: WordReading) -> SeamScores:
-        """Log-probabilities of leaving one word at a frame and entering the other, which follows it, at another, frames
-        at 30 a second.
+        """Returns log-probabilities of leaving ``p`` at one frame and entering ``q``, which follows it, at another,
+        frames at 30 a second.
         """
         return _seam_scores(p, q, *self._log_probabilities(p, q))
 
     def _score_word(self, end: WordReading, beginning: WordReading) -> tuple[FloatArray, FloatArray]:
-        """``_log_probabilities`` of a word before and after itself, kept as long as what was read of it."""
+        """Returns ``_log_probabilities`` of a word before and after itself, kept as long as its reading."""
         if end not in self._scores:
             self._scores[end] = self._log_probabilities(end, beginning)
         return self._scores[end]
 
     def _log_probabilities(self, p: WordReading, q: WordReading) -> tuple[FloatArray, FloatArray]:
-        """Log-probabilities of leaving ``p`` (P,) and of entering ``q`` (Q,) after it, at their active frames."""
+        """Returns log-probabilities of leaving ``p`` (P,) and entering ``q`` (Q,) after it, at their active frames."""
         inputs = {"before": p.states, "leave": p.leave, "after": q.states, "enter": q.enter}
         lengths = {"left": (1, len(p.features)), "entered": (1, len(q.features))}
         outputs = self.reader.sessions.run("cut", inputs, **lengths)
-        left, entered = (
+        leave_scores, enter_scores = (
             log_softmax(outputs[name][0, slice(*word.active)].astype(np.float64))
             for name, word in (("left", p), ("entered", q))
         )
-        return left, entered
+        return leave_scores, enter_scores
 
 
 def _seam_scores(p: WordReading, q: WordReading, left: FloatArray, entered: FloatArray) -> SeamScores:
@@ -386,11 +391,11 @@ def _seam_scores(p: WordReading, q: WordReading, left: FloatArray, entered: Floa
 
 
 class LearnedTransition(Transition):
-    """The limited Hermite curve, its arms corrected by a network that sees the gap and eight frames on either side.
+    """The limited Hermite curve, with arms corrected by a network that sees the gap and eight frames on either side.
 
     End poses and end velocities stay those of the curve. Fingers, trunk, neck, head and joints without a role, gaps of
-    fewer than 2 or more than 45 frames at 30 a second, words that were drawn between keys (``Gap.keyed``), and
-    rigs whose arms are not known by name follow the curve alone.
+    fewer than 2 or more than 45 frames at 30 a second, words drawn between keys (``Gap.keyed``), and rigs whose arms
+    are not known by name follow the curve alone.
     """
 
     name, learned = NAME, True
@@ -407,24 +412,24 @@ class LearnedTransition(Transition):
         return f"{self.base.name}+{network}" if type(self) is LearnedTransition and network else None
 
     def between(self, gap: Gap) -> Clip:
-        """The new frames of one gap."""
+        """Returns the new frames of one gap."""
         return self.fill([gap])[0]
 
     def fill(self, gaps: Sequence[Gap]) -> list[Clip]:
-        """The new frames of every gap: the curves of all, and what the network sees of them, are computed together."""
-        made = self.base.fill(gaps)
+        """Returns the new frames of every gap; curves and network inputs of all gaps are computed together."""
+        clips = self.base.fill(gaps)
         bent = [row for row, gap in enumerate(gaps) if _within_limits(gap) and not gap.is_keyed]
-        windows = [_window(gaps[row], made[row]) for row in bent]
+        windows = [_window(gaps[row], clips[row]) for row in bent]
         for block in batch_clips(windows):
             rows = [bent[row] for row in block.rows]
-            for row, clip in zip(rows, self._bend_arms(block, windows, [made[row] for row in rows]), strict=True):
-                made[row] = clip
-        return made
+            for row, clip in zip(rows, self._bend_arms(block, windows, [clips[row] for row in rows]), strict=True):
+                clips[row] = clip
+        return clips
 
     def _bend_arms(
         self, block: JoinedClips, windows: Sequence[tuple[Clip, Clip, Clip]], bases: list[Clip]
     ) -> list[Clip]:
-        """The curves of some gaps with their arms bent by the network."""
+        """Returns the curves of some gaps with their arms bent by the network."""
         counts = [(frames, len(windows[row][0]), len(windows[row][1])) for row, frames in block]
         seen = features.all_gap_features(canonical_motion(block.clip), counts)
         lengths = [n_frames for _, _, n_frames in counts]
@@ -438,8 +443,8 @@ class LearnedTransition(Transition):
         return [replace(base, local_rotations=part) for base, part in zip(bases, parts, strict=True)]
 
     def _answers(self, seen: Sequence[features.GapFeatures]) -> FloatArray:
-        """The network's answers (G, N_TERMS, A, 3). Each gap gets the numbers that it would get alone, bit for bit, as
-        far as measured (tests compare).
+        """Returns the network's outputs (G, N_TERMS, A, 3). Each gap gets the numbers that it would get alone, bit for
+        bit as far as tests show.
         """
         blocks = []
         for start in range(0, len(seen), _BATCH):
@@ -449,7 +454,7 @@ class LearnedTransition(Transition):
         return np.concatenate(blocks)
 
     def warnings(self, gap: Gap) -> tuple[str, ...]:
-        """A line about a gap that is too long for the network."""
+        """Returns a warning if the gap is too long for the network."""
         if features.gap_frames(gap.seconds) <= MAX_GAP_FRAMES:
             return ()
         seconds = gap.n_frames / gap.before.fps
@@ -457,12 +462,12 @@ class LearnedTransition(Transition):
 
 
 def _within_limits(gap: Gap) -> bool:
-    """Whether a gap is neither too short nor too long for the network, on a rig whose arms are known."""
+    """Whether a gap is neither too short nor too long for the network, and the rig's arms are known."""
     n_frames = features.gap_frames(gap.seconds)
     return MIN_GAP_FRAMES <= n_frames <= MAX_GAP_FRAMES and rig_info(gap.before.skeleton).has_arms
 
 
 def _window(gap: Gap, base: Clip) -> tuple[Clip, Clip, Clip]:
-    """What the network sees of a gap that a classical transition bridges: frames before, between and after."""
+    """Returns the network's view of a gap bridged by a classical transition: frames before, between and after."""
     n_context = int(np.ceil((N_CONTEXT + 1) / FEATURE_FPS * base.fps)) + 1
     return gap.before[-n_context:], base, gap.after[:n_context]

@@ -1,5 +1,5 @@
-"""What one call of the engine wants, and its methods: by name, learned where none is named, classical where no network
-can be read. Mistakes of callers are errors that say what was given and what is expected.
+"""Options and methods of one call of the engine. Methods are chosen by name; the default is learned, or classical if no
+network can be read. Errors about wrong options state the given and the expected values.
 """
 
 from __future__ import annotations
@@ -42,16 +42,17 @@ from signsplice.splicing.systems import WholeSystem, check_alone
 AUTO = "auto"
 """The name of the default duration."""
 _OPEN_AT_ONCE = 4
+"""Largest number of bundles kept open."""
 MethodT = TypeVar("MethodT", bound=Method)
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedMethods:
-    """What a bundle offers.
+    """The methods of a bundle.
 
-    cutters, transitions: by name.
-    sha256: of the bundle; None where there is none.
-    networks: what bundle.json says of each network.
+    cutters, transitions: methods by name.
+    sha256: sha256 of the bundle; None if there is none.
+    networks: entry of each network in bundle.json.
     """
 
     cutters: Mapping[str, LearnedCutter] = field(default_factory=dict)
@@ -64,9 +65,9 @@ class LearnedMethods:
 class Methods:
     """The methods of a call.
 
-    cutter, transition, duration: what does the work.
-    bundle: sha256 of the bundle whose networks take part; None without networks.
-    warnings: why the defaults are not the learned ones.
+    cutter, transition, duration: the chosen methods.
+    bundle: sha256 of the bundle whose networks are used; None without networks.
+    warnings: the reason if the defaults are not learned.
     """
 
     cutter: Cutter
@@ -77,22 +78,21 @@ class Methods:
 
 
 def open_learned(folder: str | Path | None = None) -> LearnedMethods:
-    """What a bundle offers, by default the one that ships; opened once, as long as it is not written anew.
+    """Opens a bundle, by default the shipped one, and returns its methods; it is opened again only if it changes.
 
-    Raises ``InputError`` where the folder holds no bundle, another system's, or one whose files are not those that it
-    lists.
+    Raises ``InputError`` if the folder holds no bundle, another system's bundle, or files other than listed.
     """
     folder = Path(WEIGHTS if folder is None else folder).absolute()
     try:
         status = (folder / BUNDLE_FILE).stat()
     except OSError:
-        return _open(folder, bundle_sha256(folder))  # raises, and says what is wrong
+        return _open(folder, bundle_sha256(folder))  # raises an error that names the problem
     written = status.st_ino, status.st_mtime_ns, status.st_size
     return CACHE.recent(_open_as_written, folder, written, most=_OPEN_AT_ONCE)
 
 
 def _open_as_written(folder: Path, written: tuple[int, int, int]) -> LearnedMethods:
-    """``_open`` for a bundle.json of this inode, time and size: another one is another call."""
+    """``_open`` for a bundle.json with this inode, time and size; these are part of the cache key."""
     folder = folder.resolve()  # a link may lead elsewhere before the last network is opened
     return CACHE.recent(_open, folder, bundle_sha256(folder), most=_OPEN_AT_ONCE)
 
@@ -117,34 +117,33 @@ def choose(
     duration: str | Duration | None = None,
     bundle: str | Path | None = None,
 ) -> Methods:
-    """The methods of a call: objects as they are, others by name; cutter and transition ``learned`` and None from
-    ``bundle``, by default the one that ships.
+    """Returns the methods of a call. Objects are used as they are, others found by name; ``learned`` and None stand for
+    the cutter and transition of ``bundle``, by default the shipped one.
 
-    None is the classical default, with one warning, where the bundle that ships cannot be read. Raises ``InputError``
-    for an unknown name, for ``learned`` where there is no such network, and for a bundle that is named and cannot be
-    read.
+    If the shipped bundle cannot be read, None stands for the classical default, with one warning. Raises ``InputError``
+    for an unknown name, for ``learned`` without such a network, and for a named bundle that cannot be read.
     """
     named = (cutter, transition)
     where = Path(WEIGHTS if bundle is None else bundle)
-    own, warnings = LearnedMethods(), tuple[str, ...]()
+    learned, warnings = LearnedMethods(), tuple[str, ...]()
     called_for = any(name in (NAME, FLUENT) for name in named if isinstance(name, str))
     tables: tuple[Mapping[str, Method], ...] = (CUTTERS, TRANSITIONS)
     unknown = any(isinstance(name, str) and name not in table for name, table in zip(named, tables, strict=True))
     if bundle is not None or None in named or unknown:  # the message about an unknown name lists the learned ones too
         try:
-            own = open_learned(where)
+            learned = open_learned(where)
         except InputError as error:
             if bundle is not None or called_for:
                 raise
             warnings = (f"no learned methods, classical ones are used: {error}",)
     duration = DEFAULT_DURATION if duration in (None, AUTO) else duration
     chosen = (
-        _one("cutter", cutter, own.cutters, CUTTERS, CLASSICAL_CUTTER, where),
-        _one("transition", transition, own.transitions, TRANSITIONS, CLASSICAL_TRANSITION, where),
+        _one("cutter", cutter, learned.cutters, CUTTERS, CLASSICAL_CUTTER, where),
+        _one("transition", transition, learned.transitions, TRANSITIONS, CLASSICAL_TRANSITION, where),
         find("duration", duration, DURATIONS) if isinstance(duration, str) else duration,
     )
-    networks = [*own.cutters.values(), *own.transitions.values()]
-    return Methods(*chosen, own.sha256 if any(method in networks for method in chosen) else None, warnings)
+    networks = [*learned.cutters.values(), *learned.transitions.values()]
+    return Methods(*chosen, learned.sha256 if any(method in networks for method in chosen) else None, warnings)
 
 
 def _one(
@@ -165,12 +164,12 @@ def _one(
 
 
 def all_methods() -> list[tuple[str, Method, bool]]:
-    """Every method as (kind, method, whether it is the default), those of the bundle that ships among them."""
+    """Returns every method, including those of the shipped bundle, as (kind, method, whether it is the default)."""
     defaults = choose()
-    own = open_learned() if defaults.bundle is not None else LearnedMethods()
+    learned = open_learned() if defaults.bundle is not None else LearnedMethods()
     tables: tuple[tuple[str, Mapping[str, Method], Method | None], ...] = (
-        ("cutter", {**CUTTERS, **own.cutters}, defaults.cutter),
-        ("transition", {**TRANSITIONS, **own.transitions}, defaults.transition),
+        ("cutter", {**CUTTERS, **learned.cutters}, defaults.cutter),
+        ("transition", {**TRANSITIONS, **learned.transitions}, defaults.transition),
         ("duration", {**DURATIONS}, defaults.duration),
         ("system", {name: open_system(name) for name in SHIPPED}, None),
     )
@@ -184,28 +183,28 @@ _DECIDED_BY_SYSTEM = (
 
 @dataclass(frozen=True)
 class SpliceOptions:
-    """What one call wants.
+    """Options of one call.
 
     cutter, transition, duration: a name, or an object of that class; None: the default, which is learned for cutter and
-        transition, or classical where the networks cannot be read (``choose``).
-    bundle: folder of the networks; None: those that ship.
-    transition_time: length of every transition, seconds, in place of the duration.
-    sign_speed: how many times as fast signs play.
-    tempo: "citation": as recorded; "natural": as in running signing; or how many seconds a sign takes with its
-        transition. Holds and slow parts are shortened until it does, as far as human speeds allow.
+        transition, or classical if the networks cannot be read (``choose``).
+    bundle: folder of the networks; None: the shipped ones.
+    transition_time: duration of every transition, seconds, instead of the duration method.
+    sign_speed: playback speed of the signs; 1 is as recorded.
+    tempo: "citation": as recorded; "natural": as in running signing; or the seconds that a sign takes with its
+        transition. Holds and slow parts are shortened to reach it, as far as human speeds allow.
     fps: output rate; None: the first clip's.
-    avoid_collisions: whether hands are led around head, trunk and each other; None: where the transition is learned.
-    free_hand: how much time a hand has that only goes to rest at a seam, or comes from it. "transition": that of the
-        transition, which is lengthened where the hand would pass 2.2 m/s, unless the call names a transition or a time;
-        "natural": frames of the signs too, as long as the hand rests in them.
-    face_rules: rules by which words without a face of their own have one, some of ``faces.RULES``.
-    limits: how many frames a clip may have at the output rate.
-    system: a system that splices whole words, in place of cutter, transition, duration and what goes with them: a name
-        of ``lptransformer.SHIPPED``, a trained system's folder, or an object of that class.
-    fill_misses: whether words for which the system has no splice are joined by the defaults, with a warning; else they
-        are an error.
+    avoid_collisions: whether hands are led around head, trunk and each other; None: if the transition is learned.
+    free_hand: time of a hand that only moves to or from rest at a seam. "transition": that of the transition, which is
+        lengthened if the hand would exceed 2.2 m/s, unless the call names a transition or a time; "natural": also
+        frames of the signs, as long as the hand rests in them.
+    face_rules: rules that animate faces of words without one, some of ``faces.RULES``.
+    limits: limit of the number of frames of a clip at the output rate.
+    system: a system that splices whole words, instead of cutter, transition, duration and related options: a name of
+        ``lptransformer.SHIPPED``, a trained system's folder, or an object of that class.
+    fill_misses: whether pairs for which the system has no splice are joined by the defaults, with a warning; else they
+        raise an error.
 
-    Raises ``InputError`` for a number out of range, and for what cannot be combined with a system.
+    Raises ``InputError`` for a number out of range, and for options that cannot be combined with a system.
     """
 
     cutter: str | Cutter | None = None
@@ -229,9 +228,9 @@ class SpliceOptions:
             ("sign speed", self.sign_speed, 0.1, 10.0, ""),
             ("fps", self.fps, 1.0, 1000.0, ""),
         )
-        for what, value, least, most, unit in limits:
-            if value is not None and not least <= value <= most:
-                raise InputError(f"{what} {value:g}{unit}, expected {least:g} to {most:g}{unit}")
+        for label, value, lower, upper, unit in limits:
+            if value is not None and not lower <= value <= upper:
+                raise InputError(f"{label} {value:g}{unit}, expected {lower:g} to {upper:g}{unit}")
         self.seconds_a_sign  # noqa: B018  # raises for another tempo
         if self.free_hand not in FREE_HANDS:
             raise InputError(f"free hand {self.free_hand!r}, expected one of {', '.join(FREE_HANDS)}")
@@ -243,17 +242,17 @@ class SpliceOptions:
 
     @cached_property
     def whole_system(self) -> WholeSystem | None:
-        """The system that splices whole words; None where cutter, duration and transition do."""
+        """The system that splices whole words; None if cutter, duration and transition are used."""
         return open_system(self.system) if isinstance(self.system, str) else self.system
 
     @property
     def seconds_a_sign(self) -> float | None:
-        """Seconds that a sign takes with its transition at the tempo asked for; None: as recorded."""
+        """Seconds that a sign takes with its transition at the chosen tempo; None: as recorded."""
         return None if self.tempo == CITATION else seconds_a_sign(self.tempo)
 
     def choose_methods(self) -> Methods:
-        """The methods of the call. Under a tempo transitions take as long as that says, unless the call names a
-        duration. No network is read for a system whose misses are not filled, which needs none.
+        """Returns the methods of the call. A tempo determines the duration of transitions, unless the call names a
+        duration. A system whose misses are not filled needs no network, so none is read.
         """
         if self.system is not None and not self.fill_misses:
             return choose(CLASSICAL_CUTTER, CLASSICAL_TRANSITION, DEFAULT_DURATION)
@@ -268,11 +267,11 @@ class SpliceOptions:
 
     @property
     def lengthens(self) -> bool:
-        """Whether transitions are lengthened for an idle hand: the call names neither them nor their time."""
+        """Whether transitions are lengthened for an idle hand: if the call names neither transition nor time."""
         return self.transition_time is None and not (self.has_own("transition") or self.has_own("duration"))
 
 
 def not_options(options: object) -> TypeError:
-    """The error for something else in place of options: often the second of two clips."""
+    """Returns the error for an argument that is not ``SpliceOptions``: often the second of two clips."""
     hint = "; clips go into one list: splice([a, b])" if isinstance(options, Clip) else ""
     return TypeError(f"options is a {type(options).__name__}, expected SpliceOptions{hint}")

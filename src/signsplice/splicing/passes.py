@@ -1,9 +1,9 @@
-"""Passes: what changes seams once they are planned. ``stages.passes`` lists those of a sentence in order.
+"""Passes change planned seams. ``stages.passes`` lists those of a sentence in order.
 
-A pass writes ``change``: a seam in, a seam out. One that makes or changes new frames from gaps alone says so by
-``batches`` and writes ``change_all``: it is given the seams of many sentences at once, before any word is edited, and
-its frames may be used for other sentences (``bulk_splice.TransitionCache``). The others see one seam after another, in
-the order of the sentence, and may edit the two words beside it.
+A pass overrides ``change``, which takes and returns a seam. A pass that makes or changes new frames from gaps alone
+sets ``batches`` and overrides ``change_all``: it receives the seams of many sentences at once, before any word is
+edited, and its frames may be reused in other sentences (``bulk_splice.TransitionCache``). Other passes see one seam
+after another, in the order of the sentence, and may edit its two words.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, SeamK
 from signsplice.splicing.word import Edit
 
 _LONGER = (1.25, 1.5, 2.0)
-"""Lengths that are tried for a transition, over the first one."""
+"""Factors by which a transition is lengthened, in order."""
 
 
 class Pass:
-    """Changes seams. A frozen dataclass: its class and its fields decide what it does.
+    """Changes seams. A frozen dataclass: its class and fields determine its behaviour.
 
-    batches: whether it makes new frames from gaps alone, those of many sentences at once.
-    kinds: the kinds of seams that it is shown; all that a transition fills by default.
-    follows_edits: whether it is shown other seams too where this or an earlier pass edited their first word at the
-        seam before.
+    batches: whether it makes new frames from gaps alone, for many sentences at once.
+    kinds: the kinds of seams that it changes; by default all that a transition fills.
+    follows_edits: whether it also changes seams of other kinds if this or an earlier pass edited their first word at
+        the seam before.
     """
 
     batches: ClassVar[bool] = False
@@ -44,42 +44,42 @@ class Pass:
         require_either(cls, Pass, "change", "change_all")
 
     def change(self, seam: Seam) -> Seam:
-        """The seam with other frames, a longer gap, or edits of its words; the seam itself where nothing is to do."""
+        """Returns the seam with other frames, a longer gap, or edits of its words, or unchanged."""
         return self.change_all([seam])[0]
 
     def change_all(self, seams: Sequence[Seam]) -> list[Seam]:
-        """The same for many seams."""
+        """Changes many seams."""
         return [self.change(seam) for seam in seams]
 
     def concerns(self, seam: Seam) -> bool:
-        """Whether the pass is shown a seam."""
+        """Whether the pass changes seams like this one."""
         return (seam.kind in self.kinds or (self.follows_edits and bool(seam.earlier))) and seam.is_open
 
 
 @dataclass(frozen=True)
 class FillGaps(Pass):
-    """The first pass: a transition makes the frames of every gap."""
+    """The first pass: fills every gap by a transition."""
 
     transition: Transition
     batches: ClassVar[bool] = True
 
     def change_all(self, seams: Sequence[Seam]) -> list[Seam]:
-        """The seams with new frames. Raises as ``contracts.fill_gaps`` does."""
-        made = fill_gaps(self.transition, [seam.gap for seam in seams])
+        """Returns the seams with new frames. Raises as ``contracts.fill_gaps`` does."""
+        clips = fill_gaps(self.transition, [seam.gap for seam in seams])
         return [
             replace(seam, frames=new, frame_warnings=self.transition.warnings(seam.gap), depth=None, peak_m_s=None)
-            for seam, new in zip(seams, made, strict=True)
+            for seam, new in zip(seams, clips, strict=True)
         ]
 
 
 @dataclass(frozen=True)
 class AvoidCollisions(Pass):
-    """Hands are led around head, trunk and each other (``collisions``)."""
+    """Leads hands around head, trunk and each other (``collisions``)."""
 
     batches: ClassVar[bool] = True
 
     def change_all(self, seams: Sequence[Seam]) -> list[Seam]:
-        """The seams with hands led around the body, and how deep a hand still is in it."""
+        """Returns the seams with hands led around the body, and the remaining depth."""
         asked = [(seam.new_frames, seam.gap.before, seam.gap.after) for seam in seams]
         return [
             replace(seam, frames=cleared.clip, depth=cleared.depth, peak_m_s=None)
@@ -89,9 +89,9 @@ class AvoidCollisions(Pass):
 
 @dataclass(frozen=True)
 class Refill:
-    """Makes the frames of a seam anew, where its gap is another than before.
+    """Remakes the frames of a seam after its gap has changed.
 
-    transition: makes them.
+    transition: makes the frames.
     avoids: whether hands are led around the body in them.
     """
 
@@ -99,30 +99,30 @@ class Refill:
     avoids: bool
 
     def fill(self, seam: Seam) -> Seam:
-        """The seam with new frames in its gap."""
+        """Returns the seam with new frames in its gap."""
         seam = FillGaps(self.transition).change(seam)
         return AvoidCollisions().change(seam) if self.avoids else seam
 
     def again(self, seam: Seam, n_frames: int) -> Seam:
-        """The seam with ``n_frames`` new frames between its words as they are edited now."""
+        """Returns the seam with ``n_frames`` new frames between its words as edited so far."""
         return self.fill(seam.with_gap(n_frames))
 
     def fresh(self, seam: Seam) -> Seam:
-        """The seam itself, or, where its words were edited since its frames were made, with as many others."""
+        """Returns the seam, with its frames remade if its words were edited since."""
         return seam if seam.gap_edits == seam.edits else self.again(seam, seam.gap.n_frames)
 
 
 @dataclass(frozen=True)
 class LengthenGaps(Pass):
-    """At a tempo: gaps in which a wrist would pass ``FAST_M_S`` get up to twice as many frames, so that no hand is
-    faster between two signs than signs are.
+    """Under a tempo, gives gaps in which a wrist would exceed ``FAST_M_S`` up to twice as many frames, so that no hand
+    is faster between two signs than in signs.
     """
 
     refill: Refill
     batches: ClassVar[bool] = True
 
     def change(self, seam: Seam) -> Seam:
-        """The seam with more new frames where a hand would be faster than signs are."""
+        """Returns the seam with more new frames if a hand would be faster than in signs."""
         planned = seam.gap
         for factor in _LONGER:
             n_frames = min(math.ceil(factor * planned.n_frames), most_frames(planned.before.fps))
@@ -133,7 +133,7 @@ class LengthenGaps(Pass):
 
 
 def _is_too_fast(gap: Gap, new: Clip) -> bool:
-    """Whether a wrist passes ``FAST_M_S`` in the new frames of a gap."""
+    """Whether a wrist exceeds ``FAST_M_S`` in the new frames of a gap."""
     info = rig_info(new.skeleton)
     if not info.has_arms:
         return False
@@ -143,30 +143,30 @@ def _is_too_fast(gap: Gap, new: Clip) -> bool:
 
 
 def check_order(passes: Sequence[Pass]) -> tuple[Pass, ...]:
-    """The passes. Raises ``ValueError`` where one that batches comes after one that does not."""
-    flags = [one.batches for one in passes]
+    """Returns the passes. Raises ``ValueError`` if one that batches follows one that does not."""
+    flags = [step.batches for step in passes]
     if flags != sorted(flags, reverse=True):
         raise ValueError("a pass that batches comes after one that does not, expected all of them before")
     return tuple(passes)
 
 
 def fill(passes: Sequence[Pass], seams: Sequence[Seam]) -> list[Seam]:
-    """The seams after the passes that batch, which make the frames of those that are open."""
+    """Applies the passes that batch to the open seams, which get their frames."""
     done, rows = list(seams), [row for row, seam in enumerate(seams) if seam.is_open]
-    made = [done[row] for row in rows]
-    for one in passes if rows else ():
-        if one.batches:
-            made = one.change_all(made)
-    for row, seam in zip(rows, made, strict=True):
+    filled = [done[row] for row in rows]
+    for step in passes if rows else ():
+        if step.batches:
+            filled = step.change_all(filled)
+    for row, seam in zip(rows, filled, strict=True):
         done[row] = seam
     return done
 
 
 def signature(passes: Sequence[Pass], identity: Callable[[Transition], object]) -> tuple[tuple[object, ...], ...]:
-    """What decides new frames besides their gap, with each transition by an ``identity`` of it: of two lists of passes
-    with one signature, those that batch do the same.
+    """Returns what determines new frames besides their gap, with each transition given by its ``identity``: in two
+    lists of passes with the same signature, the passes that batch do the same.
     """
-    return tuple(tuple(_pass_signature(one, identity)) for one in passes if one.batches)
+    return tuple(tuple(_pass_signature(step, identity)) for step in passes if step.batches)
 
 
 def _pass_signature(part: Pass | Refill, identity: Callable[[Transition], object]) -> list[object]:
@@ -180,24 +180,23 @@ def _pass_signature(part: Pass | Refill, identity: Callable[[Transition], object
 
 
 Entering = tuple[tuple[Edit, ...], ...]
-"""For each pass the edits that it and those before it made at the beginning of the last word, as far as the sentence is
-known."""
+"""For each pass the edits that it and earlier passes made at the beginning of the last known word."""
 
 
 def run(passes: Sequence[Pass], seams: Sequence[Seam], entering: Entering = ()) -> tuple[list[Seam], Entering]:
-    """Seams in order after all passes that do not batch, and the edits of the last word, with which the seam after them
-    begins.
+    """Applies all passes that do not batch to seams in order; returns the seams and the edits of the last word, which
+    the next seam starts from.
 
-    A pass sees every word as the passes before it, and it itself at the seam before, have edited it, never as a later
-    pass has: so it makes the same of a sentence that comes a word at a time. ``entering``: of the words before.
+    A pass sees every word with the edits of earlier passes, and its own at the seam before, never with those of a later
+    pass: so the result is the same if a sentence comes a word at a time. ``entering``: edits of the first word.
     """
-    chain = [one for one in passes if not one.batches]
-    done, left = list(seams), []
-    for one, edits in zip(chain, entering or ((),) * len(chain), strict=True):
+    chain = [step for step in passes if not step.batches]
+    done, last_edits = list(seams), []
+    for step, edits in zip(chain, entering or ((),) * len(chain), strict=True):
         for k, seam in enumerate(done):
             if seam.earlier != edits:
                 seam = replace(seam, earlier=edits)
-            done[k] = one.change(seam) if one.concerns(seam) else seam
+            done[k] = step.change(seam) if step.concerns(seam) else seam
             edits = done[k].entering
-        left.append(edits)
-    return done, tuple(left)
+        last_edits.append(edits)
+    return done, tuple(last_edits)

@@ -1,4 +1,4 @@
-"""The report of a splice: version 1 of the JSON that other programs read."""
+"""The report of a splice: JSON for other programs, version 1."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ _DEFAULTS: Mapping[str, Any] = {
 
 
 def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """The report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are null.
+    """Returns the report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are
+    null.
 
-    Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every
-    transition span from the output rebuilds the output exactly, save the joints of a span's ``remade`` in its frames:
-    an idle arm's, or a spelled letter's, which are in the output alone. Where stray frames at a clip's ends are left
-    out, its source is aligned with the nearest frame that belongs in their place (``rig.inspection.with_ends_held``).
-    The frames of a span with a ``warp`` are those of the source at the frames that it lists, by slerp between
-    neighbours. A transition whose span has a ``pause`` begins with one. ``contacts`` is there only where a clip was
-    brought to another body: what its hands touched, and whether they do there. ``system`` is there only where a system
-    spliced the words whole. ``face`` is there only where the output has one: which clips have one of their own, and the
-    rules for the others; frames of a sign have the source's face, unless it is by rule. ``avatar`` is there only where
-    the output is on an avatar: the copies rebuild the sentence that was brought to it.
+    Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every transition
+    span from the output rebuilds the output exactly, except the joints of a span's ``remade`` in its frames (an idle
+    arm's or a spelled letter's), which only the output holds. Stray frames left out at a clip's ends are replaced
+    in its source by the nearest frame of the motion (``rig.inspection.with_ends_held``). A span with a ``warp``
+    shows the listed frames of the source, by slerp between neighbours. A transition whose span has a ``pause`` begins
+    with it. Optional keys: ``contacts``, if a clip was retargeted: what its hands touch, and whether that is kept;
+    ``system``, if a system spliced whole words; ``face``, if the output has one: which clips have their own, and the
+    rules for the others (frames of a sign have the source's face, unless it is by rule); ``avatar``, if the output is
+    on an avatar: the copies then rebuild the sentence before it was retargeted.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -70,7 +70,7 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     }
     if result.contacts:
         report["contacts"] = [
-            {"clip": index, **asdict(contact)} for index, found in result.contacts.items() for contact in found
+            {"clip": index, **asdict(contact)} for index, contacts in result.contacts.items() for contact in contacts
         ]
     if result.face is not None:
         report["face"] = asdict(result.face)
@@ -83,7 +83,7 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
 
 
 def describe_retargeting(done: Retargeted, source: str, onto: str) -> dict[str, Any]:
-    """What became of a clip's contacts on another body, as JSON-ready values; ``source`` and ``onto``: file names."""
+    """Returns a clip's contacts on another body as JSON-ready values; ``source`` and ``onto``: file names."""
     return {
         "version": VERSION,
         "source": source,
@@ -96,20 +96,20 @@ def describe_retargeting(done: Retargeted, source: str, onto: str) -> dict[str, 
 
 
 def write(report: Mapping[str, Any], path: str | Path) -> None:
-    """Write a report as JSON, whole or not at all."""
+    """Writes a report as JSON, atomically."""
     atomic.write(path, json.dumps(report, indent=2, ensure_ascii=False) + "\n")
 
 
 def write_report(result: SpliceResult, path: str | Path) -> None:
-    """Write the report of a splice as JSON (``describe``), whole or not at all."""
+    """Writes the report of a splice as JSON (``describe``), atomically."""
     write(describe(result), path)
 
 
 def read(path: str | Path, n_frames: int) -> dict[str, Any]:
-    """A report from its file, checked against its clip of ``n_frames``. Keys that earlier versions of the program did
-    not write have their defaults; those of later ones stay.
+    """Reads a report and checks it against its clip of ``n_frames``. Keys that earlier versions of the program did not
+    write get their defaults; unknown keys of later versions stay.
 
-    Raises ``InputError`` where it is no report of version 1, or of another clip.
+    Raises ``InputError`` if the file is not a report of version 1, or describes another clip.
     """
     stored = read_json(path, "the report of a splice")
     try:
@@ -146,7 +146,7 @@ def _row(
 
 
 def plain(value: Any) -> Any:
-    """Values as JSON has them: tuples as lists, what is not finite as null."""
+    """Converts values to JSON: tuples to lists, numbers that are not finite to null."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

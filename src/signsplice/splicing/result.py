@@ -1,4 +1,4 @@
-"""What the engine gives: pieces of a sentence, and a sentence whole, with where each frame comes from."""
+"""Results of the engine: pieces of a sentence, and a whole sentence, with the origin of each frame."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ class Piece:
     """A stretch of finished frames.
 
     clip: the frames.
-    span: where they come from.
-    seam: the seam by which a sign is entered; None for transitions and for the first sign.
+    span: origin of the frames.
+    seam: the seam before a sign; None for transitions and for the first sign.
     warnings: what a user should know about the sign's clip, one line each.
     """
 
@@ -87,10 +87,10 @@ class Piece:
 
 @dataclass(frozen=True)
 class FaceSources:
-    """Where the face of a sentence comes from.
+    """The origin of a sentence's face.
 
     recorded: indices of the clips with a face of their own.
-    rules: the rules by which the others have one (``face_rules``).
+    rules: the rules that animate the others (``face_rules``).
     """
 
     recorded: tuple[int, ...]
@@ -117,17 +117,17 @@ class SpliceResult:
     """A spliced sentence.
 
     clip: the animation.
-    spans: where each frame comes from, in order.
-    seams: how good each seam is, in order.
+    spans: origin of each frame, in order.
+    seams: score of each seam, in order.
     warnings: what a user should know, one line each.
-    cutter, transition: names of the methods that were used.
+    cutter, transition: names of the methods used.
     timing_ms: time spent in each part: "harmonize" (align), "cut", "transition", "join".
-    bundle: sha256 of the bundle that a chosen method comes from; None where all are classical.
-    contacts: for each source clip that was brought to another body, by its index, what its hands touch there.
-    tempo: the tempo asked for, and how long signs take.
-    system: name, bundle and training of the system that spliced the words whole; None where none did.
-    avatar: name and contacts of the avatar that the sentence was brought to; None where it was to none.
-    face: where the face comes from; None where there is none.
+    bundle: sha256 of the bundle of the chosen methods; None if all are classical.
+    contacts: contacts of the hands for each source clip that was retargeted, by its index.
+    tempo: the requested tempo, and the time that signs take.
+    system: name, bundle and training of the system that spliced whole words; None if none did.
+    avatar: name and contacts of the avatar to which the sentence was retargeted; None without one.
+    face: origin of the face; None if there is none.
     """
 
     clip: Clip
@@ -146,14 +146,14 @@ class SpliceResult:
 
     @property
     def marks(self) -> list[Mark]:
-        """Its spans as pictures show them (``render.film.write_pictures``)."""
+        """The spans as marks for pictures (``render.film.write_pictures``)."""
         from signsplice.render.sheet import Mark
 
         return [Mark(span.kind, span.name or "", *span.output) for span in self.spans]
 
 
 def measure_tempo(signs: Sequence[tuple[str, tuple[int, int]]], fps: float, tempo: str | float) -> ReachedTempo:
-    """The tempo of a sentence whose ``signs`` have these names and output frames, half-open, in order."""
+    """Measures the tempo of a sentence from the names and output frames, half-open, of its ``signs`` in order."""
     asked = None if tempo == CITATION else seconds_a_sign(tempo)
     mode: Literal["citation", "natural", "seconds"] = "seconds"
     if asked is None:

@@ -1,7 +1,7 @@
-"""A seam: two words and what lies between them, from its cut to its score.
+"""A seam: two words and the frames between them, from its cut to its score.
 
-A seam is frozen and grows by ``replace``: a cut and a gap when it is planned, new frames and edits of the two words by
-the passes (``passes``), a score when it is put out.
+A seam is frozen and extended by ``replace``: planning sets cut and gap, the passes (``passes``) set new frames and
+edits of the two words, and emitting it sets the score.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from signsplice.splicing.durations import FAST_M_S
 from signsplice.splicing.word import AlignedWord, Edit, apply_edits
 
 SeamKind = Literal["signs", "letters", "slid letters", "reformed letters", "system", "one clip"]
-"""signs: two words of which at least one is no letter. letters: two of one spelled word that look different. slid,
-reformed letters: two that look the same, told apart by a slide or by forming the second again. system: made by a system
-that splices words whole. one clip: a gap within one clip.
+"""signs: two words, not both letters. letters: two letters of one spelled word that look different. slid, reformed
+letters: two that look the same, distinguished by a slide or by forming the second again. system: made by a system that
+splices whole words. one clip: a gap within one clip.
 """
 SIGNS: SeamKind = "signs"
 LETTERS: SeamKind = "letters"
@@ -35,14 +35,18 @@ ONE_CLIP: SeamKind = "one clip"
 
 Number = Annotated[float, "NaN where unknown, null in JSON"]
 LEAST_JERK_M_S3 = 10.0
-"""Jerk that the frames around a transition are taken to have at least: below that of any seam of the words that ship
-(13 m/s3 and more), above that of people who stand idle (1 to 2 m/s3). After a dead hold any motion would count as
-thousands of times rougher.
+"""Lower limit of the jerk around a transition, m/s3: below that of any seam of the shipped words (13 and more), above
+that of people who stand idle (1 to 2). Otherwise any motion after a perfect hold would count as thousands of times
+rougher.
 """
 _FOOT_SLIDE_M = 0.05
-_HANDS, _FEET = ("leftHand", "rightHand"), ("leftFoot", "rightFoot")
+"""Distance from which on a sliding foot gives a warning, m."""
+_HANDS = ("leftHand", "rightHand")
+"""Roles of the hands."""
+_FEET = ("leftFoot", "rightFoot")
+"""Roles of the feet."""
 DEEP_M = 0.005
-"""From this depth on a viewer sees a hand in the body."""
+"""Depth from which on a viewer sees a hand in the body, m."""
 
 
 @dataclass(frozen=True)
@@ -78,23 +82,23 @@ class SeamScore:
 
 @dataclass(frozen=True, eq=False)
 class Seam:
-    """Two words of a sentence and what lies between them.
+    """Two words of a sentence and the frames between them.
 
-    kind: what joins them.
-    before, after: the words; ``after.entry`` is where this seam enters it.
-    cut: the last frame kept of the one, the first kept of the other, as recorded (``AlignedWord.clip``).
-    gap: the new frames' number, with the retimed frames on either side.
+    kind: kind of the seam.
+    before, after: the words; ``after.entry`` is the frame at which this seam enters it.
+    cut: the last kept frame of ``before`` and the first of ``after``, as recorded (``AlignedWord.clip``).
+    gap: number of new frames, with the retimed frames on either side.
     warnings: what a user should know, one line each.
-    frames: the new frames; None before any were made, or where there are none.
+    frames: the new frames; None if there are none, or none yet.
     frame_warnings: what a user should know about how they were made, one line each.
-    depth: how deep a hand is in the body in them, m; None where that was not measured.
-    peak_m_s: highest speed of a wrist in and beside them, m/s; None where that was not measured.
-    earlier: edits of ``before`` at the seam by which it is entered.
+    depth: depth of a hand in the body in them, m; None if not measured.
+    peak_m_s: highest speed of a wrist in and beside them, m/s; None if not measured.
+    earlier: edits of ``before`` at the seam before it.
     leaving: edits of ``before`` at this seam.
     entering: edits of ``after`` at this seam.
     gap_edits: the edits that the gap shows.
-    n_held: how many of the new frames are a pause, in which ``before`` is held; they come first.
-    score: how good it is; None before it is put out.
+    n_held: number of new frames, the first ones, that are a pause in which ``before`` is held.
+    score: score of the seam; None before it is emitted.
     """
 
     kind: SeamKind
@@ -116,12 +120,12 @@ class Seam:
 
     @property
     def is_open(self) -> bool:
-        """Whether a transition has to make its frames: there are some, and no system made them."""
+        """Whether a transition must make its frames: the gap has some, and no system made them."""
         return self.gap.n_frames > 0 and self.kind != SYSTEM
 
     @property
     def new_frames(self) -> Clip:
-        """Its new frames. Raises ``ValueError`` where there are none."""
+        """The new frames. Raises ``ValueError`` if there are none."""
         if self.frames is None:
             raise ValueError(f"no frames between {self.before.clip.name} and {self.after.clip.name}")
         return self.frames
@@ -147,9 +151,7 @@ class Seam:
         return apply_edits(self.after.retimed, self.entering)
 
     def with_gap(self, n_frames: int) -> Seam:
-        """The seam with a gap of ``n_frames`` between the words as they are edited now; its frames are those that were
-        there.
-        """
+        """Returns the seam with a gap of ``n_frames`` between the words as edited so far; its frames do not change."""
         gap = gap_at(
             self.before_clip, self.after_clip, self.retimed_cut, n_frames, self.before.first_frame, self.gap.keyed
         )
@@ -166,7 +168,7 @@ def plan_seam(
     arrival_s: float = 0.0,
     slide_m: float = 0.0,
 ) -> Seam:
-    """The seam of two words at a cut of the recorded ones, its gap not filled yet; ``arrival_s`` and ``slide_m``: of
+    """Returns the seam of two words at a cut of the recorded ones, with an open gap; ``arrival_s`` and ``slide_m``: of
     the word after.
     """
     if cut.pre <= before.entry and before.entry > 0:
@@ -180,7 +182,7 @@ def plan_seam(
 
 
 def score_seam(seam: Seam, positions: FloatArray) -> Seam:
-    """The finished seam with its score; ``positions``: of ``seam_positions``."""
+    """Returns the finished seam with its score; ``positions``: from ``seam_positions``."""
     gap, is_one_clip, is_system = seam.gap, seam.kind == ONE_CLIP, seam.kind == SYSTEM
     fps, first = gap.before.fps, min(len(gap.before), CONTEXT)
     stop, roles = first + gap.n_frames, rig_info(gap.before.skeleton).roles.joints
@@ -224,10 +226,10 @@ def score_seam(seam: Seam, positions: FloatArray) -> Seam:
 
 
 def seam_positions(seams: Sequence[Seam]) -> list[FloatArray]:
-    """Positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each seam, if it has any, and
+    """Returns positions (T, K, 3) of the hands and feet that a rig has, m, in the new frames of each seam, if any, and
     up to ``CONTEXT`` frames on either side.
     """
-    out: dict[int, FloatArray] = {}
+    positions_of: dict[int, FloatArray] = {}
     windows = [
         (seam.gap.before[-CONTEXT:], *(() if seam.frames is None else (seam.frames,)), seam.gap.after[:CONTEXT])
         for seam in seams
@@ -236,19 +238,19 @@ def seam_positions(seams: Sequence[Seam]) -> list[FloatArray]:
         info = rig_info(block.clip.skeleton)
         seen = [info.roles.joints[role] for role in (*_HANDS, *_FEET) if role in info.roles.joints]
         positions = kinematics.forward(block.clip, [0, *seen])[1][:, 1:] * info.sizes.unit.metres
-        out |= {row: positions[frames] for row, frames in block}
-    return [out[row] for row in range(len(seams))]
+        positions_of |= {row: positions[frames] for row, frames in block}
+    return [positions_of[row] for row in range(len(seams))]
 
 
 def _advice(speed_in_signs: float, time: str) -> str:
-    """What may help where a hand is too fast in a transition: a longer ``time``, unless it jumps in the signs too."""
+    """Returns advice for a hand too fast in a transition: a longer ``time``, unless it jumps in the signs too."""
     if speed_in_signs <= JUMP_M_S:
         return f"; a longer {time} would help"
     return f"; a hand jumps in the signs beside it, at {speed_in_signs:.1f} m/s: a fault of the capture?"
 
 
 def _joint_jumps(window: Clip) -> list[str]:
-    """A line about the joint that turns farthest from one frame to the next, where that is a jump."""
+    """Returns a warning about the joint that turns farthest from one frame to the next, if that is a jump."""
     local = window.local_rotations
     turned = np.rad2deg(rotation.angle_between(local[:-1], local[1:])).max(axis=0)
     n_more = int((turned > JUMP_DEG).sum()) - 1
@@ -256,5 +258,5 @@ def _joint_jumps(window: Clip) -> list[str]:
         return []
     joint = int(turned.argmax())
     name = window.skeleton.names[joint].rpartition(":")[2]
-    more = f"; {n_more} more joint{'s' * (n_more != 1)} by more than {JUMP_DEG:g}" if n_more else ""
-    return [f"{name} turns {turned[joint]:.0f} degrees in one frame{more}"]
+    suffix = f"; {n_more} more joint{'s' * (n_more != 1)} by more than {JUMP_DEG:g}" if n_more else ""
+    return [f"{name} turns {turned[joint]:.0f} degrees in one frame{suffix}"]

@@ -1,6 +1,6 @@
-"""A sentence that grows: words get seams, passes change them, and pieces come out (``stages``).
+"""A growing sentence: words get seams, passes change these, and finished pieces are emitted (``stages``).
 
-Cuts are chosen on words as they were recorded, frames made on words as they are retimed.
+Cuts are chosen on words as recorded; new frames are made on words as retimed.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, apply_edi
 
 
 class Sentence:
-    """A sentence while words are added to it; it holds the last word alone, however long the sentence.
+    """A sentence while words are added; it holds only the last word, however long the sentence.
 
     seconds: time spent so far by part: "harmonize" (align), "cut", "transition", "join".
-    contacts: of each word that was brought to another body, by its index.
+    contacts: contacts of each word that was retargeted, by its index.
     faces: indices of words with a face of their own.
-    face_rules: rules by which the others have one.
-    passes: what happens to planned seams, in order.
+    face_rules: rules that animate the faces of other words.
+    passes: passes that change planned seams, in order.
     """
 
     def __init__(self, options: SpliceOptions, passes: Sequence[Pass] | None = None) -> None:
-        """``passes``: in place of ``stages.passes``."""
+        """``passes``: used instead of ``stages.passes``."""
         if not isinstance(options, SpliceOptions):
             raise not_options(options)
         self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
@@ -50,14 +50,14 @@ class Sentence:
 
     @property
     def names(self) -> tuple[str, str, str | None]:
-        """Names of what cuts and of what makes the frames, and the sha256 of the bundle that they come from."""
+        """Names of the cutter and of the transition, and the sha256 of their bundle."""
         system, methods = self.options.whole_system, self.planner.methods
         if system is not None:
             return system.name, system.name, system.sha256
         return methods.cutter.name, methods.transition.name, methods.bundle
 
     def add(self, clips: Iterable[Clip | Word]) -> list[Piece]:
-        """The pieces that are final once these words are known too; their seams are chosen together."""
+        """Adds words, whose seams are chosen together, and returns the pieces that are final now."""
         words, seams = self.plan(clips)
         began = perf_counter()
         seams = fill(self.passes, seams)
@@ -69,11 +69,11 @@ class Sentence:
         return self.pieces(seams, positions)
 
     def plan(self, clips: Iterable[Clip | Word]) -> tuple[list[AlignedWord], list[Seam]]:
-        """Further words and their seams before any frame is made, that of the first with the word before it among them.
-        They are no part of the sentence yet.
+        """Aligns further words and plans their seams, including the one with the last word, without making frames. The
+        words are not part of the sentence yet.
         """
-        given = [as_word(clip, n) for n, clip in enumerate(clips, self._n_words)]
-        words = [self._align(word, n) for n, word in enumerate(given, self._n_words)]
+        unaligned = [as_word(clip, n) for n, clip in enumerate(clips, self._n_words)]
+        words = [self._align(word, n) for n, word in enumerate(unaligned, self._n_words)]
         neighbours = words if self._last is None else [self._last, *words]
         began = perf_counter()
         cuts = self.planner.cuts(neighbours)
@@ -84,8 +84,8 @@ class Sentence:
         return words, seams
 
     def finish(self, words: Sequence[AlignedWord], filled: Sequence[Seam]) -> list[Seam]:
-        """The seams after all passes; ``filled``: the planned ones after those that batch. From here on the words are
-        part of the sentence.
+        """Applies the remaining passes to the seams and makes the words part of the sentence; ``filled``: the planned
+        seams after the passes that batch.
         """
         began = perf_counter()
         seams, self._entering = run(self.passes, filled, self._entering)
@@ -98,23 +98,23 @@ class Sentence:
         return seams
 
     def pieces(self, seams: Sequence[Seam], positions: Sequence[FloatArray]) -> list[Piece]:
-        """The pieces of finished words but the last; ``positions`` are ``seam_positions`` of their seams."""
-        began, out = perf_counter(), list[Piece]()
+        """Returns the pieces of all finished words but the last; ``positions``: ``seam_positions`` of their seams."""
+        began, pieces = perf_counter(), list[Piece]()
         for seam, seen in zip(seams, positions, strict=True):
             before, stop = seam.before, seam.retimed_cut.pre + 1
             sign = _sign_piece(before, self._entered_by, (*seam.earlier, *seam.leaving), stop, self._n_out)
             waits = before.held is not None  # a blink for the pause that follows
-            out.append(self._emit_piece(sign, () if waits else (before,)))
+            pieces.append(self._emit_piece(sign, () if waits else (before,)))
             if seam.frames is not None:
                 output = self._n_out, self._n_out + seam.gap.n_frames
                 new = _transition_piece(seam.frames, output, seam.n_held, before.held)
-                out.append(self._emit_piece(new, (before, seam.after)))
+                pieces.append(self._emit_piece(new, (before, seam.after)))
             self._last, self._entered_by = seam.after, score_seam(seam, seen)
         self.seconds["join"] += perf_counter() - began
-        return out
+        return pieces
 
     def end(self) -> list[Piece]:
-        """The rest of the last word."""
+        """Returns the rest of the last word."""
         word, entered_by = self._last, self._entered_by
         self._last = self._entered_by = None
         self._entering = ()
@@ -124,19 +124,19 @@ class Sentence:
         pieces = _last_pieces(word, entered_by, self._n_out)
         if self.face_rules and word.face_by_rules:
             pieces[-1] = relax_brows(pieces[-1])
-        pieces = [self._emit_piece(one, (word,) if one is pieces[-1] else (), is_last=True) for one in pieces]
+        pieces = [self._emit_piece(piece, (word,) if piece is pieces[-1] else (), is_last=True) for piece in pieces]
         self.seconds["join"] += perf_counter() - began
         return pieces
 
     def _align(self, given: Word, index: int) -> AlignedWord:
-        """A word aligned to the first one, at the tempo asked for, held at the mark after it, and with a face."""
+        """Aligns a word to the first one, brings it to the chosen tempo, holds it at its mark, and gives it a face."""
         began = perf_counter()
         word, first = self.planner.align(given.clip, index, self._reference)
         aligned = perf_counter()
         word = self.planner.time(word, given)
         self.seconds["harmonize"] += aligned - began
         self.seconds["cut"] += perf_counter() - aligned
-        self._reference = first  # only now: a word that was refused sets nothing
+        self._reference = first  # only now: a word that raises must not set it
         if not index:
             word = replace(word, warnings=(*self.planner.methods.warnings, *word.warnings))
         if self.face_rules:
@@ -144,9 +144,7 @@ class Sentence:
         return word
 
     def _emit_piece(self, piece: Piece, words: Sequence[AlignedWord], is_last: bool = False) -> Piece:
-        """A piece as it is put out, with a blink where one is due and the faces of its ``words``, if there are any, are
-        by rule.
-        """
+        """Returns a piece as emitted, with a blink if one is due and the faces of its ``words`` are by rule."""
         self._n_out = piece.span.output[1]
         if BLINKS in self.face_rules and words and all(word.face_by_rules for word in words):
             piece, self._blinks = self._blinks.on(piece, is_last)
@@ -154,8 +152,8 @@ class Sentence:
 
 
 def _sign_piece(word: AlignedWord, entered_by: Seam | None, edits: Sequence[Edit], stop: int, output: int) -> Piece:
-    """A word from where it is entered to its retimed frame ``stop``, with its ``edits``; ``entered_by``: the seam
-    before it, None before the first word; ``output``: frame of the sentence at which it begins.
+    """Makes the piece of a word from its entry to its retimed frame ``stop``, with its ``edits``; ``entered_by``: the
+    seam before it, None before the first word; ``output``: frame of the sentence at which it begins.
     """
     start = word.first_frame
     span = Span(
@@ -172,15 +170,15 @@ def _sign_piece(word: AlignedWord, entered_by: Seam | None, edits: Sequence[Edit
 
 
 def _transition_piece(new: Clip, output: tuple[int, int], n_held: int, held: HeldEnd | None) -> Piece:
-    """New frames, frames ``output`` of the sentence, half-open, of which the first ``n_held`` are the pause of a word
-    that is ``held``.
+    """Makes the piece of new frames, frames ``output`` of the sentence, half-open; the first ``n_held`` are the pause
+    of a word that is ``held``.
     """
     pause = Pause(held.mark, (output[0], output[0] + n_held)) if held is not None and n_held else None
     return Piece(new, Span("transition", None, None, None, output, pause=pause))
 
 
 def _last_pieces(word: AlignedWord, entered_by: Seam | None, output: int) -> list[Piece]:
-    """The rest of a sentence's last word: a sign, and where it is held, the pause with what comes after it."""
+    """Returns the rest of a sentence's last word: a sign, and if it is held, the pause with the following frames."""
     edits, n_frames = () if entered_by is None else entered_by.entering, len(word.retimed)
     stop = n_frames if word.held is None else min(word.frames.last(last_kept(word)) + 1, n_frames)
     sign = _sign_piece(word, entered_by, edits, stop, output)
@@ -192,8 +190,8 @@ def _last_pieces(word: AlignedWord, entered_by: Seam | None, output: int) -> lis
 
 
 def describe_edits(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:
-    """What a span of a word's retimed ``frames``, the first of which is frame ``output`` of the sentence, says of edits
-    in it; None where it holds none. Several edits are one part, from the first frame to the last.
+    """Describes the edits in a span of a word's retimed ``frames``, the first of which is frame ``output`` of the
+    sentence; None if it holds none. Several edits are joined to one, from the first frame to the last.
     """
     start, stop = frames
     inside = [edit for edit in edits if edit.first_frame < stop and edit.stop > start]

@@ -1,13 +1,13 @@
-"""What becomes of words on their way to a sentence, in one place: words -> plan -> passes -> pieces.
+"""The stages from words to a sentence: words -> plan -> passes -> pieces.
 
-    words    every clip becomes a word: aligned to the first one, at the speed asked for           (``Planner.align``),
-             brought to the tempo asked for, and held where a phrase ends                          (``Planner.time``)
-    plan     every two neighbours get a seam: a cut, and a gap of so many frames                   (``Planner.seams``)
-    passes   the gaps are filled, and the seams changed, by the passes below, in this order        (``passes``)
-    pieces   words and new frames are put out in order, edits applied, seams scored                (``sentence``)
+    words    every clip becomes a word: aligned to the first one, at the chosen speed              (``Planner.align``),
+             brought to the chosen tempo, and held at the end of a phrase                          (``Planner.time``)
+    plan     every two neighbours get a seam: a cut, and a gap with a number of frames             (``Planner.seams``)
+    passes   the passes below fill the gaps and change the seams, in this order                    (``passes``)
+    pieces   words and new frames are emitted in order, edits applied, seams scored                (``sentence``)
 
-Every value in between is frozen: a stage takes one and gives another. A new behaviour is a new pass: one class, one
-line here.
+All intermediate values are frozen: a stage takes one and returns another. To add a behaviour, write a pass and list it
+here.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from signsplice.splicing.word import AlignedWord, FrameMap, Word, cut_words
 
 
 def passes(options: SpliceOptions, methods: Methods) -> tuple[Pass, ...]:
-    """What happens to planned seams, in order. Those that batch come first: they see gaps alone."""
+    """Returns the passes that change planned seams, in order. Those that batch come first: they only see gaps."""
     transition = methods.transition
     avoids = transition.learned if options.avoid_collisions is None else options.avoid_collisions
     natural, refill = options.free_hand == NATURAL, Refill(transition, avoids)
@@ -65,13 +65,13 @@ def passes(options: SpliceOptions, methods: Methods) -> tuple[Pass, ...]:
         (HoldPauses(), True),
         (EaseFaces(), True),
     )
-    return tuple(one for one, is_wanted in listed if is_wanted)
+    return tuple(step for step, is_wanted in listed if is_wanted)
 
 
 class Planner:
-    """Makes words of clips and plans their seams, as a call's options say.
+    """Turns clips into words and plans their seams according to a call's options.
 
-    options: of the call.
+    options: options of the call.
     methods: its cutter, transition and duration.
     """
 
@@ -79,42 +79,42 @@ class Planner:
         self.options, self.methods, self._seconds = options, options.choose_methods(), options.seconds_a_sign
 
     def align(self, clip: Clip, index: int, first: Reference | None) -> tuple[AlignedWord, Reference]:
-        """The word of a clip, and what all words of its sentence are aligned to: ``first``, or this clip where that is
-        None.
+        """Returns the word of a clip, and the reference of its sentence: ``first``, or that of this clip if ``first``
+        is None.
 
-        Raises ``LimitError`` for too many frames, ``RigMismatchError`` where rigs have nothing in common.
+        Raises ``LimitError`` for too many frames, ``RigMismatchError`` if rigs have nothing in common.
         """
         clip, speed, system = with_rest_pose(clip), self.options.sign_speed, self.options.whole_system
         fps = first.fps if first else self._output_fps(clip)
         self.options.limits.check_resampling(clip, fps, speed)
-        stray, held = stray_frames(clip), with_ends_held(clip)
-        to = first or reference(held, fps)
+        stray, held_clip = stray_frames(clip), with_ends_held(clip)
+        to = first or reference(held_clip, fps)
         if system is not None:
-            to = system.place_reference(held, to, is_first=first is None)
-        aligned = align(held, replace(to, fps=clip.fps))
+            to = system.place_reference(held_clip, to, is_first=first is None)
+        aligned = align(held_clip, replace(to, fps=clip.fps))
         resampled = resample(aligned.clip, fps, speed)
         step = clip.fps * speed / fps
-        kept = stray.resample_span(step, len(resampled))
-        shown, own = resampled, aligned.clip
-        if held is not clip:
-            shown, own = resampled[kept], aligned.clip[stray.start : stray.stop]
+        motion_span = stray.resample_span(step, len(resampled))
+        shown, recorded = resampled, aligned.clip
+        if held_clip is not clip:
+            shown, recorded = resampled[motion_span], aligned.clip[stray.start : stray.stop]
         warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
         if system is not None:
             warnings = (*warnings, *system.rate_warnings(clip))
-        frames = FrameMap(n_left_out=kept.start)
-        keyed = judge_keyedness(held).is_keyed
+        frames = FrameMap(n_left_out=motion_span.start)
+        keyed = judge_keyedness(held_clip).is_keyed
         word = AlignedWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name), keyed=keyed)
         if resampled is not aligned.clip:
-            word = replace(word, own=own, own_step=step, own_first=step * kept.start - stray.start)
+            word = replace(word, own=recorded, own_step=step, own_first=step * motion_span.start - stray.start)
         return word, first or to
 
     def _output_fps(self, clip: Clip) -> float:
-        """The output rate of a sentence that begins with this clip."""
+        """Returns the output rate of a sentence that begins with this clip."""
         system = self.options.whole_system
         return self.options.fps or (clip.fps if system is None else system.output_fps(clip))
 
     def time(self, word: AlignedWord, given: Word) -> AlignedWord:
-        """The word at the tempo asked for, and held at the mark after it, where one is ``given``."""
+        """Returns the word at the chosen tempo, held at the mark after it if the ``given`` word has one."""
         if self._seconds is not None:
             word = retime_word(word, self.methods.cutter, self._seconds)
         if given.pause is not None and self.options.whole_system is None:
@@ -122,12 +122,12 @@ class Planner:
         return replace(word, starts=given.starts)
 
     def cuts(self, words: Sequence[AlignedWord]) -> list[Cut]:
-        """The cutter's choice for every two neighbours; none where a system joins them."""
+        """Returns the cutter's choice for every two neighbours; none if a system joins them."""
         return cut_words(self.methods.cutter, words) if self.options.whole_system is None and len(words) > 1 else []
 
     def seams(self, words: Sequence[AlignedWord], cuts: Sequence[Cut]) -> list[Seam]:
-        """The seams of words in order, one fewer than words; each word is entered by the seam before it. ``cuts``: of
-        the words, by ``cuts``.
+        """Returns the seams of words in order, one fewer than words; each starts from the word as entered by the seam
+        before. ``cuts``: from ``self.cuts``.
         """
         if self.options.whole_system is not None:
             return self._seams_by_system(self.options.whole_system, words)
@@ -137,8 +137,8 @@ class Planner:
         return seams
 
     def _seams_by_system(self, system: WholeSystem, words: Sequence[AlignedWord]) -> list[Seam]:
-        """The seams as the system makes them; letters of one spelled word are joined as such. Raises
-        ``SignspliceError`` that names all pairs for which it has none, unless the call's methods join those.
+        """Returns the system's seams; letters of one spelled word are joined as letters. Raises a ``SignspliceError``
+        that names all pairs without a splice, unless the call's methods join those.
         """
         seams: list[Seam] = []
         misses: list[str] = []
@@ -163,11 +163,13 @@ class Planner:
         return seams
 
     def _cut(self, before: AlignedWord, after: AlignedWord) -> Cut:
-        """The cutter's choice for two words."""
+        """Returns the cutter's choice for two words."""
         return cut_words(self.methods.cutter, [before, after])[0]
 
     def _seam(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
-        """The seam of two words. Letters of one spelled word are joined as such, unless the user chose a cutter."""
+        """Returns the seam of two words. Letters of one spelled word are joined as letters, unless the user chose a
+        cutter.
+        """
         spells = not self.options.has_own("cutter")
         if spells and not after.starts and before.is_letter and after.is_letter and before.held is None:
             return self._seam_of_letters(before, after, chosen)
@@ -176,8 +178,8 @@ class Planner:
     def _seam_of_signs(
         self, before: AlignedWord, after: AlignedWord, chosen: Cut, warnings: tuple[str, ...] = ()
     ) -> Seam:
-        """The seam at the cutter's choice, or at the end of a pause, but never before the frame at which the first word
-        was entered, nor before the last letter of a spelled word was held; with further ``warnings``.
+        """Returns the seam at the cutter's choice, or at the end of a pause, but not before the entry of the first word
+        or the end of the hold of a spelled word's last letter; adds ``warnings``.
         """
         pre = max(chosen.pre if before.held is None else before.held.leave, before.entry)
         if before.arrival_s and before.held is None:
@@ -187,7 +189,7 @@ class Planner:
         return plan_seam(SIGNS, before, after, cut, n_frames, (*lines, *warnings))
 
     def _seam_of_letters(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
-        """The seam of two letters; as that of two signs, with a warning, where no hand is still."""
+        """Returns the seam of two letters; if no hand is still, joins them as signs, with a warning."""
         letters = cut_letters(before.clip, after.clip, before.entry, before.arrival_s, self.options.sign_speed)
         if letters is None:
             line = f"no still hand is found in {before.clip.name} and {after.clip.name}: they are cut as signs are"
@@ -203,8 +205,8 @@ class Planner:
         return plan_seam(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
 
     def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
-        """Number of new frames, by the user's time or the duration, and warnings; the human median where the rig has no
-        known arms.
+        """Returns the number of new frames, from the user's time or the duration, and warnings; the human median if the
+        rig's arms are unknown.
         """
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()

@@ -1,1 +1,1 @@
-"""Signs as linguists write them (gestural SiGML, HamNoSys) become the notation of this project, and motion."""
+"""Converts signs as linguists write them (gestural SiGML, HamNoSys) to the notation of this project, and to motion."""

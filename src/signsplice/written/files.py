@@ -1,6 +1,4 @@
-"""Files of written signs: SiGML, tables, lists and JSON of HamNoSys, whatever their columns are called, and folders of
-them.
-"""
+"""Files and folders of written signs: SiGML, and HamNoSys in tables, lists and JSON with any column names."""
 
 from __future__ import annotations
 
@@ -24,27 +22,28 @@ from signsplice.written.tree import WrittenSign
 Row = tuple[str, str, int]
 _GLOSSES = ("gloss", "type_name", "glosse", "word", "sign", "lemma", "name", "label", "w", "id")
 _NOTATIONS = ("hamnosys", "hns", "notation", "transcription", "sigml", "hamnosys_text", "s")
-"""Names of columns and keys, the one that is preferred first."""
+"""Names of columns and keys, in order of preference."""
 _NAMES = "|".join(sorted(symbols.NAMES, key=len, reverse=True))
 _NOTATION = re.compile(rf"[\ue000-\ue0f1]|\bham(?:{_NAMES})\b", re.IGNORECASE)
-"""What only a notation holds."""
+"""Matches text that only a notation contains."""
 _NUMBER = re.compile(r"[\d\s.,:;+-]*")
 _SAMPLE = 50
+"""Number of rows that decide which column is which."""
 
 
 def decode_text(content: bytes, name: str) -> str:
-    """The text of a file in UTF-8, UTF-16 with its mark, or Windows' Western code page."""
+    """Decodes a file as UTF-8, UTF-16 with a byte order mark, or Windows-1252."""
     encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    for one in (encoding, "cp1252"):
+    for codec in (encoding, "cp1252"):
         try:
-            return content.decode(one)
+            return content.decode(codec)
         except UnicodeDecodeError as error:
             wrong = error
     raise FormatError(f"is no UTF-8 text ({wrong.reason} at byte {wrong.start})", file=name) from wrong
 
 
 def json_rows(text: str, name: str) -> Iterator[Row]:
-    """The rows of a JSON object of notations or of objects by gloss, or of a list of objects."""
+    """Yields the rows of a JSON object (gloss -> notation or object), or of a list of objects."""
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -64,7 +63,7 @@ def json_rows(text: str, name: str) -> Iterator[Row]:
 
 
 def _texts(values: dict[str, object], names: Sequence[str]) -> Iterator[str]:
-    """The texts of some keys that are not blank."""
+    """Yields the nonblank texts of some keys."""
     for key in names:
         value = values.get(key)
         if isinstance(value, str) and value.strip() and value != "None":
@@ -72,7 +71,7 @@ def _texts(values: dict[str, object], names: Sequence[str]) -> Iterator[str]:
 
 
 def table_rows(text: str, name: str, suffix: str) -> Iterator[Row]:
-    """The rows of a CSV, of lines with tabs, or of lines in which characters of HamNoSys follow the gloss."""
+    """Yields the rows of a CSV, of lines with tabs, or of lines in which HamNoSys characters follow the gloss."""
     first = next((line for line in text.splitlines() if line.strip()), "")
     delimiter = next((mark for mark in "\t;," if mark in first), ",")
     if suffix != ".csv" and delimiter != "\t":
@@ -91,51 +90,55 @@ def table_rows(text: str, name: str, suffix: str) -> Iterator[Row]:
     if not notations and suffix == ".csv":
         raise FormatError("expected a column hamnosys, or one that holds HamNoSys", file=name, line=1)
     glosses = [head.index(key) for key in _GLOSSES if key in head]
-    named = [k for k in _columns(sample, lambda cell: not _NUMBER.fullmatch(cell)) if k not in notations]
-    named.sort(key=lambda k: -len({cells[k] for cells in sample if k < len(cells)}))  # a tier's name is all the same
-    glosses = glosses or named
+    text_columns = [k for k in _columns(sample, lambda cell: not _NUMBER.fullmatch(cell)) if k not in notations]
+    # The column with the most different texts comes first: a tier's name is the same in every row.
+    text_columns.sort(key=lambda k: -len({cells[k] for cells in sample if k < len(cells)}))
+    glosses = glosses or text_columns
     if not notations:
         headed, glosses, notations = False, [0], [1]
     if not glosses:
         raise FormatError("expected a column gloss beside the notation", file=name, line=1)
     for cells, line in rows[headed:]:
-        gloss, notation = (next((cells[k] for k in at if k < len(cells) and cells[k].strip()), "") for at in (
+        gloss, notation = (next((cells[k] for k in columns if k < len(cells) and cells[k].strip()), "") for columns in (
             glosses[:1], notations))  # fmt: skip
         yield gloss, notation, line
 
 
 def _columns(sample: Sequence[Sequence[str]], holds: Callable[[str], object]) -> list[int]:
-    """The columns in most of whose cells something holds, the surest first."""
+    """Returns the columns with at least half as many matching cells as the best column."""
     width = max(map(len, sample), default=0)
     counts = [sum(bool(k < len(cells) and holds(cells[k].strip())) for cells in sample) for k in range(width)]
-    most = max(counts, default=0)
-    return [k for k in range(width) if counts[k] and 2 * counts[k] >= most]
+    largest = max(counts, default=0)
+    return [k for k in range(width) if counts[k] and 2 * counts[k] >= largest]
 
 
 def _lines(text: str, name: str) -> Iterator[Row]:
-    """The rows of lines without columns: the last word before the first character of HamNoSys is the gloss."""
+    """Yields the rows of lines without columns: the gloss is the last word before the first HamNoSys character."""
     for line, content in enumerate(text.splitlines(), 1):
         if content.strip():
-            found = _NOTATION.search(content)
-            gloss = content[: found.start()].split() if found else []
-            if not found or not gloss:
+            match = _NOTATION.search(content)
+            gloss = content[: match.start()].split() if match else []
+            if not match or not gloss:
                 raise FormatError("has no tab, expected GLOSS, a tab and HamNoSys", file=name, line=line)
-            yield gloss[-1], content[found.start() :], line
+            yield gloss[-1], content[match.start() :], line
 
 
 SUFFIXES = (".sigml", ".xml", ".csv", ".json", ".txt", ".tsv")
 """Suffixes of the files of written signs."""
-_MOST_BYTES, _MOST_SIGNS = 64 << 20, 200_000
+_MOST_BYTES = 64 << 20
+"""Largest file, bytes."""
+_MOST_SIGNS = 200_000
+"""Largest number of signs in a file."""
 _SIGNS = ("hamgestural_sign", "hns_sign", "sigmlsign")
 """Elements that hold a sign; ``sigmlsign`` is a ``hamgestural_sign`` in older files."""
 
 
 @dataclass(frozen=True)
 class WrittenSigns:
-    """What is read of files.
+    """The signs read from files.
 
-    signs: gloss -> sign, in the order of the files; a gloss that comes again is GLOSS#2, then GLOSS#3
-    refused: an error for each sign that is not understood
+    signs: gloss -> sign, in file order; a repeated gloss becomes GLOSS#2, then GLOSS#3
+    refused: one error for each sign that could not be read
     """
 
     signs: dict[str, WrittenSign]
@@ -143,52 +146,50 @@ class WrittenSigns:
 
 
 def read(paths: str | Path | Sequence[str | Path], lenient: bool = False) -> WrittenSigns:
-    """The signs of a file, of all ``.sigml`` files below a folder in the order of their names, or of several.
+    """Reads the signs of a file, of all ``.sigml`` files below a folder in order of their names, or of several paths.
 
-    lenient: leave out what is not understood, with a note in the sign. Raises ``InputError`` where there is no such
-    file, no sign, or a file is broken as a whole and no other is read.
+    lenient: leave out unknown parts, with a note in the sign. Raises ``InputError`` if a file does not exist, if there
+    is no sign, or if the only file is broken.
     """
-    given = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
-    named = [file for path in given for file in (_below(path) if path.is_dir() else [path])]
+    roots = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+    files = [file for path in roots for file in (_below(path) if path.is_dir() else [path])]
     items = list[WrittenSign | InputError]()
-    for file in named:
+    for file in files:
         try:
             items += _signs(read_bytes(file, _MOST_BYTES), str(file), lenient)  # up to an error
         except InputError as error:
-            if len(named) == 1:
+            if len(files) == 1:
                 raise
             items.append(error)
-    return _number_glosses(items, str(given[0]))
+    return _number_glosses(items, str(roots[0]))
 
 
 def _below(folder: Path) -> list[Path]:
-    """The files of SiGML below a folder, the shortest names first: of two signs of a gloss, NAME.sigml comes before
-    NAME-CL{THING}.sigml.
-    """
-    found = [path for path in folder.rglob("*.sigml") if path.is_file()]
-    found.sort(key=lambda path: (len(path.name), path))
-    if not found:
+    """The SiGML files below a folder, shortest names first, so that NAME.sigml precedes NAME-CL{THING}.sigml."""
+    paths = [path for path in folder.rglob("*.sigml") if path.is_file()]
+    paths.sort(key=lambda path: (len(path.name), path))
+    if not paths:
         raise InputError(f"{folder}: no .sigml files in it; name tables of HamNoSys themselves")
-    return found
+    return paths
 
 
 def parse(content: bytes, name: str, lenient: bool = False) -> WrittenSigns:
-    """The signs of a file's content; its suffix says what it is. Raises as ``read`` does."""
+    """Reads the signs from a file's content; the suffix of ``name`` gives the format. Raises as ``read`` does."""
     return _number_glosses([*_signs(content, name, lenient)], name)
 
 
 def one(text: str, gloss: str = "SIGN", lenient: bool = False) -> WrittenSign:
-    """The sign of a text of HamNoSys symbols. Raises ``InputError`` that names the symbol and its number."""
+    """Reads one sign from HamNoSys text. Raises ``InputError`` with the symbol and its number."""
     return _of_text(text, Reading("<text>", gloss, lenient, by_line=False))
 
 
 def _number_glosses(items: Sequence[WrittenSign | InputError], name: str) -> WrittenSigns:
-    """What is read, with a number at a gloss that comes again. Raises ``FormatError`` where it is nothing."""
+    """Numbers repeated glosses. Raises ``FormatError`` if there are no items."""
     if not items:
         raise FormatError("holds no sign, expected hamgestural_sign, hns_sign or HamNoSys", file=name)
-    found = [item for item in items if isinstance(item, WrittenSign)]
-    counts, signs, taken = Counter[str](), dict[str, WrittenSign](), {_fold(sign.gloss) for sign in found}
-    for sign in found:
+    written_signs = [item for item in items if isinstance(item, WrittenSign)]
+    counts, signs, taken = Counter[str](), dict[str, WrittenSign](), {_fold(sign.gloss) for sign in written_signs}
+    for sign in written_signs:
         folded = _fold(sign.gloss)
         counts[folded] += 1
         gloss = sign.gloss
@@ -204,7 +205,7 @@ def _fold(gloss: str) -> str:
 
 
 def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | InputError]:
-    """Each sign of a file, or the error that refuses it."""
+    """Yields each sign of a file, or the error that rejects it."""
     suffix = Path(name).suffix.lower()
     if suffix in (".sigml", ".xml") or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         yield from _of_xml(content, name, lenient)
@@ -225,11 +226,11 @@ def _signs(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | I
 def _of_text(text: str, reading: Reading) -> WrittenSign:
     if text.lstrip().startswith("<"):
         root = parse_xml(f"<hns_sign>{text}</hns_sign>".encode(), reading.file)
-        found = [e for e in root.find_elements(*_SIGNS) if e is not root] or [
+        elements = [e for e in root.find_elements(*_SIGNS) if e is not root] or [
             *root.children[0].find_elements(*_SIGNS),
             root,
         ][:1]
-        return _reader(found[0])(found[0], reading)
+        return _reader(elements[0])(elements[0], reading)
     return hamnosys.sign(symbols.tokens(text, reading), reading)
 
 
@@ -250,14 +251,14 @@ def _of_xml(content: bytes, name: str, lenient: bool) -> Iterator[WrittenSign | 
 
 
 def _reader(element: Element) -> Callable[[Element, Reading], WrittenSign]:
-    """What reads a sign: by what it holds, whatever it is called."""
-    held = {e.tag for e in below(element)}
-    of_symbols = any(tag.startswith("ham") for tag in held) or (element.tag == "hns_sign" and "sign_manual" not in held)
+    """Returns the reader of a sign, chosen by its content and not by its tag."""
+    tags = {e.tag for e in below(element)}
+    of_symbols = any(tag.startswith("ham") for tag in tags) or (element.tag == "hns_sign" and "sign_manual" not in tags)
     return hamnosys.sign_of_element if of_symbols else gestural.sign
 
 
 def _gloss(text: str, name: str, line: int) -> str:
-    """A gloss with hyphens for blanks. Raises ``FormatError`` where none is left or a character is not printable."""
+    """Returns a gloss with hyphens for blanks. Raises ``FormatError`` if it is empty or too long."""
     gloss = "".join(c for c in "-".join(text.split()) if c.isprintable())
     if not gloss or len(gloss) > 200:
         raise FormatError(f"gloss {text[:40]!r}, expected up to 200 printable characters", file=name, line=line)

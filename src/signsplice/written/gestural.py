@@ -1,6 +1,6 @@
 """Gestural SiGML (``hamgestural_sign``) as a tree: elements and values of the DTD of the University of East Anglia.
 
-What this reading decides, where sources are silent, stands in docs/hamnosys.md.
+docs/hamnosys.md lists the decisions that the sources leave open.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ _VALUES = {key: tuple(values) for key, *values in _WORDS["values"]}
 ((_, *MANNER), (_, *_OTHER)) = _WORDS["motions"]
 _SILENT = frozenset(_WORDS["silent"][0][1:])
 KNOWN = {
-    tag: frozenset([*own, *MANNER, *_OTHER] if "motion" in tag or tag in ("fingerplay", "changeposture") else own)
-    for tag, *own in _WORDS["attributes"]
+    tag: frozenset([*names, *MANNER, *_OTHER] if "motion" in tag or tag in ("fingerplay", "changeposture") else names)
+    for tag, *names in _WORDS["attributes"]
 }
-"""Element -> the attributes that are read."""
+"""Element -> its known attributes."""
 POSTURES = (
     "handconfig", "split_handconfig", "location_bodyarm", "location_hand", "split_location", "handconstellation",
 )  # fmt: skip
@@ -44,13 +44,13 @@ POSTURES = (
 _ELLIPSES = {"h": "l", "v": "u", "ur": "ur", "ul": "ul"}
 """Direction of an ellipse's long axis -> letters."""
 _OPENINGS = {"slack": 0.6, "tight": 1.4}
+"""Value of ``ceeopening`` -> ``WrittenShape.opening``."""
 _GROWTH = {"increasing": "big", "decreasing": "small"}
+"""Value of ``incrdecr`` -> size at the end."""
 
 
 def sign(element: Element, reading: Reading) -> WrittenSign:
-    """The tree of a ``hamgestural_sign``. Raises ``FormatError`` for what is not understood, or notes it where the
-    reading is lenient.
-    """
+    """Parses a ``hamgestural_sign``. Raises ``FormatError`` on unknown content, or notes it if reading is lenient."""
     manual = [child for child in element.children if child.tag == "sign_manual"]
     for child in element.children:
         if child.tag not in ("sign_manual", "sign_nonmanual"):
@@ -60,21 +60,21 @@ def sign(element: Element, reading: Reading) -> WrittenSign:
     tiers = tuple(
         item for child in element.children if child.tag == "sign_nonmanual" for item in gestural_tiers(child, reading)
     )
-    made = _Gestural(reading).manual(manual[0])
-    return replace(made, tiers=tiers, notes=tuple(reading.notes))
+    parsed = _Gestural(reading).manual(manual[0])
+    return replace(parsed, tiers=tiers, notes=tuple(reading.notes))
 
 
 class _Gestural:
-    """Reads one sign.
+    """Parses one sign.
 
-    reading: of the sign
+    reading: collects errors and notes of the sign
     """
 
     def __init__(self, reading: Reading) -> None:
         self.reading = reading
 
     def manual(self, e: Element) -> WrittenSign:
-        """A sign, or a part of a compound."""
+        """Parses a sign, or a part of a compound."""
         self.check(e)
         where = self.reading.where("<sign_manual>", e.line)
         parts = [child for child in e.children if child.tag == "sign_manual"]
@@ -82,8 +82,8 @@ class _Gestural:
             for child in e.children:
                 if child.tag != "sign_manual":
                     self.refuse(child, "stands beside the parts of a compound")
-            given = {key: value for key, value in e.attributes.items() if value == "true"}
-            inner = [replace(part, attributes={**given, **part.attributes}) for part in parts]
+            inherited = {key: value for key, value in e.attributes.items() if value == "true"}
+            inner = [replace(part, attributes={**inherited, **part.attributes}) for part in parts]
             return WrittenSign(self.reading.gloss, parts=tuple(map(self.manual, inner)), where=where)
         posture, motions = WrittenPosture(), list[Motion]()
         for child in e.children:
@@ -101,7 +101,7 @@ class _Gestural:
         )  # fmt: skip
 
     def hands(self, e: Element, posture: WrittenPosture, motions: list[Motion]) -> str:
-        """How the hands of a part work together, a word of ``WrittenSign.hands``."""
+        """Returns how the hands of a part work together, a word of ``WrittenSign.hands``."""
         both, *flips = (self.flag(e, key) for key in ("both_hands", "lr_symm", "ud_symm", "oi_symm"))
         if self.flag(e, "nondominant"):
             return "weak"
@@ -112,7 +112,7 @@ class _Gestural:
     # --- postures
 
     def posture(self, e: Element, weak: bool = False) -> WrittenPosture:
-        """What one element of a posture says; ``weak``: of the weak hand, within a split."""
+        """Parses one element of a posture; ``weak``: it is the weak hand's half of a split."""
         self.check(e)
         if e.tag == "handconfig":
             fingers, palm = self.words(e, "extfidir"), self.words(e, "palmor")
@@ -120,8 +120,8 @@ class _Gestural:
         if e.tag == "location_bodyarm":
             return WrittenPosture(place=self.place(e))
         if e.tag == "location_hand":
-            own = [self.site(child, not weak) for child in e.children if child.tag == "location_hand"]
-            sites = self.site(e, weak), own[0] if own else None
+            strong_sites = [self.site(child, not weak) for child in e.children if child.tag == "location_hand"]
+            sites = self.site(e, weak), strong_sites[0] if strong_sites else None
             weak_site, strong_site = sites[::-1] if weak else sites
             pair = Pair(weak_site, strong_site, self.choice(e, "contact"))
             return WrittenPosture(pair=pair)
@@ -136,7 +136,7 @@ class _Gestural:
         return with_weak(halves[0], halves[1]) if len(halves) == 2 else halves[0] if halves else WrittenPosture()
 
     def constellation(self, e: Element) -> WrittenPosture:
-        """Two hands together: the site on the weak hand is written first, that on the strong hand second."""
+        """Parses a hand constellation: first the site on the weak hand, then the site on the strong hand."""
         sites, place = list[Site | None](), None
         for child in e.children:
             if child.tag == "location_hand":
@@ -151,11 +151,11 @@ class _Gestural:
         return WrittenPosture(pair=Pair(weak, strong, self.choice(e, "contact"), place))
 
     def shape(self, e: Element) -> WrittenShape | None:
-        """The handshape of a ``handconfig``; None where it has none."""
+        """Parses the handshape of a ``handconfig``; None if it has no handshape."""
         base = self.choice(e, "handshape")
         if not base:
-            others = (k for k in e.attributes if k in KNOWN[e.tag] and "extfidir" not in k and "palmor" not in k)
-            if key := next(others, ""):
+            modifiers = (k for k in e.attributes if k in KNOWN[e.tag] and "extfidir" not in k and "palmor" not in k)
+            if key := next(modifiers, ""):
                 self.refuse(e, f"{key} without a handshape")
             return None
         between = self.choice(e, "second_handshape")
@@ -174,9 +174,9 @@ class _Gestural:
         )  # fmt: skip
 
     def place(self, e: Element) -> Place:
-        """A place on the body."""
+        """Parses a place on the body."""
         self.check(e)
-        own = [self.site(child, weak=False) for child in e.children if child.tag == "location_hand"]
+        hand_sites = [self.site(child, weak=False) for child in e.children if child.tag == "location_hand"]
         for child in e.children:
             if child.tag != "location_hand":
                 self.refuse(child, "is no part of a place")
@@ -184,26 +184,26 @@ class _Gestural:
         if side and "_" not in side:
             self.reading.note(f"side={side} of <location_bodyarm> is left out", e.line)
             side = ""
-        other = Place(self.choice(e, "second_location"), self.choice(e, "second_side"))
+        second_place = Place(self.choice(e, "second_location"), self.choice(e, "second_side"))
         name, behind = self.choice(e, "location"), self.flag(e, "behind")
-        contact, between = self.choice(e, "contact"), other if other.name else None
-        return Place(name, side, contact, behind, between, own[0] if own else None)
+        contact, between = self.choice(e, "contact"), second_place if second_place.name else None
+        return Place(name, side, contact, behind, between, hand_sites[0] if hand_sites else None)
 
     def site(self, e: Element, weak: bool) -> Site | None:
-        """A part of a hand; None where the element names none."""
+        """Parses a part of a hand; None if the element names no part."""
         self.check(e)
         part, digits = self.choice(e, "location"), self.digits(e, "digits")
         if not part and digits:
             self.reading.note("<location_hand> without a location is read as the finger's midjoint", e.line)
-        other, others = self.choice(e, "second_location"), self.digits(e, "second_digits")
+        second_part, second_digits = self.choice(e, "second_location"), self.digits(e, "second_digits")
         second = None
-        if other or others:
-            second = Site(other or part or "midjoint", others or digits, self.side(e, "second_side", weak))
+        if second_part or second_digits:
+            second = Site(second_part or part or "midjoint", second_digits or digits, self.side(e, "second_side", weak))
         return Site(part or "midjoint", digits, self.side(e, "side", weak), second) if part or digits else None
 
     def side(self, e: Element, key: str, weak: bool) -> str:
-        """A side of a finger: left and right are as seen with the fingers up and the palm away from the signer, of the
-        hand that the finger is on; of mirrored signs too, whose weak index fingers are met at their outer side.
+        """Parses a side of a finger. Left and right are as seen on the finger's own hand, fingers up and palm away from
+        the signer. This holds for mirrored signs too, in which the strong hand meets the outer side of the weak index.
         """
         side = self.choice(e, key)
         if "_" in side:
@@ -213,21 +213,21 @@ class _Gestural:
     # --- motions
 
     def motion(self, e: Element) -> Motion:
-        """One action."""
+        """Parses one action."""
         if e.tag not in KNOWN or e.tag == "sign_manual" or e.tag in POSTURES:
             self.refuse(e, "is no element that is known")
             return Motion("hold", where=self.reading.where(f"<{e.tag}>", e.line))
         self.check(e)
         makers = {"tgt_motion": self.parse_target_motion, "rpt_motion": self.parse_repetition}
-        made = makers[e.tag](e) if e.tag in makers else self.simple(e)
-        named = self.choice(e, "manner")
-        given = {key: True for key in MANNER if self.flag(e, key) or named == key}
-        manner = replace(made.manner, speed=made.manner.speed * factor(e, "speed", self.reading), **given)
-        alternating = made.alternating or self.flag(e, "alternating")
-        return replace(made, manner=manner, alternating=alternating, where=self.reading.where(f"<{e.tag}>", e.line))
+        motion = makers[e.tag](e) if e.tag in makers else self.simple(e)
+        manner_word = self.choice(e, "manner")
+        flags = {key: True for key in MANNER if self.flag(e, key) or manner_word == key}
+        manner = replace(motion.manner, speed=motion.manner.speed * factor(e, "speed", self.reading), **flags)
+        alternating = motion.alternating or self.flag(e, "alternating")
+        return replace(motion, manner=manner, alternating=alternating, where=self.reading.where(f"<{e.tag}>", e.line))
 
     def simple(self, e: Element) -> Motion:
-        """A motion that is no target and no repetition of another."""
+        """Parses a motion other than a targeted motion or a repetition."""
         tag = e.tag
         if tag in ("par_motion", "seq_motion", "split_motion"):
             kind = {"par_motion": "parallel", "split_motion": "split"}.get(tag, "sequence")
@@ -252,9 +252,9 @@ class _Gestural:
             )  # fmt: skip
         if tag == "circularmotion":
             start, end = self.letters(e, "start"), self.letters(e, "end")
-            more = sum(self.flag(e, key) for key in ("clockplus", "second_clockplus"))
+            extra = sum(self.flag(e, key) for key in ("clockplus", "second_clockplus"))
             return Motion(
-                "circle", self.words(e, "axis", needed=True), turns=float(more + (not end)), start=start, end=end,
+                "circle", self.words(e, "axis", needed=True), turns=float(extra + (not end)), start=start, end=end,
                 ellipse=_ELLIPSES.get(self.choice(e, "ellipse_direction"), ""),
                 ellipse_size=self.choice(e, "ellipse_size"), **common,
             )  # fmt: skip
@@ -269,18 +269,18 @@ class _Gestural:
         return Motion(kinds.get(tag, "hold"), size=size, digits=self.digits(e, "digits"))
 
     def brushing(self, e: Element) -> WrittenPosture:
-        """What a motion brushes along: a place within its element."""
-        along = Place("", contact="brushing")
-        found = WrittenPosture(place=along) if self.flag(e, "brushing") else None
+        """Parses the place within a motion's element that the hand brushes along."""
+        place = Place("", contact="brushing")
+        posture = WrittenPosture(place=place) if self.flag(e, "brushing") else None
         for child in e.children:
             if child.tag in ("location_bodyarm", "location_hand"):
-                found = merge_postures(found, self.posture(child))
+                posture = merge_postures(posture, self.posture(child))
             else:
                 self.refuse(child, f"is no part of <{e.tag}>")
-        return found or WrittenPosture()
+        return posture or WrittenPosture()
 
     def parse_target_motion(self, e: Element) -> Motion:
-        """A motion that ends in a posture."""
+        """Parses a motion that ends in a posture."""
         inner, posture = list[Motion](), WrittenPosture()
         for child in e.children:
             if child.tag in POSTURES:
@@ -289,23 +289,23 @@ class _Gestural:
                 inner.append(self.motion(child))
         if len(inner) > 1:
             self.refuse(e, f"has {len(inner)} motions, expected one")
-        made = inner[0] if inner else Motion("posture")
-        return replace(made, target=merge_postures(made.target, posture))
+        motion = inner[0] if inner else Motion("posture")
+        return replace(motion, target=merge_postures(motion.target, posture))
 
     def parse_repetition(self, e: Element) -> Motion:
-        """A motion that is made more than once."""
+        """Parses a repeated motion."""
         parts = tuple(map(self.motion, e.children))
         if not parts:
             raise self.reading.error("repeats no motion", "<rpt_motion>", e.line)
-        whole = len(parts) > 1 or parts[0].repeat
-        made = Motion("sequence", parts=parts) if whole else parts[0]
+        as_sequence = len(parts) > 1 or parts[0].repeat
+        motion = Motion("sequence", parts=parts) if as_sequence else parts[0]
         repeat, shift = self.choice(e, "repetition"), self.letters(e, "repetition_baseshift")
-        return replace(made, repeat=repeat or "fromstart", shift=shift)
+        return replace(motion, repeat=repeat or "fromstart", shift=shift)
 
     # --- attributes
 
     def check(self, e: Element) -> None:
-        """Refuse attributes that are not read; note those that have no form."""
+        """Refuse unknown attributes, and note attributes that do not affect the motion."""
         for key in sorted(e.attributes.keys() - KNOWN.get(e.tag, frozenset())):
             if key in _SILENT:
                 self.reading.note(f"{key} of <{e.tag}> is left out", e.line)
@@ -317,12 +317,12 @@ class _Gestural:
         self.reading.refuse(what, f"<{e.tag}>", e.line)
 
     def unknown(self, e: Element, key: str, expected: str) -> str:
-        """Refuse a value; "" where that is left out."""
+        """Refuse a value, or return "" if the reading is lenient."""
         self.refuse(e, f"{key}={e.attributes[key][:40]!r}, expected {expected}")
         return ""
 
     def choice(self, e: Element, key: str) -> str:
-        """One of the words that an attribute may have, or "" where it is absent."""
+        """Returns the attribute if it is an allowed word, "" if it is absent."""
         plain = re.sub("^second_", "", key)
         options = _VALUES.get(f"{e.tag}.{plain}") or _VALUES.get(plain, ("true", "false"))
         value = e.attributes.get(key, "")
@@ -333,7 +333,7 @@ class _Gestural:
         return self.choice(e, key) == "true"
 
     def bend(self, e: Element, key: str) -> str:
-        """A bend by name, or three digits of quarters."""
+        """Parses a bend: a name, or three digits (quarters of full bend)."""
         value = e.attributes.get(key, "")
         if value in ("", *_VALUES["mainbend"]) or re.fullmatch("[0-4]{3}", value):
             return value
@@ -345,27 +345,27 @@ class _Gestural:
         return self.unknown(e, key, f"one of {' '.join(_VALUES['mainbend'])} or three digits from 0 to 4")
 
     def digits(self, e: Element, key: str) -> tuple[int, ...]:
-        """Fingers from 1 to 5."""
+        """Parses finger digits from 1 to 5."""
         value = e.attributes.get(key, "")
         if not re.fullmatch("[1-5]{0,5}", value):
             value = self.unknown(e, key, "digits from 1 to 5")
         return tuple(map(int, value))
 
     def letters(self, e: Element, key: str) -> str:
-        """Letters of a direction, "" where it is absent or its letters cancel."""
+        """Parses the letters of a direction; "" if absent or if its letters cancel."""
         value = e.attributes.get(key, "")
         if not re.fullmatch("[udlroi]{0,6}", value):
             return self.unknown(e, key, "letters of u d l r o i")
-        kept = value
+        remaining = value
         for pair in ("ud", "lr", "oi"):
-            if all(letter in kept for letter in pair):
-                kept = "".join(letter for letter in kept if letter not in pair)
+            if all(letter in remaining for letter in pair):
+                remaining = "".join(letter for letter in remaining if letter not in pair)
                 self.reading.note(f"{key}={value}: {pair[0]} and {pair[1]} cancel", e.line)
-        return kept
+        return remaining
 
     def words(self, e: Element, key: str, needed: bool = False) -> tuple[str, ...]:
-        """One direction, or two of which the mean is meant."""
-        found = tuple(filter(None, (self.letters(e, key), self.letters(e, f"second_{key}"))))
-        if needed and not found:
+        """Parses one direction, or two whose mean is meant."""
+        words = tuple(filter(None, (self.letters(e, key), self.letters(e, f"second_{key}"))))
+        if needed and not words:
             raise self.reading.error(f"has no {key}, expected letters of u d l r o i", f"<{e.tag}>", e.line)
-        return found
+        return words

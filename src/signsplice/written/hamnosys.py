@@ -1,4 +1,4 @@
-"""HamNoSys 4 as a tree: the symbols of a text, or the elements of HamNoSys SiGML, by one grammar.
+"""Parses HamNoSys 4 into a tree; symbols of a text and elements of HamNoSys SiGML share one grammar.
 
     sign    = part, {"plus", part}                                         a compound
     part    = {symmetry | "alternatingmotion" | "nonipsi"}, posture, {action}
@@ -6,8 +6,8 @@
     action  = core, {modifier | location | contact | repetition}
     core    = move, ["between", move] | circle | wrist | "replace", {slot} | bracket, {action}, ["plus", {action}], end
 
-The order of the slots is that of Hamburg's overview of HamNoSys; other orders are read too. Notations with the defects
-that dictionaries have are mended, and each mend is noted.
+The order of the slots follows Hamburg's overview of HamNoSys; other orders are accepted. The parser repairs the defects
+common in dictionaries, and notes each repair.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ _GESTURES = {
     "head nodding": "NO", "head twisting": "SH", "head moved": "ND", "head moveu": "NU", "head moveo": "PF",
     "head movei": "PB", "head movel": "TL", "head mover": "TR", "shoulders moveu": "UB",
 }  # fmt: skip
-"""Movements of the head and the shoulders, and their codes."""
+"""Movement of the head or shoulders -> its code."""
 _FLIPS = {"fingerstraightmod": "depths", "largemod": "heights"}
-"""Symbols after one of symmetry, and in what else the hands mirror one another."""
+"""Symbol after a symmetry symbol -> another direction in which the hands mirror each other."""
 _SHAPED = {"arc": ("curve", "straight"), "ellipse": ("ellipse", "circle"), "zigzag": ("zigzag", "straight", "circle")}
-"""Kind of symbol -> what of a motion it says, and of which kinds of motion."""
+"""Kind of symbol -> the field of ``Motion`` that it sets, and the kinds of motion that accept it."""
 
 
 def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
-    """The tree of a notation's symbols. Raises ``FormatError`` for what is not understood, or notes it where the
-    reading is lenient.
+    """Parses the symbols of a notation. Raises ``FormatError`` on unknown content, or notes it if the reading is
+    lenient.
     """
     check_length(len(found), reading)
     balanced = repair_symbols(found, reading)
@@ -60,7 +60,7 @@ def sign(found: Sequence[Token], reading: Reading) -> WrittenSign:
 
 
 def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
-    """A sign that is no compound, or one part of a compound."""
+    """Parses a sign that is not a compound, or one part of a compound."""
     where = reading.where("", balanced[0].position if balanced else 0)
     kinds = [_SYMMETRY[t.name] for t in balanced if t.name in _SYMMETRY]
     if len(set(kinds)) > 1:
@@ -95,33 +95,33 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
 
 
 class _Parser(Slots):
-    """Reads actions; postures and places are read by ``Slots``."""
+    """Parses actions; ``Slots`` parses postures and places."""
 
     def actions(self, top: bool = False) -> list[Motion]:
-        """Actions up to a plus, a closing bracket or the end."""
-        found = list[Motion]()
+        """Parses actions up to a plus, a closing bracket or the end."""
+        motions = list[Motion]()
         while (t := self.peek()).name not in ("", *CLOSERS):
             if t.name == "plus":
-                if not top or not found:
+                if not top or not motions:
                     break
                 self.next()
                 self.reading.note("hamplus outside brackets joins the actions beside it", t.position)
-                other = self.action_or_hold(t)
-                found[-1] = Motion("split", parts=(found[-1], other), where=self.where(t))
+                weak_motion = self.action_or_hold(t)
+                motions[-1] = Motion("split", parts=(motions[-1], weak_motion), where=self.where(t))
                 continue
-            found.append(self.action())
+            motions.append(self.action())
         if top:
             while (t := self.peek()).name:
                 self.reading.refuse("stands where no symbol of its kind is expected", t.ham_name, self.next().position)
             last = self.tokens[-1].name if self.tokens else ""
-            earlier = any(m.repeat for m in found[:-1])
-            if len(found) > 1 and last in symbols.REPEATS and found[-1].repeat and not earlier:
-                repeat, parts = found[-1].repeat, (*found[:-1], replace(found[-1], repeat=""))
-                found = [Motion("sequence", parts=parts, repeat=repeat, where=found[0].where)]
-        return found
+            earlier = any(m.repeat for m in motions[:-1])
+            if len(motions) > 1 and last in symbols.REPEATS and motions[-1].repeat and not earlier:
+                repeat, parts = motions[-1].repeat, (*motions[:-1], replace(motions[-1], repeat=""))
+                motions = [Motion("sequence", parts=parts, repeat=repeat, where=motions[0].where)]
+        return motions
 
     def action(self) -> Motion:
-        """One action with all that belongs to it."""
+        """Parses one action with its modifiers."""
         t = self.peek()
         if t.name == "nondominant":
             self.next()
@@ -130,21 +130,21 @@ class _Parser(Slots):
         return self.parse_modifiers(replace(self.core(t), where=self.where(t)))
 
     def action_or_hold(self, t: Token) -> Motion:
-        """One action, or none where none comes after the symbol."""
+        """Parses one action, or returns a hold if no action follows."""
         ends = self.at("", *CLOSERS, "plus")
         return Motion("hold", where=self.where(t)) if ends else self.action()
 
     def core(self, t: Token) -> Motion:
-        """An action without what modifies it."""
+        """Parses an action without its modifiers."""
         name = t.name
         if is_posture(name) or self.is_posture_bracket():
             self.reading.note(f"{t.ham_name} after the first action is read as hamreplace", t.position)
             return self.posture_change(t)
         if self.is_location():
-            return Motion("posture")  # to where ``parse_modifiers`` finds
+            return Motion("posture")  # ``parse_modifiers`` adds the target
         self.next()
-        if name in symbols.BRACKETS and (found := self.of_the_body(t)) is not None:
-            return found
+        if name in symbols.BRACKETS and (body_motion := self.of_the_body(t)) is not None:
+            return body_motion
         if name == "replace":
             return self.posture_change(t)
         if name in symbols.BRACKETS:
@@ -164,7 +164,7 @@ class _Parser(Slots):
         return Motion("hold")
 
     def of_the_body(self, t: Token) -> Motion | None:
-        """What brackets hold that begin with a part of the body and a movement of it; the bracket is passed."""
+        """Parses brackets that begin with a body part and its movement, after the opening bracket; else None."""
         part, after = self.peek(), self.peek(1)
         if not is_action(after.name):
             return None
@@ -184,16 +184,16 @@ class _Parser(Slots):
         return Motion("hold")
 
     def two_directions(self, t: Token, kind: str) -> tuple[str, ...]:
-        """The direction of a movement that was passed, or two whose mean is meant."""
+        """Returns the direction of the movement just read, or two directions whose mean is meant."""
         if not self.at("between") or not self.peek(1).name.startswith(kind):
             return (t.name.removeprefix(kind),)
         self.next()
         return t.name.removeprefix(kind), self.next().name.removeprefix(kind)
 
     def posture_change(self, t: Token) -> Motion:
-        """A change of posture with no path."""
-        for early in self.take(*symbols.KINDS["size"], *symbols.KINDS["growth"]):
-            self.reading.note(f"{early.ham_name} before what changes is left out", early.position)
+        """Parses a change of posture without a path."""
+        for modifier in self.take(*symbols.KINDS["size"], *symbols.KINDS["growth"]):
+            self.reading.note(f"{modifier.ham_name} before what changes is left out", modifier.position)
         posture = self.posture()
         if posture == WrittenPosture():
             self.reading.refuse("changes nothing", t.ham_name, t.position)
@@ -201,26 +201,26 @@ class _Parser(Slots):
         return Motion("posture", target=posture)
 
     def bracket(self, t: Token) -> Motion:
-        """What brackets hold; a plus within them splits it between the hands."""
+        """Parses the content of brackets; a plus splits it between the hands."""
         halves = [self.actions()]
         while self.take("plus"):
             halves.append(self.actions())
         self.take(symbols.BRACKETS[t.name])
         if len(halves) > 2:
             self.reading.refuse(f"holds {len(halves)} parts, expected two at most", t.ham_name, t.position)
-        made = [
+        motions = [
             self.combine_motions(_KINDS[t.name] if len(halves) == 1 else "sequence", half, t) for half in halves[:2]
         ]
-        return made[0] if len(made) == 1 else Motion("split", parts=tuple(made))
+        return motions[0] if len(motions) == 1 else Motion("split", parts=tuple(motions))
 
     def combine_motions(self, kind: str, parts: list[Motion], t: Token) -> Motion:
-        """Some motions as one; of those at one time straight ones come in turn: one alone would say their sum."""
+        """Joins motions. Parallel straight motions become a sequence: their sum would be a single straight motion."""
         straight = [m for m in parts if kind == "parallel" and m.kind == "straight" and not m.repeat]
         if len(straight) > 1:
             self.reading.note(f"straight movements in {t.ham_name} come in turn", t.position)
             turns = Motion("sequence", parts=tuple(straight), where=straight[0].where)
-            others = [m for m in parts if all(m is not one for one in straight)]
-            parts = [turns, *others]
+            remaining = [m for m in parts if all(m is not straight_motion for straight_motion in straight)]
+            parts = [turns, *remaining]
         if len(parts) == 1:
             return parts[0]
         if not parts:
@@ -229,7 +229,7 @@ class _Parser(Slots):
         return Motion(kind, parts=tuple(parts), manner=fused, where=self.where(t))
 
     def parse_modifiers(self, m: Motion) -> Motion:
-        """An action with its sizes, curves, manner, target and repetitions."""
+        """Adds sizes, curves, manner, target and repetitions to an action."""
         sized = "size"
         while (t := self.peek()).name:
             name, kinds = t.name, symbols.KINDS
@@ -245,8 +245,8 @@ class _Parser(Slots):
             elif name in kinds["manner"]:
                 m = replace(m, manner=replace(m.manner, **{name: True}))
             elif name in symbols.REPEATS:
-                again = Motion("sequence", parts=(m,), where=m.where) if m.repeat else m
-                m = replace(again, repeat=symbols.REPEATS[name])
+                base = Motion("sequence", parts=(m,), where=m.where) if m.repeat else m
+                m = replace(base, repeat=symbols.REPEATS[name])
             elif name == "alternatingmotion":
                 m = replace(m, alternating=True)
             elif name == "seqbegin" and self.peek(1).name in symbols.REPEATS:
@@ -260,18 +260,18 @@ class _Parser(Slots):
         return m
 
     def parse_repeat_shift(self, m: Motion) -> Motion:
-        """A motion that brackets repeat, each time further in a direction; the closing bracket comes next."""
+        """Parses bracketed repetition, each pass shifted in a direction, up to the closing bracket."""
         self.next()
-        again = symbols.REPEATS[self.next().name]
+        repeat = symbols.REPEATS[self.next().name]
         shift = self.next().name.removeprefix("move") if self.peek().name.startswith("move") else ""
         self.take(*symbols.KINDS["size"])
         self.refuse_until("seqend", "a repetition")
-        return replace(m, repeat=again, shift=shift)
+        return replace(m, repeat=repeat, shift=shift)
 
     def apply_path_shape(self, m: Motion, shaping: str, t: Token) -> Motion:
-        """A motion, or the last within its brackets, with a curve, a zigzag or a long axis."""
+        """Adds a curve, a zigzag or a long axis to a motion, or to the last motion within its brackets."""
         key, *kinds = _SHAPED[shaping]
-        if m.kind in kinds or (shaping == "ellipse" and m.zigzag):  # the way of its swings
+        if m.kind in kinds or (shaping == "ellipse" and m.zigzag):  # direction of its swings
             return _apply_size(m, key, symbols.KINDS[shaping][t.name])
         if m.parts:
             return replace(m, parts=(*m.parts[:-1], self.apply_path_shape(m.parts[-1], shaping, t)))
@@ -279,59 +279,57 @@ class _Parser(Slots):
         return m
 
     def apply_clock_symbol(self, m: Motion, t: Token) -> Motion:
-        """A circle with its start, then its end; each whole circle is a turn more."""
-        at = t.name.removeprefix("clock")
+        """Sets the start of a circle, then its end; each full clock symbol adds a turn."""
+        clock = t.name.removeprefix("clock")
         if m.kind != "circle":
             self.reading.refuse(f"does not go with a motion of the kind {m.kind}", t.ham_name, t.position)
             return m
-        if at == "full":
+        if clock == "full":
             return replace(m, turns=m.turns + 1.0)
         if not m.start:
-            return replace(m, start=at)
-        return replace(m, end=at, turns=m.turns - 1.0 if not m.end else m.turns)
+            return replace(m, start=clock)
+        return replace(m, end=clock, turns=m.turns - 1.0 if not m.end else m.turns)
 
     def parse_target(self, m: Motion) -> Motion:
-        """A motion with the place, the site or the contact that it ends at, or that it brushes along."""
-        found = self.location()
-        if found == WrittenPosture():
+        """Adds the place, site or contact at which a motion ends, or along which it brushes."""
+        posture = self.location()
+        if posture == WrittenPosture():
             return m
-        if found.place is not None and found.place.contact == "brushing":
-            return replace(m, brushing=found.place)
-        if found.pair is not None and found.pair.contact == "brushing":
-            return replace(m, brushing_pair=found.pair)
-        target, contact = m.target, "" if found.pair is None else found.pair.contact
-        if target is not None and found == WrittenPosture(pair=Pair(contact=contact)):  # nearer to the same place
+        if posture.place is not None and posture.place.contact == "brushing":
+            return replace(m, brushing=posture.place)
+        if posture.pair is not None and posture.pair.contact == "brushing":
+            return replace(m, brushing_pair=posture.pair)
+        target, contact = m.target, "" if posture.pair is None else posture.pair.contact
+        if target is not None and posture == WrittenPosture(pair=Pair(contact=contact)):  # nearer to the same place
             if target.pair is not None:
-                found = WrittenPosture(pair=replace(target.pair, contact=contact))
+                posture = WrittenPosture(pair=replace(target.pair, contact=contact))
             elif target.place is not None:
-                found = WrittenPosture(place=replace(target.place, contact=contact))
-        return replace(m, target=merge_postures(target, found))
+                posture = WrittenPosture(place=replace(target.place, contact=contact))
+        return replace(m, target=merge_postures(target, posture))
 
 
 def _apply_size(m: Motion, key: str, size: str) -> Motion:
-    """A motion of a size, or the motions within brackets that have none of their own."""
+    """Sets the size of a motion, or of the motions within its brackets that have no size."""
     if m.parts and key == "size":
         return replace(m, parts=tuple(part if part.size else _apply_size(part, key, size) for part in m.parts))
     return replace(m, **{key: size})  # type: ignore[arg-type]
 
 
 def sign_of_element(element: Element, reading: Reading) -> WrittenSign:
-    """The tree of an ``hns_sign``. Raises ``FormatError`` for what is not understood, or notes it where the reading is
-    lenient.
-    """
+    """Parses an ``hns_sign``. Raises ``FormatError`` on unknown content, or notes it if the reading is lenient."""
     tiers = hns_tiers((e for e in below(element) if e.tag.startswith("hnm_")), reading)
-    found = list[Token]()
+    tokens = list[Token]()
     for e in below(element):
         if e.tag.startswith("ham") and not e.tag.startswith("hamnosys"):
-            found += symbols.resolve_symbol(e.tag.removeprefix("ham"), f"<{e.tag[:60]}>", e.line, reading)
+            tokens += symbols.resolve_symbol(e.tag.removeprefix("ham"), f"<{e.tag[:60]}>", e.line, reading)
         elif e.children and not e.tag.startswith(("hnm_", "hamnosys", "hns_")):
             reading.note(f"<{e.tag[:60]}> is left out, what is in it is read", e.line)
         elif not e.tag.startswith(("hnm_", "hamnosys", "hns_")):
             reading.refuse("is no symbol of HamNoSys 4", f"<{e.tag}>", e.line)
     written = "".join(e.text for e in (element, *element.find_elements("hamnosys_manual"))).strip()
-    if not found and (written := written or element.attributes.get("hamnosys", "")):
-        found = symbols.tokens(written, reading)
-    if not found:
+    if not tokens and (written := written or element.attributes.get("hamnosys", "")):
+        tokens = symbols.tokens(written, reading)
+    if not tokens:
         raise reading.error("has no symbol of HamNoSys", f"<{element.tag}>", element.line)
-    made = sign(found, reading)
-    return replace(made, tiers=(*made.tiers, *tiers))
+    parsed = sign(tokens, reading)
+    return replace(parsed, tiers=(*parsed.tiers, *tiers))

@@ -1,7 +1,7 @@
-"""One hand of a written sign at a time: what is written of it, and the posture in the notation that this makes.
+"""The state of one hand of a written sign: what is written for it, and its posture in the notation.
 
-Letters that are written for both hands are the strong hand's; for the weak hand they are exchanged as the kind of hands
-says, and are then its own: l is left for either hand.
+Letters written for both hands apply to the strong hand. The kind of hands says which of them are exchanged for the weak
+hand. After the exchange, l means left for either hand.
 """
 
 from __future__ import annotations
@@ -44,26 +44,32 @@ KINDS: dict[str, tuple[str, str, Vector]] = {
     "mirrored_out_in": ("lroi", "lr", (1.0, 1.0, -1.0)),
     "up_down_out_in": ("udoi", "ud", (-1.0, -1.0, -1.0)),
 }
-"""Kinds of hands: letters of finger directions, and of palms, that are exchanged for the weak hand; and the signs of
-motions in its own directions."""
-_SLIDE_CM, _SLIDE_COSINE = 7.0, 0.6
+"""Kind of hands -> letters of finger directions and of palms to exchange for the weak hand, and factors on its motions
+in its own axes."""
+_SLIDE_CM = 7.0
+"""Longest travel that slides along the skin, cm."""
+_SLIDE_COSINE = 0.6
+"""Largest cosine between travel and skin normal at which the hand slides."""
 _LEAST_SLIDE = 0.75
-"""How much of its way a hand goes at least that slides."""
-_UPRIGHT, _TURNED_OUT = 0.7, 0.5
-"""Upright fingers whose palm faces out as no forearm turns: its letter is read with the mean of two directions."""
+"""Least fraction of its travel that a sliding hand covers."""
+_UPRIGHT = 0.7
+"""Upward component of the finger direction above which fingers count as upright."""
+_TURNED_OUT = 0.5
+"""Outward component of the palm direction that no forearm reaches with upright fingers: the palm's letter is then read
+with the mean of both finger directions."""
 HANGING = Posture("rest", REST, "palm", (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
-"""The posture of a hand that takes no part."""
+"""The posture of an idle hand."""
 Words = tuple[str, ...]
 
 
 def swap_letters(word: str, letters: str) -> str:
-    """A word of letters with pairs of them exchanged."""
+    """Exchanges pairs of letters in a word."""
     pairs = "".join(letters[k : k + 2][::-1] for k in range(0, len(letters), 2))
     return word.translate(str.maketrans(letters, pairs))
 
 
 def other_side(place: Place) -> Place:
-    """A place with left and right exchanged."""
+    """Exchanges left and right in a place."""
     between = None if place.between is None else other_side(place.between)
     sides = {"right": "left", "left": "right"}
     side, _, rest = place.side.partition("_")
@@ -71,12 +77,12 @@ def other_side(place: Place) -> Place:
 
 
 def _of_weak_hand(posture: WrittenPosture, kind: str) -> WrittenPosture:
-    """What a posture that is written for both hands says of the weak one."""
-    ahead, faces, _ = KINDS[kind]
+    """The weak hand's part of a posture written for both hands."""
+    finger_letters, palm_letters, _ = KINDS[kind]
     return WrittenPosture(
         posture.shape,
-        posture.fingers and tuple(swap_letters(word, ahead) for word in posture.fingers),
-        posture.palm and tuple(swap_letters(word, faces) for word in posture.palm),
+        posture.fingers and tuple(swap_letters(word, finger_letters) for word in posture.fingers),
+        posture.palm and tuple(swap_letters(word, palm_letters) for word in posture.palm),
         posture.place and other_side(posture.place),
     )
 
@@ -86,8 +92,8 @@ class HandState:
     """A hand of a written sign.
 
     which: 0 strong, 1 weak
-    shape, fingers, palm, place: as written last, in this hand's own letters
-    posture: what it makes in the notation; None before the first posture
+    shape, fingers, palm, place: last written values, in this hand's own letters
+    posture: its posture in the notation; None before the first posture
     meets: whether the other hand mirrors it, so that both meet on the midline
     """
 
@@ -101,21 +107,21 @@ class HandState:
 
     @property
     def current_posture(self) -> Posture:
-        """The posture."""
+        """The posture, or ``HANGING`` before the first."""
         return HANGING if self.posture is None else self.posture
 
     @property
     def axes(self) -> tuple[Vector, Vector]:
-        """Where fingers and palm point, in the hand's own directions."""
+        """Directions of fingers and palm, in the hand's own axes."""
         assert self.fingers is not None
         assert self.palm is not None
-        along, faces = hand_axes(self.fingers, self.palm)
-        if along[1] > _UPRIGHT and (-1.0 if self.which else 1.0) * faces[0] > _TURNED_OUT:
-            faces = facing(along, self.palm)
-        return (_own(along), _own(faces)) if self.which else (along, faces)
+        finger_axis, palm_axis = hand_axes(self.fingers, self.palm)
+        if finger_axis[1] > _UPRIGHT and (-1.0 if self.which else 1.0) * palm_axis[0] > _TURNED_OUT:
+            palm_axis = facing(finger_axis, self.palm)
+        return (_own(finger_axis), _own(palm_axis)) if self.which else (finger_axis, palm_axis)
 
     def apply_written_posture(self, posture: WrittenPosture | None, kind: str, literal: bool = False) -> HandState:
-        """The hand with what a posture says of it, which is not yet made. ``literal``: it is written for this hand."""
+        """Sets the written values of a posture and keeps ``posture``. ``literal``: they are written for this hand."""
         if posture is None:
             return self
         if self.which and not literal:
@@ -124,18 +130,18 @@ class HandState:
         return replace(self, **{name: getattr(posture, name) or getattr(self, name) for name in names})
 
     def at(self, where: Spot, one_handed: bool, touch: bool | None = None) -> HandState:
-        """The hand in the posture that it makes at a place."""
+        """Returns the hand with its posture at a spot."""
         assert self.shape is not None
-        along, faces = self.axes
+        finger_axis, palm_axis = self.axes
         part = where.part or usual_part(self.shape, where.touches or (one_handed and where.head))
-        made = Posture(
-            shape_text(self.shape), where.location, part, faces, along, where.off, where.shift,
+        posture = Posture(
+            shape_text(self.shape), where.location, part, palm_axis, finger_axis, where.off, where.shift,
             touch=where.touches if touch is None else touch,
         )  # fmt: skip
-        return replace(self, posture=made)
+        return replace(self, posture=posture)
 
     def at_place(self, two_handed: bool) -> HandState:
-        """The hand in its posture where it is written to be."""
+        """Returns the hand with its posture at its written place."""
         place = self.place or Place("")
         if self.which:
             place = other_side(place)
@@ -147,19 +153,19 @@ class HandState:
     def move_by(
         self, travel: Vector, weak: Posture | None, before: Posture | None, fast: bool = False, alone: bool = False
     ) -> HandState:
-        """The hand after a motion: its palm travels, or where it turns in a touch, the part that touches stays.
+        """Returns the hand after a motion: the palm travels, but in a touch that only turns the touching part stays.
 
-        weak: the weak hand's posture now, which the strong one may be at
-        before: and before the motion
-        fast: it does not slide along the skin
-        alone: it does not go along with the weak hand
+        weak: the weak hand's current posture, at which the strong hand may be
+        before: the weak hand's posture before the motion
+        fast: the hand does not slide along the skin
+        alone: the hand does not move along with the weak hand
         """
         assert self.shape is not None
         old = self.current_posture
-        along, faces = self.axes
-        turned = replace(old, shape=shape_text(self.shape), palm=faces, fingers=along)
+        finger_axis, palm_axis = self.axes
+        turned = replace(old, shape=shape_text(self.shape), palm=palm_axis, fingers=finger_axis)
         formed = turned.shape == old.shape
-        steady = formed and dot(faces, old.palm) > 0.999 and dot(along, old.fingers) > 0.999
+        steady = formed and dot(palm_axis, old.palm) > 0.999 and dot(finger_axis, old.fingers) > 0.999
         still = unit(travel) is None
         if on_arm(old.location) and (weak != before or alone):
             if not alone and steady and _together(travel, weak, before):
@@ -173,39 +179,39 @@ class HandState:
             return replace(self, posture=_shift_posture(turned, travel, weak, fast))
         if still and formed and old.off < 1.0 and not old.location.startswith("space"):
             return replace(self, posture=turned)
-        here = palm_point(old, before, self.meets)
+        old_palm = palm_point(old, before, self.meets)
         turned = _by_palm(turned)
-        shift = plus(plus(here, travel), palm_point(turned, weak), -1.0)
+        shift = plus(plus(old_palm, travel), palm_point(turned, weak), -1.0)
         return replace(self, posture=replace(turned, shift=shift))
 
     def _in_space(self, turned: Posture, travel: Vector, before: Posture | None) -> HandState:
-        """The hand after a motion away from the other hand."""
+        """Returns the hand after a motion away from the other hand."""
         location = in_space(plus(palm_point(self.current_posture, before, self.meets), travel))
         return replace(self, posture=replace(_by_palm(turned), location=location))
 
 
 def _by_palm(posture: Posture) -> Posture:
-    """A posture whose palm is at its location."""
+    """Returns the posture with the palm at its location."""
     return replace(posture, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
 
 
 def _together(travel: Vector, weak: Posture | None, before: Posture | None) -> bool:
-    """Whether a hand goes along with the weak one, which does not turn meanwhile."""
+    """Whether a hand moves along with the weak hand, and the weak hand does not turn."""
     if weak is None or before is None:
         return False
     moved = _own(plus(palm_point(weak, None), palm_point(before, None), -1.0))
-    apart = plus(travel, moved, -1.0)
+    difference = plus(travel, moved, -1.0)
     turns = (weak.fingers, weak.palm, weak.shape) != (before.fingers, before.palm, before.shape)
-    return not turns and dot(apart, apart) < 1.0
+    return not turns and dot(difference, difference) < 1.0
 
 
 def _own(v: Vector) -> Vector:
-    """A vector (right, up, forward) in the weak hand's own directions, or back."""
+    """Converts a vector (right, up, forward) to the weak hand's own axes, or back."""
     return (-v[0], v[1], v[2])
 
 
 def complete_hand_state(state: HandState, lenient: bool) -> HandState:
-    """The hand with a shape and directions. Raises ``InputError`` for what is not written, unless ``lenient``."""
+    """Fills in shape and directions if ``lenient``; otherwise raises ``InputError`` if one is missing."""
     words = {"shape": "handshape", "fingers": "finger direction", "palm": "palm direction"}
     missing = [words[name] for name in words if getattr(state, name) is None]
     if missing and not lenient:
@@ -215,7 +221,7 @@ def complete_hand_state(state: HandState, lenient: bool) -> HandState:
 
 
 def _shift_posture(posture: Posture, travel: Vector, weak: Posture | None, fast: bool) -> Posture:
-    """A posture moved by ``travel``; a short way along the skin that it touches it slides."""
+    """Moves a posture by ``travel``; it slides if the travel is short and along the skin that it touches."""
     length = dot(travel, travel) ** 0.5
     if posture.touch and not fast and length <= _SLIDE_CM:
         normal = locations.locate(posture.location, weak_arm(weak)).normal * MIRROR
@@ -229,33 +235,31 @@ def _shift_posture(posture: Posture, travel: Vector, weak: Posture | None, fast:
 
 
 def _offset_location(location: str, travel: Vector) -> str:
-    """A location on the body so far beside another one; "" where that is halfway of two, or none."""
+    """Returns a location on the body shifted by ``travel``; "" for a midpoint or a location that cannot shift."""
     name, _, offset = location.partition(":")
     if "/" in location or name == "space" or on_arm(location):
         return ""
-    out, up = map(float, offset.split(",")) if offset else (0.0, 0.0)
-    return f"{name}:{out + travel[0]:.4g},{up + travel[1]:.4g}"
+    outward, up = map(float, offset.split(",")) if offset else (0.0, 0.0)
+    return f"{name}:{outward + travel[0]:.4g},{up + travel[1]:.4g}"
 
 
 def _goes(location: str, slid: str, travel: Vector) -> bool:
-    """Whether a hand that slides from one location on the body to another goes as far as it is to: skin ends, and
-    turns away.
-    """
+    """Whether a slide between two body locations covers enough of ``travel``: skin may end or turn away."""
     nobody = weak_arm(None)
-    way = locations.locate(slid, nobody).point - locations.locate(location, nobody).point
-    return float(way @ (MIRROR * travel)) >= _LEAST_SLIDE * dot(travel, travel)
+    displacement = locations.locate(slid, nobody).point - locations.locate(location, nobody).point
+    return float(displacement @ (MIRROR * travel)) >= _LEAST_SLIDE * dot(travel, travel)
 
 
 _IN_PLANE = 0.5
-"""How much of the direction to the skin lies in the plane of a circle that begins there, at least."""
+"""Least component of the direction to the skin in the plane of a circle that begins there."""
 
 
 def from_skin(path: Path, posture: Posture, weak: Posture | None, meets: bool) -> Path:
-    """A circle of a hand at the skin, or at the other hand, that begins where it is nearest to that: it is whole.
-    Circles that keep clear of it begin at their top.
+    """Starts a circle near the skin or the other hand at its nearest point. Circles that keep clear of it start at
+    their top.
     """
-    out, up, ahead = (MIRROR * locations.locate(posture.location, weak_arm(weak)).normal).tolist()
-    toward = (-out, -up, -ahead) if out or up or ahead else (-float(meets and posture.touch), 0.0, 0.0)
+    outward, up, forward = (MIRROR * locations.locate(posture.location, weak_arm(weak)).normal).tolist()
+    toward = (-outward, -up, -forward) if outward or up or forward else (-float(meets and posture.touch), 0.0, 0.0)
     toward = plus(toward, path.direction, -dot(toward, path.direction))
     start = unit(toward)
     if start is None or dot(toward, toward) < _IN_PLANE**2 or path.size < posture.off:
@@ -264,14 +268,14 @@ def from_skin(path: Path, posture: Posture, weak: Posture | None, meets: bool) -
 
 
 def weak_arm(posture: Posture | None) -> WeakArm:
-    """The weak arm of the standard signer in a posture."""
+    """Returns the weak arm of the standard signer in a posture."""
     if posture is None or posture.location == REST:
         return WeakArm(STANDARD, locations.resting(STANDARD)[27:54])
     return WeakArm(STANDARD, locations.weak_hand(posture, STANDARD))
 
 
 def palm_point(posture: Posture, weak: Posture | None, meets: bool = False) -> Vector:
-    """The middle of the palm (out, up, forward) of a hand of the standard signer, cm."""
+    """Returns the palm centre (out, up, forward) of the standard signer's hand, cm."""
     needed = weak_arm(weak) if on_arm(posture.location) else WeakArm(STANDARD, np.zeros(27))
     point = locations.palm(posture, needed, meets)
     return (-float(point[0]), float(point[1]), float(point[2]))

@@ -1,5 +1,5 @@
-"""What the readers of written signs share: XML that strangers wrote, as plain elements with their lines (no entities,
-no deep nesting, no unbounded size), and how signs are refused, left out and mended by name.
+"""Shared by the readers of written signs: untrusted XML as plain elements with line numbers (no entities, limited depth
+and size), and the errors and notes of a sign.
 """
 
 from __future__ import annotations
@@ -13,17 +13,20 @@ from xml.parsers import expat
 from signsplice.errors import FormatError, LimitError
 from signsplice.written.tree import Where
 
-_MOST_ELEMENTS, _MOST_DEPTH = 500_000, 40
+_MOST_ELEMENTS = 500_000
+"""Largest number of elements in a document."""
+_MOST_DEPTH = 40
+"""Largest number of nested levels."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """An element of XML.
+    """An XML element.
 
-    tag: in small letters, without its namespace
+    tag: lower case, without its namespace
     attributes, children: as written
-    line: of its start, from 1
-    text: what stands in it before, between and after its children
+    line: line of its start tag, from 1
+    text: its text before, between and after its children
     """
 
     tag: str
@@ -33,7 +36,7 @@ class Element:
     text: str = ""
 
     def find_elements(self, *tags: str) -> Iterator[Element]:
-        """The elements of some names within this one, itself included, in their order."""
+        """Yields the outermost elements with one of the tags, in document order; may yield this element itself."""
         if self.tag in tags:
             yield self
         else:
@@ -42,16 +45,16 @@ class Element:
 
 
 def below(element: Element) -> Iterator[Element]:
-    """All elements within one, in their order."""
+    """Yields all elements within one, in document order."""
     for child in element.children:
         yield child
         yield from below(child)
 
 
 def parse_xml(content: bytes, file: str) -> Element:
-    """The root of an XML document, with bare ampersands, several roots and Windows' letters mended. Raises
-    ``FormatError`` with the line for what is not well formed or declares an entity, and ``LimitError`` beyond 500,000
-    elements or 40 levels.
+    """Parses an XML document and returns its root; repairs bare ampersands, several roots and Windows-1252 text. Raises
+    ``FormatError`` with the line if it is not well formed or declares an entity, ``LimitError`` beyond 500,000 elements
+    or 40 levels.
     """
     try:
         return _parse_strict(content, file)
@@ -65,7 +68,7 @@ def parse_xml(content: bytes, file: str) -> Element:
 
 
 def _repair_xml(content: bytes) -> bytes:
-    """XML without declarations, with ampersands written out, within one root."""
+    """Removes XML declarations, escapes bare ampersands, and adds one root."""
     encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         text = content.decode(encoding)
@@ -86,8 +89,8 @@ def _parse_strict(content: bytes, file: str) -> Element:
         nonlocal count
         count += 1
         if count > _MOST_ELEMENTS or len(open_elements) >= _MOST_DEPTH:
-            most = f"{_MOST_ELEMENTS:,} elements, {_MOST_DEPTH} levels deep"
-            raise LimitError(f"expected at most {most}", file=file, line=_line(parser))
+            limits = f"{_MOST_ELEMENTS:,} elements, {_MOST_DEPTH} levels deep"
+            raise LimitError(f"expected at most {limits}", file=file, line=_line(parser))
         tag = tag.rpartition(":")[2].lower()
         open_elements.append((tag, attributes, [], parser.CurrentLineNumber, []))
 
@@ -109,7 +112,7 @@ def _parse_strict(content: bytes, file: str) -> Element:
     except expat.ExpatError as error:
         what = f"is no well-formed XML ({expat.ErrorString(error.code)})"
         raise FormatError(what, file=file, line=error.lineno) from error
-    except (LookupError, ValueError) as error:  # an encoding that nobody knows
+    except (LookupError, ValueError) as error:  # an unknown encoding
         raise FormatError(f"is no XML that can be read ({error})", file=file, line=_line(parser)) from error
     return roots[0]
 
@@ -119,7 +122,7 @@ def _line(parser: expat.XMLParserType) -> int:
 
 
 def factor(e: Element, key: str, reading: Reading) -> float:
-    """A factor from 0.1 to 10, 1 where the attribute is absent."""
+    """Parses a factor from 0.1 to 10; 1 if the attribute is absent."""
     text = e.attributes.get(key, "1")
     if re.fullmatch(r"\d{0,3}\.?\d{1,4}", text) and 0.1 <= float(text) <= 10.0:
         return float(text)
@@ -129,12 +132,12 @@ def factor(e: Element, key: str, reading: Reading) -> float:
 
 @dataclass(frozen=True)
 class Reading:
-    """One sign that is being read.
+    """The errors and notes of one sign during reading.
 
     file, gloss: for errors
-    lenient: leave out what is not understood, with a note, and do not refuse it
-    by_line: positions are lines of a file, else numbers of symbols
-    notes: what was mended or left out so far
+    lenient: leave out unknown parts with a note, and do not raise
+    by_line: positions are lines of a file; otherwise numbers of symbols
+    notes: repairs and omissions so far
     """
 
     file: str
@@ -144,11 +147,11 @@ class Reading:
     notes: list[str] = field(default_factory=list)
 
     def where(self, symbol: str = "", position: int = 0) -> Where:
-        """The place of a symbol, for errors that come later."""
+        """Returns the position of a symbol, for later errors."""
         return Where(self.file, self.gloss, symbol, position)
 
     def error(self, what: str, symbol: str, position: int) -> FormatError:
-        """An error that names file, gloss, symbol and position."""
+        """Returns an error with file, gloss, symbol and position."""
         number = f"symbol {position} " if not self.by_line and position else ""
         named = f"{symbol[:60]}: " if symbol else f"{number.rstrip()}: " if number else ""
         text = f"{self.gloss[:80]}: {number if symbol else ''}{named}{what}"
@@ -161,6 +164,6 @@ class Reading:
         self.note(f"{symbol} is left out: {what}", position)
 
     def note(self, what: str, position: int) -> None:
-        """Keep a note of what was mended or left out."""
-        at = f"{'line' if self.by_line else 'symbol'} {position}: "
-        self.notes.append(at + what)
+        """Add a note of a repair or an omission."""
+        prefix = f"{'line' if self.by_line else 'symbol'} {position}: "
+        self.notes.append(prefix + what)

@@ -1,4 +1,4 @@
-"""Written signs as clips: the compiler's sign, signed by the standard signer, with its face."""
+"""Turns written signs into clips: the standard signer performs the compiled sign, with its face."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from signsplice.written.nonmanual import with_shoulders
 from signsplice.written.tree import WrittenSign
 
 _FASTEST_CM_S = 350.0
-"""An elbow that is faster about its shoulder jumps; those of the words that ship stay below 275."""
+"""Speed of an elbow about its shoulder above which it jumps, cm/s; the words that ship stay below 275."""
 
 _DEEPEST_CM = 0.5
-"""How deep a hand may lie in the body."""
+"""Allowed depth of a hand in the body, cm."""
 _FASTEST_TURN = 30.0
-"""What turns faster, radians a second, turns over: from one of its limits to the other in a frame."""
+"""Angular speed above which a joint turns over, from one limit to the other in a frame, rad/s."""
 
 
 def animate_sign(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> Clip:
-    """The clip of a written sign, named by its gloss, from rest to rest. Raises ``InputError`` that names gloss, symbol
-    and place for what cannot be made, or, where ``lenient``, is as usual where it is not written.
+    """Returns the clip of a written sign, named by its gloss, from rest to rest. Raises ``InputError`` with gloss,
+    symbol and place if the sign cannot be compiled. ``lenient``: missing parts of a posture get defaults.
     """
     word = planner.synthesize_word(replace(compile_sign(sign, lenient), gloss=sign.gloss), fps=fps)
     hands = word.events.start, word.events.end + 1
@@ -39,14 +39,14 @@ def animate_sign(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> 
 
 
 def deep_hands(clip: Clip) -> Iterator[str]:
-    """A line for the hand that lies too deep in the body."""
+    """Yields a line if a hand lies too deep in the body."""
     depth = collision.hand_depths(clip)
     if depth.max() > _DEEPEST_CM:
         yield f"a hand lies {10.0 * depth.max():.0f} mm deep in the body at frame {depth.argmax()}; look at the sign"
 
 
 def jumps(clip: Clip) -> Iterator[str]:
-    """A line for the elbow that goes, and for what turns, more in a frame than an arm can."""
+    """Yields a line for an elbow, and for each arm part, that moves more in a frame than an arm can."""
     chest, *arms = (JOINTS[name] for name in ("Spine2", "LeftArm", "LeftForeArm", "RightArm", "RightForeArm"))
     rotations, positions = kinematics.forward(clip, [chest, *arms])
     seen = np.einsum("tba,tkb->tka", rotations[:, 0], positions[:, 1:] - positions[:, :1])
@@ -58,25 +58,25 @@ def jumps(clip: Clip) -> Iterator[str]:
         arms = [JOINTS[side + part] for side in ("Left", "Right")]
         turns = rotation.angle_between(clip.local_rotations[1:, arms], clip.local_rotations[:-1, arms]).max(axis=1)
         if turns.size and turns.max() * clip.fps > _FASTEST_TURN:
-            at = int(turns.argmax()) + 1
-            yield f"{name} turns over at frame {at}: it cannot turn as is written; look at the sign"
+            frame = int(turns.argmax()) + 1
+            yield f"{name} turns over at frame {frame}: it cannot turn as is written; look at the sign"
 
 
 def warnings(sign: WrittenSign) -> tuple[str, ...]:
-    """What a reader mended or left out of a sign, and what of its face and body is not made, one line each."""
+    """Lists a reader's repairs and omissions, and unsupported items of face and body, one line each."""
     return tuple(f"{sign.where.file}: {sign.gloss}: {line}" for line in (*sign.notes, *nonmanual.left_out(sign)))
 
 
 def find(path: str | Path, gloss: str = "", lenient: bool = False) -> WrittenSign:
-    """A sign of a file by its gloss in any case, or the only one. Raises ``InputError`` for what is not there, or what
-    refuses it.
+    """Returns the sign of a file with a gloss (case is ignored), or its only sign. Raises ``InputError`` if the sign is
+    missing or was rejected.
     """
     read = files.read(path, lenient)
-    wanted = [sign for name, sign in read.signs.items() if not gloss or name.casefold() == gloss.casefold()]
-    if len(wanted) == 1:
-        return wanted[0]
+    matches = [sign for name, sign in read.signs.items() if not gloss or name.casefold() == gloss.casefold()]
+    if len(matches) == 1:
+        return matches[0]
     refused = [error for error in read.refused if not gloss or f" {gloss.casefold()}: " in str(error).casefold()]
-    if refused and not wanted:
+    if refused and not matches:
         raise refused[0]
     base = gloss.partition("#")[0].casefold()
     names = sorted(read.signs, key=lambda name: name.partition("#")[0].casefold() != base)
@@ -86,23 +86,23 @@ def find(path: str | Path, gloss: str = "", lenient: bool = False) -> WrittenSig
 
 
 def sign(path: str | Path, gloss: str = "", *, fps: float = FPS, lenient: bool = False) -> Clip:
-    """A sign of a file of SiGML or HamNoSys (``.sigml``, ``.csv``, ``.json``, ``.txt``) as a clip with its face.
+    """Returns a sign of a SiGML or HamNoSys file (``.sigml``, ``.csv``, ``.json``, ``.txt``) as a clip with its face.
 
-    gloss: of a sign, GLOSS#2 for the second of a gloss; may be left out where the file has one sign. lenient: leave out
-    what is not understood. No signer has checked such signs. Raises ``InputError`` for what is not there, not
-    understood, or not made.
+    gloss: gloss of the sign, GLOSS#2 for the second with that gloss; optional if the file has one sign. lenient: leave
+    out unknown parts. No signer has checked such signs. Raises ``InputError`` if the sign is missing, or cannot be read
+    or compiled.
     """
     return animate_sign(find(path, gloss, lenient), fps, lenient)
 
 
 def clips(content: bytes, name: str, most: int, fps: float = FPS) -> Iterator[Clip]:
-    """The clips of all signs of a file's content, in its order. Raises ``InputError`` for the first that is refused, or
-    more than ``most``.
+    """Yields the clips of all signs of a file's content, in file order. Raises ``InputError`` if a sign is rejected or
+    there are more than ``most``.
     """
     read = files.parse(content, name)
     if read.refused:
         raise read.refused[0]
     if len(read.signs) > most:
         raise InputError(f"{name}: {len(read.signs)} signs, expected at most {most}")
-    for one in read.signs.values():
-        yield animate_sign(one, fps)
+    for written in read.signs.values():
+        yield animate_sign(written, fps)

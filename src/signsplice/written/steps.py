@@ -1,7 +1,7 @@
-"""Motions of a written sign as steps of one hand: how it travels, what it does meanwhile, what it is at the end.
+"""Splits the motions of a written sign into steps of one hand: its travel, its local movement, its final posture.
 
-Sizes and bulges, cm, are those of the open player of gestural SiGML (performs), the manner of a motion a factor on the
-usual tempo. Vectors are those of the hand: out to its own side.
+Sizes and bulges, cm, follow the open player of gestural SiGML (performs). The manner of a motion is a factor on the
+usual tempo. Vectors are in the hand's own axes: out points to its own side.
 """
 
 from __future__ import annotations
@@ -18,25 +18,44 @@ from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenP
 from signsplice.written.vocabulary import cross, direction, dot, facing, plus, unit
 
 _TRAVEL = {"small": 6.0, "": 12.0, "big": 20.0}
+"""Size -> length of a straight motion, cm."""
 _BULGE = {"small": 2.0, "": 6.0, "big": 19.0}
+"""Size -> bulge of a curve, cm."""
 _MOST_BULGE = 0.5
-"""The most that a motion bulges, as a fraction of its chord: half a circle."""
+"""Largest bulge, as a fraction of the chord: half a circle."""
 _RADIUS = {"small": 2.5, "": 5.0, "big": 10.0}
+"""Size -> radius of a circle, cm."""
 _ZIGZAG = {"small": 1.5, "": 2.0, "big": 4.0}
+"""Size -> size of a zigzag, cm."""
 _SWING_CM = 5.0
-"""How far hands go on in one swing of a zigzag."""
+"""Advance of the hand in one swing of a zigzag, cm."""
 _ELLIPSE = {"small": 0.75, "": 0.5, "big": 0.25}
+"""Size -> ratio of the short to the long axis of an ellipse."""
 _ELLIPSE_LETTERS = {"h": "l", "v": "u"}
+"""Direction of an ellipse's long axis -> letter."""
 _WRIST = {"nodding": ("nod", 18.0), "swinging": ("swing", 14.0), "twisting": ("twist", 22.0),
           "stircw": ("stir", 14.0), "stirccw": ("stir", -14.0)}  # fmt: skip
+"""Wrist motion -> local movement and amplitude, degrees."""
 _WRIST_SIZE = {"small": 0.6, "": 1.0, "big": 1.7}
+"""Size -> factor on the amplitude of a wrist motion."""
 _CYCLES = 3.0
-_FAST, _SLOW = 1.5, 0.625
-_REST_S, _HALT_S = 0.3, 0.15
+"""Cycles of a local movement."""
+_FAST = 1.5
+"""Factor on the tempo of a fast motion."""
+_SLOW = 0.625
+"""Factor on the tempo of a slow or tense motion."""
+_REST_S = 0.3
+"""Pause of a rest, seconds."""
+_HALT_S = 0.15
+"""Pause of a halt, seconds."""
 _AGAIN = {"fromstart": 1, "fromstart_several": 2, "manyrandom": 2, "continue": 1, "continue_several": 2}
+"""Kind of repetition -> number of further passes."""
 _REBOUND = 0.25
+"""Length of a rebound, as a fraction of the motion."""
 _BASE_SHIFT_CM = 5.0
+"""Shift of each pass of a shifted repetition, cm."""
 _STILL: Vector = (0.0, 0.0, 0.0)
+"""No travel."""
 
 
 @dataclass(frozen=True)
@@ -44,18 +63,18 @@ class Step:
     """A step of one hand.
 
     travel: displacement, cm
-    path: its shape
+    path: shape of its path
     local: local movement, or None
-    target: what is written of the hands at its end, or None
-    literal: whether that is written for this hand alone
-    tempo: how many times as fast as usual
-    pause_s: how long hands then stay
+    target: written posture at its end, or None
+    literal: whether ``target`` is written for this hand alone
+    tempo: factor on the usual tempo
+    pause_s: pause after the step, seconds
     marks: groups that begin with this step
     back: group to whose beginning the hand returns, or None
-    beyond: displacement from there
-    brushing: place, or pair of parts, that the hand brushes along
-    swaps: whether hands exchange what they are
-    anywhere: whether it is a circle of which nothing says where it begins
+    beyond: displacement from that beginning, cm
+    brushing: place, or pair of parts, along which the hand brushes
+    swaps: whether the hands swap
+    anywhere: whether it is a circle without a written start
     """
 
     travel: Vector = _STILL
@@ -75,12 +94,12 @@ class Step:
 
 @dataclass(frozen=True)
 class View:
-    """How a hand reads what is written.
+    """How a hand interprets written motions.
 
-    signs: factors on vectors written for the right hand, in this hand's own directions
+    signs: factors that convert vectors written for the right hand to this hand's own axes
     which: 0 strong, 1 weak
-    literal: whether what is read is written for the weak hand alone
-    opposite: whether it goes the other way at a time
+    literal: whether the motion is written for the weak hand alone
+    opposite: whether the hand moves in the opposite phase
     """
 
     signs: Vector = (1.0, 1.0, 1.0)
@@ -89,38 +108,40 @@ class View:
     opposite: bool = False
 
     def polar(self, v: Vector) -> Vector:
-        """A direction in this hand's own directions."""
+        """Converts a direction to this hand's own axes."""
         return to_vector(sign * x for sign, x in zip(self.signs, v, strict=True))
 
     def axis(self, v: Vector) -> Vector:
-        """An axis of rotation likewise: a mirror reverses it once more."""
+        """Converts an axis of rotation, which a mirror also reverses."""
         parity = math.prod(self.signs)
         return to_vector(parity * x for x in self.polar(v))
 
 
 LITERAL = View((-1.0, 1.0, 1.0), 1, literal=True)
-"""A weak hand for which something is written."""
+"""The view of a weak hand with a motion of its own."""
 
 
 def steps(motion: Motion, view: View, group: int = 0) -> list[Step]:
-    """The steps of a motion of one hand. Raises ``InputError`` for what cannot be made."""
+    """Returns the steps of one hand in a motion. Raises ``InputError`` if the motion is not supported."""
     view = replace(view, opposite=view.opposite or (motion.alternating and view.which == 1))
-    made = _once(motion, view, 10 * group + 1)
+    hand_steps = _once(motion, view, 10 * group + 1)
     if motion.target is not None:
-        made = made or [Step()]
-        made[-1] = replace(made[-1], target=merge_postures(made[-1].target, motion.target), literal=view.literal)
+        hand_steps = hand_steps or [Step()]
+        hand_steps[-1] = replace(
+            hand_steps[-1], target=merge_postures(hand_steps[-1].target, motion.target), literal=view.literal
+        )
         pair = motion.target.pair
         if motion.target.place is not None or (pair is not None and pair.place is not None):
-            made[-1] = replace(made[-1], travel=_STILL)
-    made = _apply_manner(made, motion.manner)
-    return _repeat_steps(made, motion, view, group) if motion.repeat else made
+            hand_steps[-1] = replace(hand_steps[-1], travel=_STILL)
+    hand_steps = _apply_manner(hand_steps, motion.manner)
+    return _repeat_steps(hand_steps, motion, view, group) if motion.repeat else hand_steps
 
 
 def _once(motion: Motion, view: View, group: int) -> list[Step]:
-    """The steps of a motion without its target, manner and repetition."""
+    """Returns the steps of a motion without its target, manner and repetition."""
     if motion.kind in ("straight", "circle"):
-        made = _straight(motion, view) if motion.kind == "straight" else _circle(motion, view)
-        return [replace(made, brushing=motion.brushing or motion.brushing_pair)]
+        path_step = _straight(motion, view) if motion.kind == "straight" else _circle(motion, view)
+        return [replace(path_step, brushing=motion.brushing or motion.brushing_pair)]
     if motion.kind in _WRIST:
         kind, amplitude = _WRIST[motion.kind]
         return [Step(local=Local(kind, amplitude * _WRIST_SIZE[motion.size], _CYCLES))]
@@ -135,9 +156,12 @@ def _once(motion: Motion, view: View, group: int) -> list[Step]:
         return steps(part, replace(LITERAL, opposite=view.opposite) if view.which else view, group)
     views = [view] * len(motion.parts)
     if motion.kind == "parallel" and any(part.kind == "circle" for part in motion.parts):
-        # Hands that circle by turns go the same way meanwhile.
+        # Hands that circle in alternation still travel in the same direction.
         views = [replace(view, opposite=view.opposite and part.kind != "straight") for part in motion.parts]
-    parts = [steps(part, own, 10 * group + n) for n, (part, own) in enumerate(zip(motion.parts, views, strict=True))]
+    parts = [
+        steps(part, part_view, 10 * group + n)
+        for n, (part, part_view) in enumerate(zip(motion.parts, views, strict=True))
+    ]
     if motion.kind in ("sequence", "fusion"):
         return [step for part in parts for step in part]
     if motion.kind == "parallel":
@@ -146,19 +170,19 @@ def _once(motion: Motion, view: View, group: int) -> list[Step]:
 
 
 def _straight(motion: Motion, view: View) -> Step:
-    along = direction(motion.direction)
+    heading = direction(motion.direction)
     size = _TRAVEL[motion.size]
     if motion.size_end:
         size = 0.5 * (size + _TRAVEL[motion.size_end])
-    way = -1.0 if view.opposite else 1.0
-    travel = view.polar(to_vector(way * size * c for c in along))
+    sign = -1.0 if view.opposite else 1.0
+    travel = view.polar(to_vector(sign * size * c for c in heading))
     if motion.curve:
         bulge = min(_BULGE[motion.curve_size], _MOST_BULGE * size)
-        return Step(travel, Path("arc", view.polar(facing(along, (motion.curve,))), size=bulge))
+        return Step(travel, Path("arc", view.polar(facing(heading, (motion.curve,))), size=bulge))
     if motion.zigzag:
         swings = max(2, round(size / _SWING_CM))
-        across = view.polar(facing(along, (motion.ellipse or "l",)))
-        return Step(travel, Path("zigzag", across, size=_ZIGZAG[motion.zigzag_size], revolutions=swings))
+        swing_axis = view.polar(facing(heading, (motion.ellipse or "l",)))
+        return Step(travel, Path("zigzag", swing_axis, size=_ZIGZAG[motion.zigzag_size], revolutions=swings))
     return Step(travel)
 
 
@@ -185,55 +209,57 @@ def _circle(motion: Motion, view: View) -> Step:
 
 
 def _chord(path: Path) -> Vector:
-    """From the beginning of a circle to its end, cm."""
+    """Returns the vector from the start of a circle to its end, cm."""
     angle = 2.0 * math.pi * path.revolutions
-    across = cross(path.direction, path.start)
+    sideways = cross(path.direction, path.start)
     total: Vector = plus(_STILL, path.start, path.size * (math.cos(angle) - 1.0))
-    total = plus(total, across, path.size * path.ratio * math.sin(angle))
+    total = plus(total, sideways, path.size * path.ratio * math.sin(angle))
     return total if unit(total) is not None and math.sqrt(dot(total, total)) > 0.05 else _STILL
 
 
-def _apply_manner(made: list[Step], manner: WrittenManner) -> list[Step]:
-    """Steps made fast, slow, tense, with a rest or a halt after them, or with a rebound."""
+def _apply_manner(hand_steps: list[Step], manner: WrittenManner) -> list[Step]:
+    """Applies a manner to steps: tempo, tension, a rebound, and a rest or halt at the end."""
     tempo = manner.speed * (_FAST if manner.fast else 1.0) * (_SLOW if manner.slow or manner.tense else 1.0)
-    made = [replace(step, tempo=step.tempo * tempo) for step in made]
+    hand_steps = [replace(step, tempo=step.tempo * tempo) for step in hand_steps]
     if manner.tense:
-        made = [s if s.local or s.back is not None else replace(s, local=Local("tremble", 0.4, 3.0)) for s in made]
-    if made and manner.bouncing and unit(made[-1].travel) is not None:
-        made.append(Step(to_vector(-_REBOUND * x for x in made[-1].travel), tempo=_FAST))
+        hand_steps = [
+            s if s.local or s.back is not None else replace(s, local=Local("tremble", 0.4, 3.0)) for s in hand_steps
+        ]
+    if hand_steps and manner.bouncing and unit(hand_steps[-1].travel) is not None:
+        hand_steps.append(Step(to_vector(-_REBOUND * x for x in hand_steps[-1].travel), tempo=_FAST))
     pause = _REST_S * manner.rest + _HALT_S * manner.halt
-    if pause and made:
-        made[-1] = replace(made[-1], pause_s=pause)
-    return made
+    if pause and hand_steps:
+        hand_steps[-1] = replace(hand_steps[-1], pause_s=pause)
+    return hand_steps
 
 
-def _repeat_steps(made: list[Step], motion: Motion, view: View, group: int) -> list[Step]:
-    """Steps as often as the repetition of a motion says, with ways back."""
-    if not made:
-        return made
-    one = made[0]
-    made = [replace(one, marks=(*one.marks, group)), *made[1:]]
-    whole = len(made) == 1 and unit(one.travel) is None and one.target is None
+def _repeat_steps(hand_steps: list[Step], motion: Motion, view: View, group: int) -> list[Step]:
+    """Repeats steps as the motion says, with return movements."""
+    if not hand_steps:
+        return hand_steps
+    first = hand_steps[0]
+    hand_steps = [replace(first, marks=(*first.marks, group)), *hand_steps[1:]]
+    in_place = len(hand_steps) == 1 and unit(first.travel) is None and first.target is None
     if motion.repeat == "swap":
-        return [*made, Step(swaps=True)]
+        return [*hand_steps, Step(swaps=True)]
     if motion.repeat in ("reverse", "tofroto"):
-        return [*made, Step(back=group), *(made if motion.repeat == "tofroto" else ())]
+        return [*hand_steps, Step(back=group), *(hand_steps if motion.repeat == "tofroto" else ())]
     if motion.repeat not in _AGAIN:
         raise InputError(f"repetition {motion.repeat!r} is not known")
-    again = _AGAIN[motion.repeat]
-    unmarked = [replace(step, marks=step.marks[:-1] if step is made[0] else step.marks) for step in made]
-    if motion.repeat.startswith("continue") or (whole and not motion.shift):
-        return made + unmarked * again
+    count = _AGAIN[motion.repeat]
+    unmarked = [replace(step, marks=step.marks[:-1] if step is hand_steps[0] else step.marks) for step in hand_steps]
+    if motion.repeat.startswith("continue") or (in_place and not motion.shift):
+        return hand_steps + unmarked * count
     shift = view.polar(direction((motion.shift,))) if motion.shift else _STILL
-    out = list(made)
-    for n in range(again):
+    repeated = list(hand_steps)
+    for n in range(count):
         beyond = plus(_STILL, shift, (n + 1) * _BASE_SHIFT_CM)
-        out += [Step(back=group, beyond=beyond), *unmarked]
-    return out
+        repeated += [Step(back=group, beyond=beyond), *unmarked]
+    return repeated
 
 
 def together(parts: Sequence[list[Step]]) -> list[Step]:
-    """Steps that are made at the same time, stretched to as many as the longest has."""
+    """Merges simultaneous steps; shorter lists are subdivided to the length of the longest."""
     count = max((len(part) for part in parts), default=0)
     return [reduce(_merge_steps, row) for row in zip(*(subdivide_steps(part, count) for part in parts), strict=True)]
 
@@ -261,26 +287,26 @@ def _merge_steps(one: Step, other: Step) -> Step:
 
 
 def common_tempo(one: float, other: float) -> float:
-    """The tempo of two motions at the same time: the slower one's, where neither is slow the faster one's."""
+    """The tempo of two simultaneous motions: the slower if one is below 1, otherwise the faster."""
     return min(one, other) if min(one, other) < 1.0 else max(one, other)
 
 
 def subdivide_steps(made: list[Step], count: int) -> list[Step]:
-    """Steps as ``count`` steps, at least as many: each is made in even pieces."""
+    """Divides steps into ``count`` steps, not fewer than given, each in equal pieces."""
     if not made:
         return [Step()] * count
     pieces = [count // len(made) + (n < count % len(made)) for n in range(len(made))]
-    out = []
+    divided = []
     for step, n in zip(made, pieces, strict=True):
         if n == 1:
-            out.append(step)
+            divided.append(step)
             continue
         travel, path, local = to_vector(x / n for x in step.travel), Path(), step.local
-        if step.path.kind == "circle":  # whole turns as near as may be
+        if step.path.kind == "circle":  # rounded to whole turns
             path = replace(step.path, revolutions=max(1.0, round(step.path.revolutions / n)))
         if local is not None:
             local = replace(local, cycles=max(1.0, local.cycles / n))
         piece = replace(step, travel=travel, path=path, local=local)
         first, last = replace(piece, target=None, pause_s=0.0, back=None, swaps=False), replace(piece, marks=())
-        out += [first, *[replace(first, marks=())] * (n - 2), last]
-    return out
+        divided += [first, *[replace(first, marks=())] * (n - 2), last]
+    return divided

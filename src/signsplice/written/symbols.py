@@ -1,5 +1,5 @@
-"""The symbols of HamNoSys 4: their names, code points and kinds (words/hamnosys.txt), a row of them that is read from
-left to right, and a text as such a row, with the defects of dictionaries mended, each with a note.
+"""The symbols of HamNoSys 4: their names, code points and kinds (words/hamnosys.txt), a row of symbols read from left
+to right, and the tokenizer, which repairs the defects of dictionaries with a note for each.
 """
 
 from __future__ import annotations
@@ -15,17 +15,36 @@ from signsplice.written.tree import Place, Tier, Where
 
 _WORDS = sections(__file__, "hamnosys")
 SYMBOLS = {chr(int(first, 16) + n): name for first, *row in _WORDS["symbols"] for n, name in enumerate(row)}
-"""Code point -> name, that of the element of HamNoSys SiGML without its ``ham``."""
+"""Code point -> name: the element of HamNoSys SiGML without ``ham``."""
 PUNCTUATION = {" ": "space", "!": "exclaim", ",": "comma", ".": "fullstop", "?": "query"}
-"""Marks that say nothing of a sign's form -> their names."""
+"""Marks without effect on a sign's form -> their names."""
 ALTERNATIVES = {"{": "altbegin", "|": "metaalt", "}": "altend"}
 MARKS = {**PUNCTUATION, **ALTERNATIVES}
 NAMES = frozenset(SYMBOLS.values())
 KINDS = {kind: {pair.partition("=")[0]: pair.rpartition("=")[2] for pair in row} for kind, *row in _WORDS["kinds"]}
-"""Kind -> symbol -> what it is in the tree; for a bracket what closes it, for an alias the symbol that is meant."""
-SHAPES, THUMBS, BENDS, FINGER_PARTS, HAND_PARTS = (KINDS[kind] for kind in ("shape", "thumb", "bend", "part", "hand"))
-PLACES, SIDES, CONTACTS, REPEATS, BRACKETS = (KINDS[kind] for kind in ("place", "side", "contact", "repeat", "bracket"))
+"""Kind -> symbol -> its value in the tree; for a bracket its closing symbol, for an alias the intended symbol."""
+SHAPES = KINDS["shape"]
+"""Handshapes."""
+THUMBS = KINDS["thumb"]
+"""Thumb positions."""
+BENDS = KINDS["bend"]
+"""Bends of fingers."""
+FINGER_PARTS = KINDS["part"]
+"""Parts of a finger."""
+HAND_PARTS = KINDS["hand"]
+"""Parts of a hand."""
+PLACES = KINDS["place"]
+"""Places on the body."""
+SIDES = KINDS["side"]
+"""Sides of a place."""
+CONTACTS = KINDS["contact"]
+"""Contacts."""
+REPEATS = KINDS["repeat"]
+"""Repetitions."""
+BRACKETS = KINDS["bracket"]
+"""Opening bracket -> closing bracket."""
 DIGITS = {name: int(digit) for name, digit in KINDS["digit"].items()}
+"""Symbol -> digit, from 1 (thumb) to 5."""
 
 
 SITES = (*DIGITS, *FINGER_PARTS, *HAND_PARTS)
@@ -39,7 +58,7 @@ PALMS = tuple(f"palm{d}" for d in ("u", "ur", "r", "dr", "d", "dl", "l", "ul"))
 class Token:
     """A symbol.
 
-    name: without ham
+    name: name without ham
     position: its number in the text, or its line in a file
     """
 
@@ -48,7 +67,7 @@ class Token:
 
     @property
     def ham_name(self) -> str:
-        """How errors call it."""
+        """Its name in errors."""
         return f"ham{self.name}"
 
 
@@ -63,15 +82,15 @@ def is_action(name: str) -> bool:
 
 
 class Row:
-    """Symbols with balanced brackets, and how far they are read.
+    """Symbols with balanced brackets, and the current position in them.
 
     tokens: the symbols
-    reading: of the sign
+    reading: collects errors and notes of the sign
     mirrored: the weak hand mirrors the strong one
     two: a symbol says that both hands take part
-    tiers: what head and shoulders do, so far
-    last: the place that was read last
-    second: what comes next is of the weak hand, after a plus in brackets
+    tiers: tiers of head and shoulders so far
+    last: the last place read
+    second: the next symbols belong to the weak hand, after a plus in brackets
     """
 
     def __init__(self, tokens: Sequence[Token], reading: Reading, mirrored: bool, two: bool) -> None:
@@ -82,38 +101,38 @@ class Row:
         self._at = 0
 
     def peek(self, ahead: int = 0) -> Token:
-        """The next symbol, or one after it; one without a name at the end."""
+        """Returns the next symbol, or one ``ahead`` of it; at the end a symbol without a name."""
         return self.tokens[self._at + ahead] if self._at + ahead < len(self.tokens) else Token("", 0)
 
     def at(self, *names: str) -> bool:
-        """Whether the next symbol is one of some."""
+        """Whether the next symbol has one of the names."""
         return self.peek().name in names
 
     def next(self) -> Token:
-        """The next symbol, which is passed."""
+        """Consumes and returns the next symbol."""
         self._at += 1
         return self.tokens[self._at - 1]
 
     def take(self, *names: str) -> list[Token]:
-        """All next symbols that are of some names; brackets and plus one at a time."""
-        found = list[Token]()
+        """Consumes all next symbols with one of the names, or one symbol if only one name is given."""
+        taken = list[Token]()
         while self.at(*names):
-            found.append(self.next())
+            taken.append(self.next())
             if len(names) == 1:
                 break
-        return found
+        return taken
 
     def refuse_until(self, closer: str, place: str) -> None:
-        """Refuse all up to a closing bracket, as what stands within a ``place``."""
+        """Refuse all symbols up to a closing bracket; ``place`` names the bracket in errors."""
         while (t := self.peek()).name not in ("", closer):
             self.reading.refuse(f"stands within {place}", t.ham_name, self.next().position)
 
     def where(self, token: Token) -> Where:
-        """The place of a symbol, for errors."""
+        """Returns the position of a symbol, for errors."""
         return self.reading.where(token.ham_name, token.position)
 
     def is_posture_bracket(self) -> bool:
-        """Whether brackets that come next hold slots, not actions."""
+        """Whether the next brackets hold slots, not actions."""
         names = self._bracket()
         return any(is_posture(name) or name in LOCATION for name in names) and not any(map(is_action, names))
 
@@ -124,28 +143,31 @@ class Row:
         return all(name in LOCATION or name in _WITHIN for name in self._bracket())
 
     def _bracket(self) -> list[str]:
-        """The names of the symbols within the brackets that come next, openers among them; none where none comes."""
-        found, depth = list[str](), 0
+        """Returns the names of the symbols in the next brackets, with openers; [] if no bracket comes next."""
+        names, depth = list[str](), 0
         for t in self.tokens[self._at :]:
             depth += (t.name in BRACKETS) - (t.name in BRACKETS.values())
             if depth < 1:
                 break
-            found.append(t.name)
-        return found
+            names.append(t.name)
+        return names
 
     def slot_follows(self) -> bool:
         """Whether a slot comes after the next symbol."""
         self._at += 1
-        found = is_posture(self.peek().name) or self.is_posture_bracket() or self.is_location()
+        follows = is_posture(self.peek().name) or self.is_posture_bracket() or self.is_location()
         self._at -= 1
-        return found
+        return follows
 
 
-_MOST_SYMBOLS, _MOST_DEPTH = 1000, 12
+_MOST_SYMBOLS = 1000
+"""Largest number of symbols in a sign."""
+_MOST_DEPTH = 12
+"""Largest number of nested brackets."""
 
 
 def tokens(text: str, reading: Reading) -> list[Token]:
-    """The symbols of a text, numbered from 1: characters of the font, or names such as hamflathand between blanks."""
+    """Returns the symbols of a text, numbered from 1: font characters, or names such as hamflathand between blanks."""
     spread = re.sub(r"([{|}])", r" \1 ", re.sub(r"[,;/<>\\]", " ", text)).split()
     if "ham" in text.lower() or (spread and all(word in NAMES for word in spread)):
         words = spread
@@ -154,23 +176,23 @@ def tokens(text: str, reading: Reading) -> list[Token]:
         if len(words) < len(text.strip()):
             reading.note("blanks are left out", 0)
     check_length(len(words), reading)
-    found = list[Token]()
+    result = list[Token]()
     for position, word in enumerate(words, 1):
         name = SYMBOLS.get(word) or MARKS.get(word)
         if name is None and len(word) > 1:
             name = word.lower().removeprefix("ham")
-        found += resolve_symbol(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
-    return found
+        result += resolve_symbol(name or "", word if word.isprintable() else f"U+{ord(word[0]):04X}", position, reading)
+    return result
 
 
 def check_length(n_symbols: int, reading: Reading) -> None:
-    """Raise ``FormatError`` for a sign of more than 1,000 symbols."""
+    """Raise ``FormatError`` if a sign has more than 1,000 symbols."""
     if n_symbols > _MOST_SYMBOLS:
         raise reading.error(f"has {n_symbols:,} symbols, expected at most {_MOST_SYMBOLS:,}", "", 0)
 
 
 def resolve_symbol(name: str, shown: str, position: int, reading: Reading) -> list[Token]:
-    """One symbol by its name without ham; none where it is left out. ``shown``: how errors call it."""
+    """Returns the symbol with a name without ham, or [] if it is left out. ``shown``: its name in errors."""
     if meant := KINDS["alias"].get(name):
         reading.note(f"ham{name} is read as ham{meant}", position)
         name = meant
@@ -189,17 +211,17 @@ def resolve_symbol(name: str, shown: str, position: int, reading: Reading) -> li
 
 
 def repair_symbols(found: Sequence[Token], reading: Reading) -> list[Token]:
-    """Symbols whose brackets are balanced, and whose movements all belong to something."""
+    """Resolves alternatives, balances brackets, and removes each replace that precedes a movement."""
     balanced = _balance_brackets(_chosen(found, reading), reading)
     if not balanced:
         raise reading.error("has no symbol of HamNoSys", "", 0)
     return _in_turn(balanced, reading)
 
 
-def _chosen(found: Sequence[Token], reading: Reading) -> list[Token]:
-    """Symbols with the first of each of some alternatives, {first|other}."""
-    kept, depth, passed = list[Token](), 0, -1
-    for t in found:
+def _chosen(symbols: Sequence[Token], reading: Reading) -> list[Token]:
+    """Keeps the first of each set of alternatives, {first|other}."""
+    chosen, depth, passed = list[Token](), 0, -1
+    for t in symbols:
         if t.name == "metaalt" and passed < 0:
             passed = depth
             reading.note("of alternatives the first is read", t.position)
@@ -207,14 +229,14 @@ def _chosen(found: Sequence[Token], reading: Reading) -> list[Token]:
         if passed > depth:
             passed = -1
         if passed < 0 and t.name not in ALTERNATIVES.values():
-            kept.append(t)
-    return kept
+            chosen.append(t)
+    return chosen
 
 
-def _balance_brackets(found: Sequence[Token], reading: Reading) -> list[Token]:
-    """Symbols whose brackets are closed where they are open at the end, without closers of nothing."""
-    kept, stack = list[Token](), list[str]()
-    for t in found:
+def _balance_brackets(symbols: Sequence[Token], reading: Reading) -> list[Token]:
+    """Closes open brackets, and removes closers without an opener."""
+    balanced, stack = list[Token](), list[str]()
+    for t in symbols:
         if t.name in BRACKETS:
             stack.append(BRACKETS[t.name])
             if len(stack) > _MOST_DEPTH:
@@ -227,38 +249,38 @@ def _balance_brackets(found: Sequence[Token], reading: Reading) -> list[Token]:
                 continue
             while stack[-1] != t.name:
                 reading.note(f"ham{stack[-1]} is added before {t.ham_name}", t.position)
-                kept.append(Token(stack.pop(), t.position))
+                balanced.append(Token(stack.pop(), t.position))
             stack.pop()
-        kept.append(t)
+        balanced.append(t)
     for closer in reversed(stack):
-        reading.note(f"ham{closer} is added at the end", found[-1].position)
-        kept.append(Token(closer, found[-1].position))
-    return kept
+        reading.note(f"ham{closer} is added at the end", symbols[-1].position)
+        balanced.append(Token(closer, symbols[-1].position))
+    return balanced
 
 
 def _in_turn(balanced: Sequence[Token], reading: Reading) -> list[Token]:
-    """Symbols without each replace that a movement follows at once: the movements beside it come in turn, also where
-    brackets say that they are made together.
+    """Removes each replace directly before a movement: the movements around it form a sequence, even if their brackets
+    say that they are parallel.
     """
-    kept, opened = list[Token](), list[int]()
+    ordered, opened = list[Token](), list[int]()
     for t, after in zip(balanced, (*balanced[1:], None), strict=True):
         if t.name == "replace" and after is not None and is_action(after.name) and after.name != "replace":
             reading.note(f"{t.ham_name} before a movement is left out: it comes after the one before", t.position)
-            if opened and kept[opened[-1]].name == "parbegin":
-                kept[opened[-1]] = replace(kept[opened[-1]], name="seqbegin")
+            if opened and ordered[opened[-1]].name == "parbegin":
+                ordered[opened[-1]] = replace(ordered[opened[-1]], name="seqbegin")
             continue
-        kept.append(t)
+        ordered.append(t)
         if t.name in BRACKETS:
-            opened.append(len(kept) - 1)
+            opened.append(len(ordered) - 1)
         elif t.name in CLOSERS:
-            kept[-1] = replace(t, name=BRACKETS[kept[opened.pop()].name])
-    return kept
+            ordered[-1] = replace(t, name=BRACKETS[ordered[opened.pop()].name])
+    return ordered
 
 
 def compound(balanced: Sequence[Token]) -> list[list[Token]]:
-    """The parts of a compound, or all symbols as one: a plus outside brackets begins a part where whole postures (a
-    handshape and a finger direction, before it a place or an action too) stand on both sides, or there are more than
-    two of them, or a later one has its own symmetry; else it joins two hands.
+    """Splits a compound into parts, or returns all symbols as one part. A plus outside brackets separates parts if
+    every piece has a handshape and a finger direction, and if each piece but the last also has a place or an action, or
+    there are more than two pieces, or a later piece has its own symmetry. Otherwise it joins two hands.
     """
     depths = accumulate((t.name in BRACKETS) - (t.name in CLOSERS) for t in balanced)
     cuts = [n for n, (t, depth) in enumerate(zip(balanced, depths, strict=True)) if t.name == "plus" and not depth]

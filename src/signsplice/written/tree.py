@@ -1,9 +1,9 @@
-"""What a written sign says, for gestural SiGML, SiGML of HamNoSys and HamNoSys text alike: one tree of frozen values,
-and how its hands work together, by all that is written of them.
+"""The tree of a written sign, in frozen values, shared by gestural SiGML, HamNoSys SiGML and HamNoSys text; and how the
+hands of a sign work together.
 
-The words are those of HamNoSys 4 and of gestural SiGML (Elliott, Glauert, Kennaway and Marshall 2004). Letters of
-directions are the signer's own: u up, d down, l left, r right, o out, i in. The signer is right-handed. ``None`` says
-"as before", and in a first posture "not written".
+The words come from HamNoSys 4 and gestural SiGML (Elliott, Glauert, Kennaway and Marshall 2004). Direction letters are
+from the signer's view: u up, d down, l left, r right, o out, i in. The signer is right-handed. ``None`` means "as
+before", and in a first posture "not written".
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from dataclasses import dataclass, field, replace
 
 @dataclass(frozen=True)
 class Where:
-    """Where a value stands, for errors.
+    """The position of a value, for errors.
 
     file: name of the file or text
     gloss: the sign's gloss
-    symbol: the element or symbol, as it is named in errors
-    position: line of an XML file, or number of the symbol within a HamNoSys text; from 1
+    symbol: name of the element or symbol in errors
+    position: line of an XML file, or number of the symbol in a HamNoSys text; from 1
     """
 
     file: str = ""
@@ -30,21 +30,21 @@ class Where:
 
 @dataclass(frozen=True)
 class WrittenShape:
-    """A handshape, composed.
+    """A composed handshape.
 
     base: fist, flat, finger2, finger23, finger23spread, finger2345, pinch12, pinchall, pinch12open, cee12, ceeall,
         cee12open
     thumb: out, across, opposed, or "" for the thumb of the base
     bend: bend of the selected fingers: bent, round, hooked, dblbent, dblhooked, halfbent, or ""
     bends: (digit, bend) of single fingers; a bend may be three digits, quarters of each joint's bend
-    special: digits that are selected in place of the base's own (I: finger2 with 5)
-    exempt: digits that leave the group
+    special: digits selected instead of the base's own (I: finger2 with 5)
+    exempt: digits excluded from the group
     opposed: digit that the thumb meets, 0 for the base's own
     pair: two digits that cross or touch, or ()
-    crossed: the pair crosses; else it touches
-    opening: 1 as the base, more for tight, less for slack (the factor of all bends)
+    crossed: the pair crosses; otherwise it touches
+    opening: factor on all bends: 1 for the base, more for tight, less for slack
     thumb_enclosed: the thumb is under the fingers
-    between: the other of two shapes of which this is the mean
+    between: the second shape, if the handshape is the mean of two
     """
 
     base: str
@@ -67,9 +67,9 @@ class Site:
 
     part: tip, nail, pad, midjoint, base, side (with digits); thumbside, pinkyside, palm, handback, thumbball,
         wristback, wristpulse, lowerarm, elbow, elbowinside, upperarm
-    digits: 1 thumb to 5 little finger; two of them say between
+    digits: 1 thumb to 5 little finger; two digits mean between them
     side: palmar, dorsal, radial, ulnar, or ""
-    between: the other of two sites
+    between: the second site, if the part is between two
     """
 
     part: str
@@ -88,8 +88,8 @@ class Place:
     side: right_at, right_beside, left_at, left_beside, or ""
     contact: touch, close, armextended, interlock, cross, brushing, or "" for none
     behind: the hand is behind the place
-    between: the other of two places, halfway
-    hand: the part of the moving hand that is there
+    between: the second place, if the place is halfway between two
+    hand: the part of the moving hand at the place
     """
 
     name: str
@@ -102,11 +102,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Pair:
-    """How two hands stand to one another (a hand constellation).
+    """The relation of two hands (a hand constellation).
 
     weak, strong: the part of each hand that meets the other
     contact: touch, close, interlock, cross, or "" for none
-    place: where on the body the pair is
+    place: place of the pair on the body
     """
 
     weak: Site | None = None
@@ -117,12 +117,12 @@ class Pair:
 
 @dataclass(frozen=True)
 class WrittenPosture:
-    """What hands do at one time; ``None`` leaves a part as before.
+    """The hands at one time; ``None`` leaves a part as before.
 
-    shape, fingers, palm, place: of the strong hand, or of both where nothing else is written. ``fingers`` and ``palm``
-        are one or two words of letters (two: the mean)
-    weak: what the weak hand does differently; its letters are literal, never mirrored
-    pair: where the hands meet
+    shape, fingers, palm, place: of the strong hand, or of both hands if ``weak`` says nothing else. ``fingers`` and
+        ``palm`` are one or two words of letters (two: the mean)
+    weak: differences of the weak hand; its letters are literal, never mirrored
+    pair: how the hands meet
     """
 
     shape: WrittenShape | None = None
@@ -135,10 +135,10 @@ class WrittenPosture:
 
 @dataclass(frozen=True)
 class WrittenManner:
-    """How a motion is made.
+    """The manner of a motion.
 
     fast, slow, tense, rest, halt, bouncing, fused: as written
-    speed: factor of the usual speed
+    speed: factor on the usual speed
     """
 
     fast: bool = False
@@ -153,26 +153,26 @@ class WrittenManner:
 
 @dataclass(frozen=True)
 class Motion:
-    """One action; which fields count depends on ``kind``.
+    """One action; ``kind`` decides which fields apply.
 
     kind: straight, circle, nodding, swinging, twisting, stircw, stirccw, fingerplay, posture (a change of posture with
         no path), hold (no motion), parallel, sequence, fusion, split, crossing, swap
     direction: letters of a straight motion or of a circle's axis; two words: the mean
-    size: small, big, or ""; ``size_end``: the size that it grows or shrinks to
-    curve, curve_size: letters of the side to which a straight motion bulges, and how far
-    zigzag, zigzag_size: wavy, zigzag, or "", and how wide
-    turns: whole turns of a circle; with ``end``: those beside the way from ``start`` to ``end``, 0 or more
+    size: small, big, or ""; ``size_end``: its size at the end
+    curve, curve_size: letters of the side to which a straight motion bulges, and the size of the bulge
+    zigzag, zigzag_size: wavy, zigzag, or "", and its width
+    turns: whole turns of a circle; with ``end``: turns in addition to the arc from ``start`` to ``end``, 0 or more
     start, end: letters of the places on the circle
     ellipse, ellipse_size: letters of the long axis, or of the swings of a zigzag, and small, big, or ""
     digits: fingers of a finger play, or () for its own
     parts: motions of parallel, sequence, fusion; of split: (strong, weak)
     target: posture at the end (a targeted motion)
-    brushing, brushing_pair: place, or site of the other hand, that the hand brushes along
+    brushing, brushing_pair: place, or site of the other hand, along which the hand brushes
     repeat: "", fromstart, fromstart_several, manyrandom, continue, continue_several, reverse, tofroto, swap
-    shift: letters by which each pass is displaced
+    shift: direction letters of the shift of each pass
     alternating: the weak hand is half a cycle late
-    manner: how it is made
-    where: for errors
+    manner: manner of the motion
+    where: position, for errors
     """
 
     kind: str
@@ -202,11 +202,11 @@ class Motion:
 
 @dataclass(frozen=True)
 class Tier:
-    """An item of what is not done by the hands.
+    """A nonmanual item.
 
     tier: mouth_picture, mouth_gesture, eye_brows, eye_lids, eye_gaze, nose, head, body, shoulder
     code: SAMPA of a mouth picture; the code of the tables of gestural SiGML for the rest
-    start: place in its tier, from 0; items of one number run together
+    start: index in its lane, from 0; items with the same index run together
     amount, speed: factors, 1 as usual
     lane: items of one lane follow one another by ``start``; lanes run side by side
     """
@@ -225,16 +225,16 @@ class WrittenSign:
 
     gloss: the word
     hands: one, weak (the weak hand alone), mirrored, parallel, up_down (mirrored in height), out_in (in depth),
-        point (in all three), mirrored_up_down, mirrored_out_in, up_down_out_in (in two), two (each hand by what is
-        written for it)
+        point (in all three), mirrored_up_down, mirrored_out_in, up_down_out_in (in two), two (each hand as written
+        for it)
     alternating: the weak hand is half a cycle late
     holdover: the weak hand stays from the part before
     posture: the first posture
     motions: in sequence
     parts: signs of a compound, in sequence; then posture and motions are empty
-    tiers: what is not done by the hands
-    notes: what a reader mended or left out, in words
-    where: for errors
+    tiers: nonmanual items
+    notes: repairs and omissions of the reader, in words
+    where: position, for errors
     """
 
     gloss: str
@@ -250,7 +250,7 @@ class WrittenSign:
 
 
 def merge_postures(before: WrittenPosture | None, after: WrittenPosture | None) -> WrittenPosture | None:
-    """A posture to which another adds what it says."""
+    """Merges two postures; the values of ``after`` take precedence."""
     if before is None or after is None:
         return before or after
     names = ("shape", "fingers", "palm", "place", "pair")
@@ -259,12 +259,12 @@ def merge_postures(before: WrittenPosture | None, after: WrittenPosture | None) 
 
 
 def with_weak(strong: WrittenPosture, weak: WrittenPosture) -> WrittenPosture:
-    """A posture of the strong hand, with the other hand's own."""
+    """Sets the weak hand's part of a posture."""
     return replace(strong, weak=merge_postures(strong.weak, replace(weak, weak=None)))
 
 
 def symmetry_kind(sides: bool, heights: bool, depths: bool) -> str:
-    """How hands work together that mirror one another in some directions, a word of ``WrittenSign.hands``."""
+    """The word of ``WrittenSign.hands`` for hands that mirror each other in some directions."""
     if sides and heights and depths:
         return "point"
     words = [w for w, on in (("mirrored", sides), ("up_down", heights), ("out_in", depths)) if on]
@@ -272,14 +272,14 @@ def symmetry_kind(sides: bool, heights: bool, depths: bool) -> str:
 
 
 def all_motions(motions: Iterable[Motion]) -> Iterator[Motion]:
-    """Motions and the parts of which they consist, in their order."""
+    """Yields motions and their parts, in order."""
     for motion in motions:
         yield motion
         yield from all_motions(motion.parts)
 
 
 def weak_has_own(posture: WrittenPosture, motions: Iterable[Motion]) -> bool:
-    """Whether a posture or a motion says what the weak hand does, or brings the strong hand to it."""
+    """Whether a posture or a motion gives the weak hand its own action, or brings the strong hand to it."""
     every = [*all_motions(motions)]
     postures = [p for p in (posture, *(motion.target for motion in every)) if p is not None]
     pairs = [p.pair for p in postures if p.pair is not None]
@@ -296,7 +296,7 @@ def alternates(sign: WrittenSign) -> bool:
 
 
 def splits(motions: Iterable[Motion]) -> bool:
-    """Whether any of some motions is written for each hand."""
+    """Whether any motion is written separately for each hand, or swaps the hands."""
     return any(m.kind in ("split", "swap") or m.repeat == "swap" for m in all_motions(motions))
 
 
@@ -311,7 +311,7 @@ def _needs_weak_arm(posture: WrittenPosture) -> bool:
 
 
 def is_symmetric(sign: WrittenSign) -> bool:
-    """Whether both hands mirror one another in all that is written."""
+    """Whether both hands mirror each other throughout the sign."""
     if sign.hands != "mirrored" or sign.holdover or splits(sign.motions):
         return False
     return all(map(_is_alike, _postures(sign)))
@@ -325,7 +325,7 @@ def _is_alike(posture: WrittenPosture) -> bool:
 
 
 def _postures(sign: WrittenSign) -> Iterator[WrittenPosture]:
-    """The first posture of a sign, and those that its motions end in, or brush along."""
+    """Yields the first posture of a sign, the targets of its motions, and the pairs that they brush."""
     yield sign.posture
     for motion in all_motions(sign.motions):
         if motion.target is not None:
