@@ -8,7 +8,7 @@ signsplice synth pairs --truth events --teach 44 --own-manner -o "$out/own"
 train() {
   OMP_NUM_THREADS=1 signsplice-paper train-system --pairs "$out/own" --split many --out "$out/$1" --parts "$out/parts" --system "$@"
 }
-train lpt-plus
+train lpt-plus --steps 5000
 train lptransformer
 signsplice-paper publish "$out/lpt-plus" "$out/lptransformer" -o "$out/published"
 cp -r "$out/published/lpt-plus" "$out/published/lptransformer" "$ship/"
