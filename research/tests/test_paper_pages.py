@@ -17,6 +17,8 @@ def test_committed_pages_come_from_committed_results(tmp_path: Path) -> None:
     found = committed_results()
     shutil.copytree(DOCS.parent / pages.TEMPLATES, tmp_path / pages.TEMPLATES)
     (tmp_path / "docs").mkdir()
+    for name in ("search.json", "speed-cpu.json", "speed-paper.json"):
+        shutil.copy(DOCS / name, tmp_path / "docs")
     written = pages.write(found, tmp_path / "docs", "cpu")
     assert {pages.TABLE, "README.md"} <= {path.name for path in written}
     for path in written:
