@@ -33,7 +33,7 @@ from signsplice_paper.train.words_data import WordsData, words_with_cards
 from signsplice_workshop.corpora.pairs import Pairs
 
 KNOWN = 100
-CELLS = ((1, KNOWN), (1, 167), (20, 1000), (60, 1020), (20, 3340), (60, 10020))
+CELLS = ((1, KNOWN), (20, 1000), (60, 1020), (60, 10020))
 """Bodies and words. The first are the known words of the judged corpus; the rest pseudo-signs, other ones by each
 body."""
 WARM_UP, WEIGHT_DECAY = 0.05, 1e-2
