@@ -21,7 +21,9 @@ from signsplice_workshop.corpora.readable_pairs import (
     FIRST_TAUGHT,
     SIGNERS_A_SEED,
     JudgedCorpus,
+    OwnMannerCorpus,
     TaughtCorpus,
+    hash_recipe,
     write_readable,
 )
 from signsplice_workshop.measure import corpus_page
@@ -144,6 +146,22 @@ def test_a_corpus_is_made_again_bit_for_bit_and_is_no_other(corpus: Pairs, tmp_p
     taught = Pairs(folders[0])
     assert {taught.signer(p) for p in taught.index[taught.split("many", "valid"), 0].tolist()} == {1}
     assert taught.head["hash"] != corpus.head["hash"]
+
+
+@pytest.mark.parametrize("slack", [0, 3])
+def test_cuts_of_signers_in_their_own_manner_lie_outside_the_stroke(slack: int, tmp_path: Path) -> None:
+    recipe = OwnMannerCorpus(n_signers=2, n_words=3, n_pairs=4, slack=slack)
+    pairs = Pairs(write_readable(recipe, tmp_path / "pairs", processes=1))
+    assert pairs.head["hash"] != hash_recipe(TaughtCorpus(n_signers=2, n_words=3, n_pairs=4))
+    for row in pairs.head["words"]:
+        card, events = row["card"], row["events"]
+        assert card["stroke"] == max(events["first"][0] - slack, 0)
+        assert card["stroke_end"] == events["passes"][-1][1] + slack
+    assert len(pairs)
+    for p, q, pre, post, _, _ in pairs.index.tolist():
+        before, after = (pairs.head["words"][k]["events"] for k in (p, q))
+        assert pre >= before["passes"][-1][1] + slack
+        assert post <= after["first"][0] - slack
 
 
 def test_too_few_readable_signs_are_refused(tmp_path: Path) -> None:
