@@ -131,12 +131,12 @@ class PositionSplicer(WholeSystem):
         """The seam at the system's positions, with its number of frames, and its frames."""
         bodies = on_standard_body(before.clip), on_standard_body(after.clip)
         spliced = self.predict_splice(numbers_of(bodies[0]), numbers_of(bodies[1]))
-        made = None
+        new_clip = None
         if spliced.has_frames:
-            left, entered = slice((spliced.pre or 0) + 1), slice(spliced.post, None)
-            made = clip_of_positions(positions_of(spliced.frames), bodies[0][left], bodies[1][entered])
-            made = rig_clip(made, before.clip[left], after.clip[entered])
-        return self.filled_seam(before, after, spliced.pre, spliced.post, made, spliced.warnings)
+            kept_before, kept_after = slice((spliced.pre or 0) + 1), slice(spliced.post, None)
+            on_body = clip_of_positions(positions_of(spliced.frames), bodies[0][kept_before], bodies[1][kept_after])
+            new_clip = rig_clip(on_body, before.clip[kept_before], after.clip[kept_after])
+        return self.filled_seam(before, after, spliced.pre, spliced.post, new_clip, spliced.warnings)
 
 
 class LpTransformer(PositionSplicer):
@@ -172,9 +172,9 @@ class LpTransformer(PositionSplicer):
         that is classified as the last one.
         """
         inputs = {"x": single(culled), "mask": mask[None], "n_before": np.array([self.fr])}
-        made = decode(self.graphs, self.graphs.run("encoder", inputs), self.most_frames, culled.shape[1])
-        ends = np.flatnonzero(made["last"][0] > 0.0)
-        return made["made"][0, : int(ends[0]) + 1 if len(ends) else self.most_frames].astype(np.float64)
+        decoded = decode(self.graphs, self.graphs.run("encoder", inputs), self.most_frames, culled.shape[1])
+        ends = np.flatnonzero(decoded["last"][0] > 0.0)
+        return decoded["made"][0, : int(ends[0]) + 1 if len(ends) else self.most_frames].astype(np.float64)
 
     def predict_splice(self, before: FloatArray, after: FloatArray) -> SplicePrediction:
         """The splice of two words' numbers (N, 159) and (M, 159)."""
@@ -223,12 +223,12 @@ def positions_of(numbers: FloatArray) -> FloatArray:
     return np.asarray(numbers.reshape(len(numbers), -1, 3) * EXTENT * STATURE_CM + [0.0, 0.5 * STATURE_CM, 0.0])
 
 
-def rig_clip(made: Clip, before: Clip, after: Clip) -> Clip:
-    """New frames on the standard signer as frames between two clips of another rig: root, legs and what else the
-    standard signer lacks go straight from the one to the other.
+def rig_clip(new_clip: Clip, before: Clip, after: Clip) -> Clip:
+    """New frames of the standard signer as frames between two clips of another rig. Root, legs and joints that the
+    standard signer lacks are interpolated linearly from the one to the other.
     """
-    straight = find_transition("linear").between(Gap(before, after, len(made)))
-    turned = with_canonical_rotations(straight, canonical_motion(made).quats)
+    straight = find_transition("linear").between(Gap(before, after, len(new_clip)))
+    turned = with_canonical_rotations(straight, canonical_motion(new_clip).quats)
     joined = rotation.continuous(np.concatenate([before.local_rotations[-1:], turned.local_rotations]))
     return replace(turned, local_rotations=joined[1:])
 
