@@ -25,6 +25,7 @@ _BODIES = (
     *(t_pose, info, capsules, gltf_mesh, skin_surface, skin, fit, skin_contacts, swivel, arm_ik, thumb_contacts),
     retarget,
 )
+_CONSTANTS = (int, float, tuple, dict, set, np.ndarray)
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
 
 
@@ -38,14 +39,22 @@ def constants() -> str:
     parts = ["// Generated from the Python modules of the same names; do not edit."]
     for module in _BODIES:
         found = {
-            name.lstrip("_"): json.dumps(value, ensure_ascii=False, default=_plain)
+            name.lstrip("_"): _literal(value)
             for name, value in vars(module).items()
-            if name.lstrip("_").isupper() and type(value) in (int, float, tuple, dict, set, np.ndarray)
+            if name.lstrip("_").isupper() and (type(value) in _CONSTANTS or is_dataclass(value))
         }
         rows = [f"  {name}: {value}," for name, value in found.items()]
         name = module.__name__.rpartition(".")[2]
         parts.append("\n".join([f"export const {name} = {{", *rows, "} as const;"]))
     return "\n\n".join(parts) + "\n"
+
+
+def _literal(value: Any) -> str:
+    """The TypeScript of a constant: of a dataclass, a field a line."""
+    if is_dataclass(value):
+        rows = [f"    {field.name}: {_literal(getattr(value, field.name))}," for field in fields(value)]
+        return "\n".join(["{", *rows, "  }"])
+    return json.dumps(value, ensure_ascii=False, default=_plain)
 
 
 def _plain(value: np.ndarray | set[str]) -> Any:
