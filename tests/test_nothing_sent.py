@@ -33,7 +33,7 @@ def folder() -> Iterator[Path]:
 def test_a_command_sends_nothing_and_leaves_nothing(name: str, folder: Path) -> None:
     if name in NEEDS and importlib.util.find_spec(NEEDS[name]) is None:
         pytest.skip(f"needs {NEEDS[name]}")
-    seen = sockets.tried(name, folder)
+    seen = sockets.run_row(name, folder)
     print(f"| {name} | {seen.row()} |")
     assert seen.status == 0, seen.errors
     assert (seen.sockets, seen.names, seen.files) == (0, [], [])
@@ -58,7 +58,7 @@ except OSError:
 if os.environ["SIGNSPLICE_WATCHED_BY"].endswith("disk"):
     os.close(libc.open(b"/etc/signsplice-left", os.O_CREAT | os.O_WRONLY, 0o600))
 """
-    seen = sockets.watched([sockets.python(code)], folder)
+    seen = sockets.watch_calls([sockets.make_python_call(code)], folder)
     assert seen.status == 0, seen.errors
     assert "python.example" in seen.names
     assert seen.sockets

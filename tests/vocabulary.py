@@ -86,7 +86,7 @@ def main() -> None:
     """Print the table."""
     groups = {
         "words that ship": list(notation.everyday().values()),
-        "pseudo-signs": [pseudo.sign(n) for n in range(N_PSEUDO)],
+        "pseudo-signs": [pseudo.draw_sign(n) for n in range(N_PSEUDO)],
     }
     arguments = sys.argv[1:]
     if arguments:

@@ -22,7 +22,7 @@ LINE = "| {:24} | {:>6} | {:>6} | {:>6} | {:>6} | {:>6} | {:>6} | {:>6} |"
 
 
 def main() -> None:
-    """Print a row for each method."""
+    """Prints a row for each method."""
     n_pairs = int(sys.argv[1]) if len(sys.argv) > 1 else 500
     systems = sys.argv[2:] or list(SHIPPED)
     pairs = seams.word_pairs(n_pairs)
@@ -34,11 +34,11 @@ def main() -> None:
             (seam,) = ss.splice([before.clip, after.clip], options).seams
             filled += any("joined by cutter" in line for line in seam.warnings)
             measured.append(seams.measure_spliced(before, after, options))
-        whole = 100.0 * np.mean([seam.whole for seam in measured])
+        whole_percent = 100.0 * np.mean([seam.whole for seam in measured])
         down = np.mean([seam.arms_down > 0 for seam in measured])
         jump, peak = (np.median([getattr(seam, name) for seam in measured]) for name in ("velocity_jump", "peak_speed"))
         seconds = np.mean([seam.seconds for seam in measured])
-        cells = (f"{whole:.1f} %", f"{100.0 * down:.1f} %", f"{jump:.2f}", f"{peak:.2f}", f"{seconds:.2f}")
+        cells = (f"{whole_percent:.1f} %", f"{100.0 * down:.1f} %", f"{jump:.2f}", f"{peak:.2f}", f"{seconds:.2f}")
         print(LINE.format(system or "signsplice", n_pairs, filled, *cells), flush=True)
 
 

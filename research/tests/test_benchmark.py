@@ -34,10 +34,10 @@ def scorer() -> Any:
 def test_scores_equal_those_of_the_judge(errors: dict[str, Any], tmp_path: Path) -> None:
     pairs, score = corpus(), scorer()
     chosen = protocol.choose(pairs, "random", "train")
-    answer = protocol.answers(pairs, Fake(pairs, **errors))
+    answer = protocol.make_answer(pairs, Fake(pairs, **errors))
     predictions.write(answer, chosen, tmp_path / "made")
     _, truth = score.read_truth(pairs.folder, "random", "train")
-    found = score.scores(score.read_predictions(tmp_path / "made", set(truth), 159), truth)
+    found = score.compute_scores(score.read_predictions(tmp_path / "made", set(truth), 159), truth)
     judged = protocol.judge(answer, pairs, chosen).scores
     assert len(found) == 20
     for name, value in found.items():
@@ -54,7 +54,7 @@ def test_the_scorer_imports_nothing_but_numpy_and_the_standard_library() -> None
 def test_a_pair_left_out_and_frames_of_another_form_are_refused(tmp_path: Path) -> None:
     pairs, score = corpus(), scorer()
     chosen = protocol.choose(pairs, "random", "train")
-    predictions.write(protocol.answers(pairs, Fake(pairs)), chosen, tmp_path / "made")
+    predictions.write(protocol.make_answer(pairs, Fake(pairs)), chosen, tmp_path / "made")
     numbers = set(chosen.numbers)
     with pytest.raises(SystemExit, match="expected each of"):
         score.read_predictions(tmp_path / "made", numbers | {10**6}, 159)

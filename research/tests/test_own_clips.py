@@ -65,7 +65,7 @@ def test_only_the_joints_that_are_named_are_seen(exported: Path, tmp_path: Path)
     assert space.parents == (-1, 0, 1, 2, 0, 4, 5)
     assert made.words["positions"].shape[1] == made.new["positions"].shape[1] == 21
     assert made.words["rotations"].shape[1] == 53, "clips stay whole"
-    np.testing.assert_allclose(space.numbers(made.word_clip(1)), made.word(1), atol=1e-6)
+    np.testing.assert_allclose(space.to_numbers(made.word_clip(1)), made.word(1), atol=1e-6)
 
     def answer(number: int) -> Prediction:
         pre, post, frames = made.truth(number)

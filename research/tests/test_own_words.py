@@ -321,6 +321,6 @@ def test_numbers_that_are_not_the_spaces_are_refused(exported: Path, tmp_path: P
 def test_clip_methods_see_the_words_as_they_are(exported: Path, tmp_path: Path) -> None:
     made, _ = build(tmp_path / "c", exported / "words")
     clip = made.word_clip(3)
-    np.testing.assert_allclose(made.spaces[0].numbers(clip), made.word(3), atol=1e-6)
+    np.testing.assert_allclose(made.spaces[0].to_numbers(clip), made.word(3), atol=1e-6)
     feet = kinematics.forward(clip, [clip.skeleton.index["mixamorig:LeftFoot"]])[1]
     assert np.abs(feet[..., 1]).max() < 5.0, "they stand on the ground"

@@ -84,7 +84,7 @@ def test_the_truth_jumps_nowhere_and_keeps_its_bones_and_a_shaken_one_does_not(m
         assert shaken.jumps == 1.0
         assert shaken.bone_change > 0.2
         views += [seen, shaken]
-    found = viewed.summary(views)
+    found = viewed.summarise(views)
     assert found["joint_jumps"] == 0.5
     assert np.isnan(viewer.view(0, Prediction(None, None, np.zeros((0, 159)))).bone_change)
 
@@ -95,20 +95,20 @@ def test_frames_with_bones_kept_have_the_lengths_of_the_words_bones() -> None:
     pre, post, true = pairs.truth(3)
     noise = np.random.default_rng(0).normal(size=true.shape) * 0.02
     shaken = Prediction(pre, post, true + noise)
-    kept = viewer.with_bones(3, shaken)
+    kept = viewer.fit_bones(3, shaken)
     assert (kept.pre, kept.post, kept.frames.shape) == (pre, post, true.shape)
     assert viewer.view(3, shaken).bone_change > 0.1
     assert viewer.view(3, kept).bone_change < 1e-4
-    exact = viewer.with_bones(3, Prediction(pre, post, true.astype(np.float64)))
+    exact = viewer.fit_bones(3, Prediction(pre, post, true.astype(np.float64)))
     assert np.abs(exact.frames - true).mean() < 0.001, "within two millimetres, true frames stay where they are"
     for lost in (replace(shaken, pre=None), replace(shaken, frames=shaken.frames[:0])):
-        assert viewer.with_bones(3, lost) is lost, "nothing to put on a skeleton"
+        assert viewer.fit_bones(3, lost) is lost, "nothing to put on a skeleton"
 
 
 def test_the_bias_lets_nearly_all_validation_pairs_emit_both_tokens() -> None:
     lacking = np.linspace(-1.0, 3.0, 2001)
-    found = bias.of_margins(lacking)
+    found = bias.choose_bias(lacking)
     assert np.mean(lacking < found) >= bias.EMITTED
     assert found < 3.0, "the last pairs do not decide"
-    assert bias.of_margins(np.array([0.5, 0.2])) == pytest.approx(0.501), "of a few pairs, all emit"
-    assert bias.of_margins(np.full(1000, -2.0)) == 0.0, "tokens that win anyway need none"
+    assert bias.choose_bias(np.array([0.5, 0.2])) == pytest.approx(0.501), "of a few pairs, all emit"
+    assert bias.choose_bias(np.full(1000, -2.0)) == 0.0, "tokens that win anyway need none"

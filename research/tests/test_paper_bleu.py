@@ -25,7 +25,7 @@ def spelled(word: Symbols) -> FloatArray:
 
 
 def of(pairs: list[tuple[FloatArray, FloatArray]], tolerance: float = bleu.TOLERANCE) -> bleu.Bleu:
-    return bleu.corpus([bleu.count(p, t, [tolerance])[tolerance] for p, t in pairs])
+    return bleu.compute_papineni_bleu([bleu.count_ngrams(p, t, [tolerance])[tolerance] for p, t in pairs])
 
 
 def test_clipping_of_papinenis_example() -> None:
@@ -63,13 +63,13 @@ def test_the_matching_is_maximum_not_greedy() -> None:
     predicted, true = spelled([0, 0]), spelled([0, 0])
     predicted[0], predicted[1] = 0.5 * step, -0.9 * step
     true[0], true[1] = 0.0, 1.2 * step
-    assert bleu.count(predicted, true)[bleu.TOLERANCE].matched[0] == 2
+    assert bleu.count_ngrams(predicted, true)[bleu.TOLERANCE].matched[0] == 2
 
 
 @given(st.lists(st.tuples(symbols, symbols), min_size=1, max_size=4))
 def test_zero_tolerance_gives_papinenis_counts(pairs: list[tuple[Symbols, Symbols]]) -> None:
     for p, t in pairs:
-        found = bleu.count(spelled(p), spelled(t), [0.0])[0.0]
+        found = bleu.count_ngrams(spelled(p), spelled(t), [0.0])[0.0]
         for n in range(1, 5):
             a, b = (Counter(tuple(w[k : k + n]) for k in range(len(w) - n + 1)) for w in (p, t))
             assert found.matched[n - 1] == sum((a & b).values()), "clipped counts"
@@ -79,10 +79,12 @@ def test_zero_tolerance_gives_papinenis_counts(pairs: list[tuple[Symbols, Symbol
 @given(st.integers(0, 5), st.integers(0, 5), st.integers(0, 10_000), st.sampled_from([2e-5, 1e-4, 4e-4]))
 def test_counts_equal_the_slow_references(n: int, m: int, seed: int, tolerance: float) -> None:
     a, b = motion(n, seed), 0.3 * motion(m, seed + 1)
-    found = bleu.count(a, b, [tolerance])[tolerance]
+    found = bleu.count_ngrams(a, b, [tolerance])[tolerance]
     for order in range(1, 5):
         assert found.matched[order - 1] == reference.matched(a, b, order, tolerance)
-    equal = bleu.equal_ngrams(bleu.distances(a, b) <= tolerance, 1) if n and m else np.zeros((n, m), bool)
+    equal = (
+        bleu.compare_ngrams(bleu.compute_frame_distances(a, b) <= tolerance, 1) if n and m else np.zeros((n, m), bool)
+    )
     assert found.matched[0] == reference.matched_by_trying(equal)
     value = of([(a, b)], tolerance).bleu[1]
     if not math.isnan(value):
@@ -93,8 +95,8 @@ def test_counts_equal_the_slow_references(n: int, m: int, seed: int, tolerance: 
 def test_a_larger_tolerance_never_lowers_bleu(n: int, m: int, seed: int) -> None:
     a, b = 0.2 * motion(n, seed), 0.2 * motion(m, seed + 1)
     tolerances = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1.0)
-    counts = bleu.count(a, b, tolerances)
-    values = [bleu.corpus([counts[t]]).bleu for t in tolerances]
+    counts = bleu.count_ngrams(a, b, tolerances)
+    values = [bleu.compute_papineni_bleu([counts[t]]).bleu for t in tolerances]
     for narrow, wide in pairwise(values):
         assert all(x <= y + 1e-12 for x, y in zip(narrow, wide, strict=True))
     for value in values:
@@ -113,7 +115,7 @@ def test_the_truth_scores_one_and_reversed_frames_do_not(n: int, seed: int) -> N
 
 
 def papers(pairs: list[tuple[FloatArray, FloatArray]], tolerance: float = 0.0) -> tuple[float, ...]:
-    return bleu.mean([bleu.count(p, t, [tolerance])[tolerance] for p, t in pairs])
+    return bleu.compute_mean_bleu([bleu.count_ngrams(p, t, [tolerance])[tolerance] for p, t in pairs])
 
 
 def test_the_papers_bleu_is_the_share_of_predicted_ngrams_that_are_found() -> None:

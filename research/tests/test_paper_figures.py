@@ -42,11 +42,11 @@ def measured() -> Results:
 
 def kept_pairs() -> list[KeptFrames]:
     chosen = kept_frames.choose(corpus(), choose(corpus(), "random"), 2)
-    offsets = {kept_frames.label(s, "cpu", "adamw"): 0.1 * n for n, s in enumerate(style.SEEN)}
+    offsets = {kept_frames.make_label(s, "cpu", "adamw"): 0.1 * n for n, s in enumerate(style.SEEN)}
     out = []
     for pair in chosen:
         frames = {name: pair.truth + offset for name, offset in offsets.items()}
-        frames[kept_frames.label("transformer", "cpu", "adamw")] = pair.truth[:-1] + 0.3
+        frames[kept_frames.make_label("transformer", "cpu", "adamw")] = pair.truth[:-1] + 0.3
         out.append(replace(pair, made=frames))
     return out
 
@@ -70,21 +70,23 @@ def test_every_figure_is_drawn_with_the_same_bytes_each_time(tmp_path: Path) -> 
 
 
 def plots(results: Results) -> figures._Plots:
-    return figures._Plots(results, "cpu", figures.plotting())
+    return figures._Plots(results, "cpu", figures.import_pyplot())
 
 
 def test_curves_are_drawn_over_core_minutes() -> None:
     pytest.importorskip("matplotlib")
-    left, right = plots(measured()).curves_of(style.COMPARED).axes
+    left, right = plots(measured()).draw_curves(style.COMPARED).axes
     assert {ax.get_xlabel() for ax in (left, right)} == {"core-minutes of training"}
-    assert [line.get_label() for line in left.lines] == [published.name(system) for system in style.COMPARED]
+    assert [line.get_label() for line in left.lines] == [
+        published.get_display_name(system) for system in style.COMPARED
+    ]
     assert all(np.isclose(line.get_ydata()[-1], 0.03) for line in left.lines), "errors 1 - Accuracy"
     assert [line.get_linestyle() for line in right.lines] == ["-", ":"] * len(style.COMPARED)
     assert {line.get_ydata()[-1] for line in right.lines[::2]} == {0.8}, "test pairs"
     assert {line.get_ydata()[-1] for line in right.lines[1::2]} == {0.9}, "pairs that taught"
     rows = [row(system, bundle=system) for system in style.COMPARED]
     no_clock = of_rows(*rows).merge(curves=[curve_of(r, minutes=None) for r in rows])
-    assert plots(no_clock).curves_of(style.COMPARED) is None
+    assert plots(no_clock).draw_curves(style.COMPARED) is None
 
 
 def test_curves_are_of_the_first_seed_of_adamw_at_the_scale_drawn() -> None:
@@ -98,7 +100,7 @@ def test_curves_are_of_the_first_seed_of_adamw_at_the_scale_drawn() -> None:
 
 def test_every_system_of_the_figures_has_a_colour_and_a_marker_of_its_own() -> None:
     for field in ("colour", "marker"):
-        assert len({getattr(style.style(system), field) for system in SYSTEMS}) == len(SYSTEMS)
+        assert len({getattr(style.get_style(system), field) for system in SYSTEMS}) == len(SYSTEMS)
     assert set(style.SEEN) < set(style.COMPARED)
 
 
@@ -111,25 +113,27 @@ def test_a_curve_that_ends_elsewhere_than_its_row_is_left_out(tmp_path: Path) ->
     assert [line for line in left_out if "lstm" in line] == [
         "the curve of lstm (ends at 0.95, its row's validation Accuracy is 0.9700)"
     ]
-    lines = plots(of_rows(*rows).merge(curves=made)).curves_of(style.COMPARED).axes[0].lines
-    assert published.name("lstm") not in [line.get_label() for line in lines]
+    lines = plots(of_rows(*rows).merge(curves=made)).draw_curves(style.COMPARED).axes[0].lines
+    assert published.get_display_name("lstm") not in [line.get_label() for line in lines]
     assert len(lines) == len(style.COMPARED) - 1
 
 
 def test_pictures_show_the_kept_systems_and_bones() -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pair = kept_pairs()[0]
-    rows = pictures._rows(pair, "cpu")
-    assert [name for name, _ in rows] == ["truth", *(published.name(s) for s in style.SEEN)]
+    rows = pictures._list_rows(pair, "cpu")
+    assert [name for name, _ in rows] == ["truth", *(published.get_display_name(s) for s in style.SEEN)]
     assert np.array_equal(rows[1][1][0], pair.before[0]), "without positions of its own, the true ones"
-    name = kept_frames.label("lstm", "cpu", "adamw")
+    name = kept_frames.make_label("lstm", "cpu", "adamw")
     own = replace(pair, edges={name: np.stack([pair.truth[0], pair.truth[1]])})
-    assert np.array_equal(pictures._rows(own, "cpu")[1][1][[0, -1]], own.edges[name])
+    assert np.array_equal(pictures._list_rows(own, "cpu")[1][1][[0, -1]], own.edges[name])
     assert pictures.draw_pairs(pyplot, [replace(pair, made={})], "cpu") is None
     assert pictures.draw_pairs(pyplot, [], "cpu") is None
     frame = corpus().word(0)[20].astype(np.float64)
-    assert sum(len(bones) for bones, _, _ in pictures._bones(pair.figure, frame, None)) == 43 + 24, "a ring for a head"
-    assert sum(len(bones) for bones, _, _ in pictures._bones(pair.figure, frame, "right")) == 16
+    assert sum(len(bones) for bones, _, _ in pictures._project_bones(pair.figure, frame, None)) == 43 + 24, (
+        "a ring for a head"
+    )
+    assert sum(len(bones) for bones, _, _ in pictures._project_bones(pair.figure, frame, "right")) == 16
     for count in (2, 5, 10, 40):
         shown = pictures._select_frames(count, 10)
         assert (shown[0], shown[-1]) == (0, count - 1)
@@ -138,11 +142,11 @@ def test_pictures_show_the_kept_systems_and_bones() -> None:
 
 
 def test_the_true_frame_of_the_same_number_lies_under_the_first_two() -> None:
-    assert [pictures._true_frame(at, 12, 9) for at in (0, 1, 2, 11)] == [0, 1, 2, 8]
-    under = [pictures._true_frame(at, 12, 9) for at in range(12)]
+    assert [pictures._match_true_frame(at, 12, 9) for at in (0, 1, 2, 11)] == [0, 1, 2, 8]
+    under = [pictures._match_true_frame(at, 12, 9) for at in range(12)]
     assert under == sorted(under)
-    assert [pictures._true_frame(at, 3, 9) for at in range(3)] == [0, 1, 8]
-    assert [pictures._true_frame(at, 9, 3) for at in (0, 1, 2, 5, 8)] == [0, 1, 2, 2, 2]
+    assert [pictures._match_true_frame(at, 3, 9) for at in range(3)] == [0, 1, 8]
+    assert [pictures._match_true_frame(at, 9, 3) for at in (0, 1, 2, 5, 8)] == [0, 1, 2, 2, 2]
 
 
 def test_lines_are_clipped_at_the_edge_of_their_picture() -> None:
@@ -214,7 +218,7 @@ def test_evaluate_judges_once_and_writes_tables_and_figures(tmp_path: Path, monk
 
     cutters = (("true-positions", "hermite", "positions and length"), ("learned-fluent", "learned", "nothing"))
     methods = [ClipMethod(*names) for names in (*cutters, ("ends", "slerp", "length"))]
-    monkeypatch.setattr(clip_methods, "methods_to_compare", lambda: methods)
+    monkeypatch.setattr(clip_methods, "list_methods", lambda: methods)
     monkeypatch.setattr(judging, "Judge", partial(judging.Judge, opener=opener))
     monkeypatch.setattr(baselines, "Ridge", partial(baselines.Ridge, fr=1))  # fitted in no time
     call = ("evaluate", "--scale", "smoke", "--pairs", str(pairs.folder), "--bundles", str(bundles), "--out", str(out))

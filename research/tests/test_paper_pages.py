@@ -104,8 +104,8 @@ def test_pages_are_those_of_the_templates_or_the_tables_alone(tmp_path: Path) ->
     folder = tmp_path / "docs"
     folder.mkdir()
     assert [path.name for path in pages.write(FOUND, folder, "cpu")] == ["table.csv", "tables.md"]
-    assert (folder / "table.csv").read_text() == tables.as_csv(FOUND, "cpu")
-    assert (folder / "tables.md").read_text() == tables.page(FOUND, "cpu")
+    assert (folder / "table.csv").read_text() == tables.format_csv(FOUND, "cpu")
+    assert (folder / "tables.md").read_text() == tables.format_page(FOUND, "cpu")
     (tmp_path / "templates").mkdir()
     (tmp_path / "templates" / "claims.md").write_text("PAA: {{lstm paa 2}}\n")
     assert [path.name for path in pages.write(FOUND, folder, "cpu")] == ["table.csv", "claims.md"]

@@ -46,7 +46,7 @@ def judge(pairs: Pairs, opener: judging.Opener = open_bundle, known: Results | N
 def scores_of(**errors: Any) -> dict[str, float]:
     pairs = corpus()
     system = Fake(pairs, **errors)
-    return protocol.judge(protocol.answers(pairs, system), pairs, protocol.choose(pairs, "random")).scores
+    return protocol.judge(protocol.make_answer(pairs, system), pairs, protocol.choose(pairs, "random")).scores
 
 
 def test_the_truth_has_perfect_scores() -> None:
@@ -88,7 +88,7 @@ def test_a_system_without_rotations_gets_a_second_score_with_bones_kept() -> Non
     system = Fake(pairs)
 
     def shaken(number: int) -> Prediction:
-        made = protocol.answers(pairs, system)(number)
+        made = protocol.make_answer(pairs, system)(number)
         return replace(made, frames=made.frames + noise[: len(made.frames)])
 
     found = protocol.judge(shaken, pairs, chosen).scores
@@ -104,7 +104,7 @@ def test_a_system_without_rotations_gets_a_second_score_with_bones_kept() -> Non
 def test_a_fixed_choice_of_many_pairs_is_put_onto_a_skeleton(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = corpus()
     chosen = protocol.choose(pairs, "random", "train")
-    answer = protocol.answers(pairs, Fake(pairs, off=0.01))
+    answer = protocol.make_answer(pairs, Fake(pairs, off=0.01))
     whole = protocol.judge(answer, pairs, chosen).scores
     looked_at: list[int] = []
     view = viewed.Viewer.view
@@ -131,7 +131,7 @@ def test_the_choice_of_pairs_is_fixed_and_in_the_signature() -> None:
     assert some == protocol.choose(pairs, "random", "train", limit=4)
     assert some.signature != whole.signature
     assert pairs.head["hash"] in some.signature
-    assert [p.split for p in judge(pairs).protocols()] == list(SPLITS)
+    assert [p.split for p in judge(pairs).choose_protocols()] == list(SPLITS)
     assert set(protocol.SPLITS) - set(SPLITS) == {"unseen-both"}, "which this corpus has not"
     assert protocol.choose(pairs, "unseen-signer").numbers == tuple(pairs.split("unseen-signer", "test"))
     with pytest.raises(InputError, match="no split other test"):
@@ -199,7 +199,7 @@ def test_methods_use_no_more_of_the_truth_than_they_are_given() -> None:
         ClipMethod("ends", "slerp", "positions")
     with pytest.raises(InputError, match="no cutter 'nothing'"):
         ClipMethod("nothing", "slerp")
-    names = [(method.name, method.given) for method in clip_methods.methods_to_compare()]
+    names = [(method.name, method.given) for method in clip_methods.list_methods()]
     assert len(set(names)) == len(names) == 4
     assert set(kept_frames.SHOWN_METHODS) <= set(names)
 
@@ -236,7 +236,7 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path, monke
 
     cutter, transition = kept_frames.HERMITE[0].split("+")
     method = ClipMethod(cutter, transition, kept_frames.HERMITE[1])
-    made = list(judge(pairs, opener).judgements([method], [config], []))
+    made = list(judge(pairs, opener).judge_all([method], [config], []))
     rows = [row for judgement in made for row in judgement.rows]
     assert [(row.system, row.split) for row in rows] == [
         *(("mean-transition", split) for split in SPLITS if pairs.split(split, "train")),
@@ -253,20 +253,22 @@ def test_methods_and_bundles_become_rows_curves_and_frames(tmp_path: Path, monke
     assert rows[-1].score("paa_train") == 1.0
     assert rows[-1].score("accuracy_valid") == pytest.approx(0.999)
     assert (rows[-1].truth, rows[-1].taught, rows[-1].condition) == ("partner", "", published.EQUAL)
-    assert rows[-1].bundle == bundles.short_hash(config)
+    assert rows[-1].bundle == bundles.compute_short_hash(config)
     assert rows[-1].fr == 8
     assert rows[-1].score("accuracy") == pytest.approx(0.999)
     (curve,) = made[-1].curves
     assert curve.column("pairs") == [320.0, 640.0, 960.0, 1280.0]
     assert curve.column("accuracy") == pytest.approx([0.849, 0.899, 0.949, 0.999])
-    for pair in made[-1].kept:
+    for pair in made[-1].figure_pairs:
         assert {name.split("/")[2] for name in pair.made} == {method.name, "lpt-plus"}
-        assert np.allclose(pair.made[kept_frames.label("lpt-plus", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6)
+        assert np.allclose(
+            pair.made[kept_frames.make_label("lpt-plus", "smoke", "adamw")], pair.truth + 0.001, atol=1e-6
+        )
     known = Results().merge(rows)
-    repeated = list(judge(pairs, opener, known).judgements([method], [config], made[-1].kept))
+    repeated = list(judge(pairs, opener, known).judge_all([method], [config], made[-1].figure_pairs))
     assert [judgement.rows for judgement in repeated] == [(), (), (), ()], "known rows are not judged again"
     assert opened == [folder] * 3, "for the positions of two splits, and once to be judged"
-    forced = list(replace(judge(pairs, opener, known), again=True).judgements([], [config], made[-1].kept))
+    forced = list(replace(judge(pairs, opener, known), rejudge=True).judge_all([], [config], made[-1].figure_pairs))
     assert len(forced[1].rows) == 2
 
 
@@ -277,7 +279,7 @@ def test_a_row_names_the_training_corpus_and_the_condition_of_a_bundle(tmp_path:
     plain = {"spsn-printed": {"plain_loss": True}, "tfgn": {"plain_loss": False}}
     write_bundle(tmp_path / "plain", pairs, system="lptransformer-printed", parts=plain)
     how = replace(judge(pairs, lambda _: Fake(pairs)), splits=("random",))
-    _, many, printed = how.judgements([], bundles.read_all(tmp_path), [])
+    _, many, printed = how.judge_all([], bundles.read_all(tmp_path), [])
     assert [(row.taught, row.corpus, row.condition) for row in (*many.rows, *printed.rows)] == [
         ("another", pairs.head["hash"], published.EQUAL),
         ("", pairs.head["hash"], published.AS_PRINTED),
@@ -285,20 +287,20 @@ def test_a_row_names_the_training_corpus_and_the_condition_of_a_bundle(tmp_path:
     (row,) = many.rows
     assert "accuracy" in row.scores
     assert "paa_train" not in row.scores, "it learned from none of these pairs"
-    assert {name for pair in many.kept for name in pair.made} == set(), "figures show what was taught here"
+    assert {name for pair in many.figure_pairs for name in pair.made} == set(), "figures show what was taught here"
 
 
 def test_a_bundle_of_another_corpus_stops_the_judging(tmp_path: Path) -> None:
     write_bundle(tmp_path / "lpt-plus", corpus(), corpus="other")
     with pytest.raises(InputError, match="lpt-plus: trained on corpus other"):
-        list(judge(corpus()).judgements([], bundles.read_all(tmp_path), []))
+        list(judge(corpus()).judge_all([], bundles.read_all(tmp_path), []))
     shutil.rmtree(tmp_path / "lpt-plus")
     folder = write_bundle(tmp_path / "bare", corpus(), seed=1)
     contents = json.loads((folder / "bundle.json").read_text())
     del contents["optimiser"]
     (folder / "bundle.json").write_text(json.dumps(contents))
     with pytest.raises(InputError, match=r"bundle.json: has no 'optimiser'"):
-        list(judge(corpus()).judgements([], bundles.read_all(tmp_path), []))
+        list(judge(corpus()).judge_all([], bundles.read_all(tmp_path), []))
     (folder / "bundle.json").write_text("{")
     with pytest.raises(InputError, match="is no JSON"):
         bundles.read_all(tmp_path)

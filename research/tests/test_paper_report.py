@@ -61,7 +61,7 @@ def test_a_template_becomes_a_pdf(tmp_path: Path) -> None:
 
 def test_the_rows_are_the_four_systems_as_printed_and_by_condition() -> None:
     seeds = [row("lstm", condition=published.EQUAL, seed=seed, scores={"paa": 0.7 + 0.1 * seed}) for seed in range(3)]
-    lines = report._rows(of_rows(*seeds), "cpu").splitlines()
+    lines = report._format_rows(of_rows(*seeds), "cpu").splitlines()
     assert len(lines) == 3 * len(published.CONDITIONS)
     lstm = next(k for k, line in enumerate(lines) if "[LSTM]" in line)
     assert "[printed], [0.881], [0.610], [0.999], [0.784], [-], [-]," in lines[lstm]

@@ -52,7 +52,7 @@ def test_results_survive_a_round_trip(tmp_path: Path) -> None:
     assert {"given", "taught", "condition", "metrics_id", "truth", "token_bias"} <= stored["rows"][0].keys()
     assert np.isnan(known.find(system="lpt-plus")[0].score("paa"))
     assert np.isnan(known.find(system="lpt-plus")[0].score("no such score"))
-    assert list(known.signatures) == [results.signature_id()]
+    assert list(known.signatures) == [results.hash_signatures()]
     assert results.load(tmp_path / "none.json") == Results()
 
 
@@ -99,10 +99,10 @@ def test_rows_that_differ_in_recipe_are_refused(field: str) -> None:
 
 
 def test_the_environment_states_versions_and_machine() -> None:
-    found = environment.environment()
+    found = environment.read_environment()
     assert {"python", "numpy", "signsplice"} <= found["versions"].keys()
     assert "cores" in found["machine"]
-    assert environment.commit(Path("/")) == ""
+    assert environment.read_commit(Path("/")) == ""
 
 
 def test_kept_frames_survive_a_round_trip_and_merge(tmp_path: Path) -> None:
@@ -134,9 +134,9 @@ def test_rows_of_one_system_with_different_training_corpora_are_kept_apart() -> 
 
 
 def test_the_plan_trains_every_system_of_the_tables() -> None:
-    assert [run.name for run in plan.runs("small")] == [f"{system}-small-adamw-random" for system in plan.TABLE_1]
+    assert [run.name for run in plan.plan_runs("small")] == [f"{system}-small-adamw-random" for system in plan.TABLE_1]
     for scale in ("smoke", "cpu", "paper"):
-        planned = plan.runs(scale)
+        planned = plan.plan_runs(scale)
         assert len({run.name for run in planned}) == len(planned)
         assert [run.system for run in planned[:5]] == list(plan.TABLE_1), "the most important first"
         by_adamw = {run.system for run in planned if run.optimiser == "adamw"}
@@ -144,29 +144,29 @@ def test_the_plan_trains_every_system_of_the_tables() -> None:
         assert {made for by in published.CONDITIONS.values() for made in by.values()} <= by_adamw, "both conditions"
         assert {run.system for run in planned if run.optimiser == "sgd"} == {published.PRINTED}, "as in the paper"
         assert {run.split for run in planned} == {"random"}, "whose training part all splits have"
-    seeds = {(run.system, run.seed) for run in plan.runs("cpu") if run.seed}
+    seeds = {(run.system, run.seed) for run in plan.plan_runs("cpu") if run.seed}
     assert seeds == {(system, seed) for system in plan.SEEDED for seed in (1, 2)}
     assert not {system for system, _ in seeds} & set(published.ABLATIONS)
 
 
 def test_a_corpus_to_teach_on_is_planned_for_two_systems() -> None:
-    planned = plan.runs("cpu", splits=[plan.TAUGHT_SPLIT])
+    planned = plan.plan_runs("cpu", splits=[plan.TAUGHT_SPLIT])
     assert [run.name for run in planned] == [f"{system}-cpu-adamw-many" for system in plan.ON_MANY]
-    assert plan.runs("cpu", splits=("random", "unseen-words")) == plan.runs("cpu")
+    assert plan.plan_runs("cpu", splits=("random", "unseen-words")) == plan.plan_runs("cpu")
 
 
 def test_only_what_is_wanted_is_planned() -> None:
-    assert {run.system for run in plan.runs("smoke", Choice(("lstm",)))} == {"lstm"}
-    asked = plan.runs("cpu", Choice(("lstm", "lptransformer-printed"), ("sgd",)))
+    assert {run.system for run in plan.plan_runs("smoke", Choice(("lstm",)))} == {"lstm"}
+    asked = plan.plan_runs("cpu", Choice(("lstm", "lptransformer-printed"), ("sgd",)))
     assert [(run.system, run.optimiser) for run in asked] == [("lstm", "sgd"), ("lptransformer-printed", "sgd")]
-    (again,) = plan.runs("cpu", Choice(("transformer",), seeds=(1,)))
+    (again,) = plan.plan_runs("cpu", Choice(("transformer",), seeds=(1,)))
     assert again.name == "transformer-cpu-adamw-random-seed1"
-    assert plan.runs("cpu", Choice(("lptransformer-printed",), seeds=(5,))) == []
-    wanted = plan.runs("paper", Choice(("lpt-plus", "lstm"), ("adamw",), ("unseen-signer",), (0,)))
+    assert plan.plan_runs("cpu", Choice(("lptransformer-printed",), seeds=(5,))) == []
+    wanted = plan.plan_runs("paper", Choice(("lpt-plus", "lstm"), ("adamw",), ("unseen-signer",), (0,)))
     assert [(run.system, run.split) for run in wanted] == [("lpt-plus", "random"), ("lstm", "random")], (
         "an unseen signer is judged by what was trained on the random split"
     )
-    assert [run.system for run in plan.runs("cpu", Choice(("lstm", "lpt-plus")), ("many",))] == ["lpt-plus"]
+    assert [run.system for run in plan.plan_runs("cpu", Choice(("lstm", "lpt-plus")), ("many",))] == ["lpt-plus"]
 
 
 def test_a_bundle_s_folder_names_what_differs_from_the_usual() -> None:
@@ -181,14 +181,14 @@ def write_bundle_json(bundles: Path, run: Run, corpus: str) -> None:
 
 
 def test_a_bundle_of_another_corpus_is_missing(tmp_path: Path) -> None:
-    planned = plan.runs("cpu")
-    assert plan.missing(planned, tmp_path, "c0ffee") == planned
+    planned = plan.plan_runs("cpu")
+    assert plan.find_missing(planned, tmp_path, "c0ffee") == planned
     write_bundle_json(tmp_path, planned[0], "c0ffee")
     write_bundle_json(tmp_path, planned[1], "other")
-    assert plan.missing(planned, tmp_path, "c0ffee") == planned[1:]
-    assert plan.missing(planned, tmp_path) == planned[2:]
+    assert plan.find_missing(planned, tmp_path, "c0ffee") == planned[1:]
+    assert plan.find_missing(planned, tmp_path) == planned[2:]
     (tmp_path / planned[0].name / "bundle.json").write_text("{")
-    assert plan.missing(planned, tmp_path)[0] == planned[0], "a broken one is trained again"
+    assert plan.find_missing(planned, tmp_path)[0] == planned[0], "a broken one is trained again"
 
 
 def test_a_commit_is_marked_where_the_package_differs_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,16 +207,16 @@ def test_a_commit_is_marked_where_the_package_differs_from_it(tmp_path: Path, mo
     git("add", ".")
     git("commit", "-qm", "first")
     head = git("rev-parse", "HEAD")[:12]
-    assert environment.commit(package) == head
+    assert environment.read_commit(package) == head
     (tmp_path / "results.json").write_text("2")
     (package / "scratch.txt").write_text("not tracked")
-    assert environment.commit(package) == head, "results that are being written are no code"
+    assert environment.read_commit(package) == head, "results that are being written are no code"
     (package / "code.py").write_text("2")
-    assert environment.commit(package) == f"{head}+"
+    assert environment.read_commit(package) == f"{head}+"
     (tmp_path / "installed").mkdir()
-    assert environment.commit(tmp_path / "installed") == "", "inside the repository of something else"
+    assert environment.read_commit(tmp_path / "installed") == "", "inside the repository of something else"
     monkeypatch.setenv("SIGNSPLICE_COMMIT", "abc")
-    assert environment.commit(tmp_path / "installed") == "abc"
+    assert environment.read_commit(tmp_path / "installed") == "abc"
 
 
 def test_results_judged_apart_become_one(tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ def test_results_judged_apart_become_one(tmp_path: Path) -> None:
     assert (n_rows, len(known.rows)) == (4, 3)
     assert results.load(out / results.FILE) == known
     assert [r.commit for r in known.find(system="lstm")] == ["new"]
-    assert list(known.signatures) == [results.signature_id()]
+    assert list(known.signatures) == [results.hash_signatures()]
     assert set(kept_frames.load(out / kept_frames.FILE)[0].made) == {"a", "b"}
     with pytest.raises(InputError, match=r"c/results.json: not there"):
         merging.merge([tmp_path / "c"], out)

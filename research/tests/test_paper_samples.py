@@ -21,21 +21,21 @@ def test_the_samples_are_fixed_and_of_their_part() -> None:
     assert some == sorted(some)
     assert len(set(some) & set(pairs.split("random", "train"))) == 4
     assert pair_samples.sample(pairs, "random", "train", 4) == some
-    valid, numbers = pair_samples.validation(pairs, "random"), pairs.split("random", "valid")
+    valid, numbers = pair_samples.sample_validation(pairs, "random"), pairs.split("random", "valid")
     order = stream("judged", len(numbers)).permutation(len(numbers))
     assert valid == [numbers[k] for k in order], "the order in which a training judges"
-    assert pair_samples.validation(pairs, "random", 1) == valid[:1]
-    assert pair_samples.validation(pairs, "unseen-words") == []
+    assert pair_samples.sample_validation(pairs, "random", 1) == valid[:1]
+    assert pair_samples.sample_validation(pairs, "unseen-words") == []
 
 
 def test_paa_and_accuracy_of_some_pairs() -> None:
     pairs = corpus()
     system = Fake(pairs, late=1, off=0.01)
     numbers = pair_samples.sample(pairs, "random", "train")
-    assert protocol.paa(protocol.positions(pairs, system), pairs, numbers) == 0.0
-    assert protocol.paa(protocol.positions(pairs, Fake(pairs)), pairs, numbers) == 1.0
-    assert protocol.accuracy(protocol.answers(pairs, system), pairs, numbers) == pytest.approx(0.99)
-    assert math.isnan(protocol.accuracy(protocol.answers(pairs, system), pairs, []))
+    assert protocol.compute_paa(protocol.make_position_answer(pairs, system), pairs, numbers) == 0.0
+    assert protocol.compute_paa(protocol.make_position_answer(pairs, Fake(pairs)), pairs, numbers) == 1.0
+    assert protocol.compute_accuracy(protocol.make_answer(pairs, system), pairs, numbers) == pytest.approx(0.99)
+    assert math.isnan(protocol.compute_accuracy(protocol.make_answer(pairs, system), pairs, []))
 
 
 def test_the_mean_transition_is_of_the_training_part() -> None:

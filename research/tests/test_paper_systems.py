@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from signsplice.errors import InputError
 from signsplice.splicing.bundle import BUNDLE_FILE, Sessions, read_file
 from signsplice.splicing.lptransformer import HIDDEN, START, splice_positions
-from signsplice_paper.configs import config_of, read_config
+from signsplice_paper.configs import parse_config, read_config
 from signsplice_paper.systems import OneNetworkSystem, TwoNetworkSystem, open_bundle
 from signsplice_paper.systems.splicers import DECODINGS, PaperSystem
 from signsplice_workshop.train.bundles import write_bundle
@@ -32,7 +32,7 @@ class Fakes(Sessions):
     """
 
     def __init__(self, graphs: Mapping[str, Callable[[Mapping[str, Array]], dict[str, Array]]]) -> None:
-        super().__init__(Path(), config_of({}, Path()))
+        super().__init__(Path(), parse_config({}, Path()))
         self.fakes = graphs
         self.seen: list[tuple[str, dict[str, Array]]] = []
 
@@ -43,7 +43,7 @@ class Fakes(Sessions):
 
 def fake_system(kind: type[PaperSystem], graphs: Fakes, decoding: str = "one-by-one", **changes: Any) -> Any:
     """A system of fake graphs, with changes of its bundle.json."""
-    config = config_of({**CONFIG, **changes}, Path(BUNDLE_FILE))
+    config = parse_config({**CONFIG, **changes}, Path(BUNDLE_FILE))
     assert config.runs is not None
     return kind(config, config.runs, graphs, decoding)
 

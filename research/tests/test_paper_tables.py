@@ -59,53 +59,53 @@ def test_the_printed_numbers_equal_a_second_copy() -> None:
 
 
 def test_the_table_has_the_printed_and_the_measured_scores() -> None:
-    made = tables.table(of_rows(*paper_rows()), "cpu", "random")
+    made = tables.make_table(of_rows(*paper_rows()), "cpu", "random")
     assert made is not None
     shown = {tuple(line[:2]): dict(zip(made.head, line, strict=True)) for line in made.rows}
     for name, values in (published.TABLE_1 | published.TABLE_3).items():
-        printed = shown[published.name(name), PRINTED]
+        printed = shown[published.get_display_name(name), PRINTED]
         condition = published.EQUAL if name in (*published.RIVALS, *published.ABLATIONS) else published.AS_PRINTED
-        measured = shown[published.name(name), condition]
+        measured = shown[published.get_display_name(name), condition]
         for metric, value in zip(published.METRICS, values, strict=True):
             if metric in tables.ON_PAGE:
                 assert printed[metric] == measured[metric] == value
     whole = shown["LpTransformer", PRINTED]
     assert (whole["Accuracy"], whole["MSE"], whole["both exact"]) == ("0.99", "0.0015", "-")
     assert shown["LSTM", PRINTED]["Accuracy"] == "-", "it is printed of no rival"
-    words = tables.table(of_rows(system("lstm", split="unseen-words")), "cpu", "unseen-words")
+    words = tables.make_table(of_rows(system("lstm", split="unseen-words")), "cpu", "unseen-words")
     assert words is not None
     assert [line[1] for line in words.rows] == [published.EQUAL], "the paper judged one split"
 
 
 def test_seeds_are_shown_with_their_mean_and_range() -> None:
     found = of_rows(*(system("lpt-plus", seed=seed, scores={"paa": 0.7 + 0.1 * seed}) for seed in range(3)))
-    one = tables.line(found, "cpu", "lpt-plus", "random")
+    one = tables.find_line(found, "cpu", "lpt-plus", "random")
     assert one.score("paa") == pytest.approx(0.8)
-    assert one.cell("paa") == "0.800 [0.700, 0.900]"
-    assert one.cell("mse", tables.SHORT) == "0.0016 [0.0016, 0.0016]"
+    assert one.format_cell("paa") == "0.800 [0.700, 0.900]"
+    assert one.format_cell("mse", tables.SHORT) == "0.0016 [0.0016, 0.0016]"
     assert one.seeds == 3
-    assert tables.line(of_rows(system("lpt-plus")), "cpu", "lpt-plus", "random").cell("paa") == "0.900", (
+    assert tables.find_line(of_rows(system("lpt-plus")), "cpu", "lpt-plus", "random").format_cell("paa") == "0.900", (
         "one seed has no range"
     )
-    unknown = tables.line(found, "cpu", "lstm", "random")
-    assert (unknown.seeds, unknown.cell("paa")) == (0, "-")
+    unknown = tables.find_line(found, "cpu", "lstm", "random")
+    assert (unknown.seeds, unknown.format_cell("paa")) == (0, "-")
     assert math.isnan(unknown.score("paa"))
 
 
 def test_the_time_of_seeds_is_that_of_the_last_that_was_timed() -> None:
     timed = [system("lpt-plus", seed=seed, scores={"ms_median": 5.0 - 2.0 * seed}) for seed in (1, 0)]
     found = of_rows(*timed, system("lpt-plus", seed=2, scores={"ms_median": float("nan")}))
-    one = tables.line(found, "cpu", "lpt-plus", "random")
-    assert (one.score("ms_median"), one.cell("ms_median", 1)) == (3.0, "3.0")
+    one = tables.find_line(found, "cpu", "lpt-plus", "random")
+    assert (one.score("ms_median"), one.format_cell("ms_median", 1)) == (3.0, "3.0")
 
 
 def test_positions_of_a_system_that_found_no_token_with_any_seed_are_not_shown() -> None:
     silent = system("lstm-printed", scores={"pta": 0.0, "paa": None, "paa_all": 0.0, "bleu-1": 0.4321})
-    one = tables.line(of_rows(silent), "cpu", "lstm-printed", "random")
-    assert [one.cell(name) for name in ("pta", "paa", "paa_all", "bleu-1")] == ["0.000", "-", "-", "0.432"]
+    one = tables.find_line(of_rows(silent), "cpu", "lstm-printed", "random")
+    assert [one.format_cell(name) for name in ("pta", "paa", "paa_all", "bleu-1")] == ["0.000", "-", "-", "0.432"]
     heard = system("lstm-printed", seed=1, scores={"pta": 0.001, "paa": 1.0, "paa_all": 0.001})
-    two = tables.line(of_rows(silent, heard), "cpu", "lstm-printed", "random")
-    assert [two.cell(name) for name in ("paa", "paa_all")] == ["1.000", "0.001 [0.000, 0.001]"]
+    two = tables.find_line(of_rows(silent, heard), "cpu", "lstm-printed", "random")
+    assert [two.format_cell(name) for name in ("paa", "paa_all")] == ["1.000", "0.001 [0.000, 0.001]"]
 
 
 def test_lines_are_apart_by_condition_optimiser_and_what_was_taught() -> None:
@@ -124,7 +124,9 @@ def test_lines_are_apart_by_condition_optimiser_and_what_was_taught() -> None:
         system("transformer", split="unseen-words"),
     ]
     found = of_rows(*rows)
-    assert [(one.system, one.condition, one.taught, one.seeds) for one in tables.lines(found, "cpu", "random")] == [
+    assert [
+        (one.system, one.condition, one.taught, one.seeds) for one in tables.list_lines(found, "cpu", "random")
+    ] == [
         ("LSTM", published.EQUAL, HERE, 1),
         ("LpTransformer", published.AS_PRINTED, HERE, 2),
         ("LpTransformer", f"{published.AS_PRINTED}, SGD", HERE, 1),
@@ -136,9 +138,9 @@ def test_lines_are_apart_by_condition_optimiser_and_what_was_taught() -> None:
         ("mean transition", "given nothing", "-", 1),
         ("learned-fluent+learned", "given nothing", "-", 1),
     ]
-    assert tables.line(found, "cpu", published.LPTRANSFORMER, "random", ON_MANY).score("paa") == 0.4
-    assert tables.line(found, "cpu", published.PRINTED, "random", optimiser="sgd").seeds == 1
-    assert tables.line(found, "cpu", "mean-transition", "random").seeds == 1
+    assert tables.find_line(found, "cpu", published.LPTRANSFORMER, "random", ON_MANY).score("paa") == 0.4
+    assert tables.find_line(found, "cpu", published.PRINTED, "random", optimiser="sgd").seeds == 1
+    assert tables.find_line(found, "cpu", "mean-transition", "random").seeds == 1
 
 
 @pytest.mark.parametrize("field", ["metrics_id", "protocol", "corpus"])
@@ -146,44 +148,46 @@ def test_rows_that_differ_in_recipe_stand_in_no_table_together(field: str) -> No
     odd = system("lstm", **{field: "another"})
     found = of_rows(*paper_rows()).merge([odd])
     with pytest.raises(InputError, match=f"cannot be compared in one table: {field}"):
-        tables.table(found, "cpu", "random")
+        tables.make_table(found, "cpu", "random")
     apart = of_rows(system("lpt-plus"), system("lstm", split="unseen-words", **{field: "another"}))
-    assert "unseen-words" in tables.as_csv(apart, "cpu"), "each split has a protocol of its own"
+    assert "unseen-words" in tables.format_csv(apart, "cpu"), "each split has a protocol of its own"
 
 
 def test_the_csv_has_every_line_of_every_split_with_all_columns() -> None:
     rows = [*paper_rows(), system("lstm", seed=1, steps=300), system("lstm", split="unseen-both")]
     rows += [method("mean-transition", MEAN, split="unseen-words", scores={"joint_jumps": None})]
     found = of_rows(*rows)
-    lines = list(csv.DictReader(io.StringIO(tables.as_csv(found, "cpu"))))
+    lines = list(csv.DictReader(io.StringIO(tables.format_csv(found, "cpu"))))
     assert len(lines) == len(paper_rows()) + 2
     assert [line["split"] for line in lines[-2:]] == ["unseen-words", "unseen-both"]
     assert {title for _, _, title in tables.COLUMNS} <= set(lines[0])
     lstm = next(line for line in lines if (line["split"], line["system"]) == ("random", "LSTM"))
     assert (lstm["seeds"], lstm["steps"], lstm["taught on"]) == ("2", "100/300", HERE)
-    one = tables.line(found, "cpu", "lstm", "random")
-    assert [lstm[title] for _, _, title in tables.COLUMNS] == [one.cell(name, d) for name, d, _ in tables.COLUMNS]
+    one = tables.find_line(found, "cpu", "lstm", "random")
+    assert [lstm[title] for _, _, title in tables.COLUMNS] == [
+        one.format_cell(name, d) for name, d, _ in tables.COLUMNS
+    ]
     assert lines[-2]["over 60 degrees"] == "-"
 
 
 def test_the_page_shows_the_tables_of_all_splits_that_have_rows() -> None:
-    text = tables.page(of_rows(*paper_rows(), system("lpt-plus", split="unseen-signer", n_pairs=7)), "cpu")
+    text = tables.format_page(of_rows(*paper_rows(), system("lpt-plus", split="unseen-signer", n_pairs=7)), "cpu")
     assert text.startswith("# Tables\n")
     assert "**random: 3 test pairs**" in text
     assert "**unseen-signer: 7 test pairs**" in text
     assert "unseen-words" not in text
     assert ["LPT+", published.EQUAL, HERE] in [line[:3] for line in cells(text)]
-    named = tables.table(of_rows(*paper_rows()), "cpu", "random", ["lstm"])
+    named = tables.make_table(of_rows(*paper_rows()), "cpu", "random", ["lstm"])
     assert named is not None
     measured = [line for line in named.rows if line[1] != PRINTED]
     assert [line[0] for line in measured] == ["LSTM"]
-    assert tables.table(Results(), "cpu", "random") is None
-    assert tables.table(of_rows(*paper_rows()), "cpu", "random", ["nobody"]) is None
+    assert tables.make_table(Results(), "cpu", "random") is None
+    assert tables.make_table(of_rows(*paper_rows()), "cpu", "random", ["nobody"]) is None
 
 
 def test_markdown_has_the_caption_the_cells_and_the_notes() -> None:
     table = Table("50% of a_b & c", "x", ("a|b", "c"), (("<1", "2"),), ("by `m|n_o`, " + "word " * 60,))
-    lines = layout.markdown(table).splitlines()
+    lines = layout.format_markdown(table).splitlines()
     assert lines[:5] == ["**50% of a_b & c**", "", "| a\\|b | c |", "| --- | --- |", "| <1 | 2 |"]
     assert lines[6].startswith("by `m|n_o`, word")
     assert 1 < len(lines[6:]) <= 4, "wrapped"
@@ -193,6 +197,12 @@ def test_markdown_has_the_caption_the_cells_and_the_notes() -> None:
 
 
 def test_scores_are_written_with_the_digits_that_mean_something() -> None:
-    assert [layout.short(x) for x in (0.0015, 0.0123, 0.2, 0.0, float("nan"))] == ["0.0015", "0.012", "0.20", "0", "-"]
-    assert [layout.number(x) for x in (0.12345, float("nan"))] == ["0.123", "-"]
+    assert [layout.format_short(x) for x in (0.0015, 0.0123, 0.2, 0.0, float("nan"))] == [
+        "0.0015",
+        "0.012",
+        "0.20",
+        "0",
+        "-",
+    ]
+    assert [layout.format_number(x) for x in (0.12345, float("nan"))] == ["0.123", "-"]
     assert (tables.format_score(0.0123, tables.SHORT), tables.format_score(0.0123, 1)) == ("0.012", "0.0")

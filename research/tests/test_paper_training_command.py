@@ -13,7 +13,7 @@ import pytest
 from signsplice.errors import InputError
 from signsplice_paper import plan
 from signsplice_paper.cli import training
-from signsplice_paper.cli.options import PaperCall, deadline_in
+from signsplice_paper.cli.options import PaperCall, compute_deadline
 from signsplice_paper.plan import Run
 from toys import corpus
 
@@ -37,7 +37,7 @@ def test_what_the_plan_has_and_the_folder_lacks_is_trained_once(
 ) -> None:
     rounds = fake_training(monkeypatch, at_most=3)
     call = PaperCall("smoke", corpus().folder, tmp_path)
-    planned = [run.name for run in plan.runs("smoke")]
+    planned = [run.name for run in plan.plan_runs("smoke")]
     assert [run.name for run in training.train_missing(call)] == planned[3:]
     assert f"trainings are missing: {len(planned) - 3} ({planned[3]}, " in capsys.readouterr().err
     rounds_later = fake_training(monkeypatch)
@@ -78,10 +78,10 @@ def test_a_choice_that_fits_nothing_is_refused(tmp_path: Path, monkeypatch: pyte
 
 
 def test_minutes_become_a_deadline() -> None:
-    assert deadline_in(None) is None
-    found = deadline_in(2.0)
+    assert compute_deadline(None) is None
+    found = compute_deadline(2.0)
     assert found is not None
     assert 100.0 < found - time.monotonic() <= 120.0
     for minutes in (-1.0, float("nan")):
         with pytest.raises(InputError, match=r"--minutes .*, expected at least 0"):
-            deadline_in(minutes)
+            compute_deadline(minutes)

@@ -25,10 +25,10 @@ from signsplice.splicing import report
 from signsplice.splicing.bundle import BUNDLE_FILE
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.word import AlignedWord, FrameMap
-from signsplice_paper.configs import config_of
+from signsplice_paper.configs import parse_config
 from signsplice_paper.systems.clips import ClipSplicer
 from signsplice_paper.systems.splicers import OneNetworkSystem, TwoNetworkSystem
-from signsplice_workshop.corpora.number_space import NumberSpace, space_of
+from signsplice_workshop.corpora.number_space import NumberSpace, make_space
 from signsplice_workshop.train.bundles import write_bundle
 from test_paper_clips import AFTER, BEFORE, CONFIG, inner, positions, splicer, straight
 from test_paper_systems import Fakes, counting, encoder, fake_system, tokens
@@ -198,12 +198,12 @@ def own_system(space: NumberSpace) -> ClipSplicer:
     system = splicer().system
     runs = system.config.runs
     assert runs is not None
-    return ClipSplicer(TwoNetworkSystem(config_of(stored, Path(BUNDLE_FILE)), runs, system.graphs, "parallel"))
+    return ClipSplicer(TwoNetworkSystem(parse_config(stored, Path(BUNDLE_FILE)), runs, system.graphs, "parallel"))
 
 
 def test_a_system_of_another_rig_moves_its_joints_and_carries_the_others() -> None:
     joints = [RIG.index[name] for name in GIVEN]
-    space = space_of(RIG, (0.0, 90.0, 0.0), 220.0, joints)
+    space = make_space(RIG, (0.0, 90.0, 0.0), 220.0, joints)
     space = NumberSpace(GIVEN, (-1, 0, 1, 0), space.middle, space.side)
     system, before, after = own_system(space), own_word(1), own_word(2)
     found = system.splice_words(aligned(before), aligned(after))
@@ -224,7 +224,7 @@ def test_a_system_of_another_rig_moves_its_joints_and_carries_the_others() -> No
 
 
 def test_own_words_stand_where_the_system_learned_them_wherever_they_were_recorded() -> None:
-    system = own_system(space_of(BEFORE.skeleton, (0.0, 80.0, 0.0), 220.0))
+    system = own_system(make_space(BEFORE.skeleton, (0.0, 80.0, 0.0), 220.0))
     away = Placement(np.array([300.0, 20.0, -100.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
     here, there = spliced([BEFORE, AFTER], system), spliced([BEFORE, place(AFTER, away)], system)
     np.testing.assert_allclose(positions(there.clip), positions(here.clip), atol=1e-6)
@@ -236,11 +236,11 @@ def test_own_words_stand_where_the_system_learned_them_wherever_they_were_record
 
 
 def test_a_clip_without_a_joint_of_the_system_is_refused() -> None:
-    space = replace(space_of(RIG, (0.0, 90.0, 0.0), 220.0), joints=(*RIG.names[:-1], "Tail"))
+    space = replace(make_space(RIG, (0.0, 90.0, 0.0), 220.0), joints=(*RIG.names[:-1], "Tail"))
     with pytest.raises(InputError, match=r"W1: has no joint Tail; .* bring clips to it with `signsplice convert"):
         own_system(space).splice_words(aligned(own_word(1)), aligned(own_word(2)))
     with pytest.raises(InputError, match=r"bundle\.json: .*space: .*side"):
-        config_of({**CONFIG, "space": {"joints": ["a"], "parents": [-1], "middle": [0, 0, 0]}}, Path(BUNDLE_FILE))
+        parse_config({**CONFIG, "space": {"joints": ["a"], "parents": [-1], "middle": [0, 0, 0]}}, Path(BUNDLE_FILE))
 
 
 @pytest.mark.parametrize(("turned", "n_frames"), [((), 5), ((2,), 5), ((0, 1, 2, 3, 4), 5), ((), 0)])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from signsplice.signer import notation
-from signsplice_paper.position_baselines import BASELINES, RuleReader, WordCuts, partner_class, score_positions
+from signsplice_paper.position_baselines import BASELINES, RuleReader, WordCuts, make_partner_classes, score_positions
 from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.corpora.readable_pairs import JudgedCorpus, write_readable
 
@@ -29,7 +29,7 @@ def test_who_knows_the_rules_reads_every_cut_of_every_split(pairs: Pairs) -> Non
 def test_a_partner_class_seen_in_training_gives_the_true_cut(pairs: Pairs) -> None:
     """The truth depends on the partner's class alone, so a cut that is commonest beside a class is the only one
     there."""
-    class_of = partner_class(pairs)
+    class_of = make_partner_classes(pairs)
     cuts = WordCuts(pairs, "random", commonest=True, classes=class_of)
     taught = pairs.index[pairs.split("random", "train"), :2].tolist()
     before = {(pairs.gloss(p), class_of(q)) for p, q in taught}

@@ -22,13 +22,13 @@ TRAINING = {"optimiser": "adamw", "split": "random", "seed": 0, "steps": 60, "co
 
 def test_published_bundles_open_and_stand_in_the_results() -> None:
     rows = committed_results().rows
-    assert (BUNDLES / published_bundles.PAGE).read_text(encoding="utf-8") == published_bundles.page(BUNDLES)
+    assert (BUNDLES / published_bundles.PAGE).read_text(encoding="utf-8") == published_bundles.format_page(BUNDLES)
     for config in bundles.read_all(BUNDLES):
         system = open_bundle(config.path.parent)
         system.graphs.check()
         still = np.zeros((20, system.n_numbers))
         assert system.predict(still, still).frames.shape[1] == system.n_numbers
-        found = [row for row in rows if row.bundle == bundles.short_hash(config)]
+        found = [row for row in rows if row.bundle == bundles.compute_short_hash(config)]
         assert found, f"{config.path}: no row of results.json was judged as this"
         for name in ("system", "scale", "optimiser", "seed", "steps", "fr"):
             assert {getattr(row, name) for row in found} == {getattr(config, name)}
@@ -49,12 +49,12 @@ def test_publishing_copies_bundles_without_their_logs_and_lists_them(tmp_path: P
     assert published_bundles.publish(sources, out) == [out / "lpt-plus-smoke", out / "other-smoke"]
     for source in sources:
         assert {path.name for path in (out / source.name).iterdir()} == {"bundle.json", "spsn.onnx"}
-        assert bundles.short_hash(read_config(out / source.name)) == bundles.short_hash(read_config(source)), (
-            "rows that name the one name the other"
-        )
+        assert bundles.compute_short_hash(read_config(out / source.name)) == bundles.compute_short_hash(
+            read_config(source)
+        ), "rows that name the one name the other"
     text = (out / published_bundles.PAGE).read_text()
-    assert text == published_bundles.page(out)
-    sha = bundles.short_hash(read_config(sources[0]))
+    assert text == published_bundles.format_page(out)
+    sha = bundles.compute_short_hash(read_config(sources[0]))
     line = f"| lpt-plus-smoke | LPT+ | equal treatment | smoke | adamw | random | 0 | 60 | {sha} | 0.2 |"
     assert line in text.splitlines()
     assert "--system research/bundles/lpt-plus-smoke" in text
@@ -65,7 +65,7 @@ def test_publishing_copies_bundles_without_their_logs_and_lists_them(tmp_path: P
 
 def test_what_is_no_bundle_or_the_folder_itself_is_not_published(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no bundle"):
-        published_bundles.page(tmp_path)
+        published_bundles.format_page(tmp_path)
     with pytest.raises(InputError, match="no such file"):
         published_bundles.publish([tmp_path / "nowhere"], tmp_path / "out")
     source = trained(tmp_path / "lpt-plus-smoke")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from signsplice.motion import Clip, Skeleton
-from signsplice_paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic
+from signsplice_paper.stick_figure import StickFigure, make_stick_figure, make_synthetic_figure, read_stick_figure
 from toys import corpus
 
 NAMES = (
@@ -35,7 +35,7 @@ def unreal_clip() -> Clip:
 def test_parts_and_hands_are_found_in_another_rig() -> None:
     joints = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]
     parents = [-1, *(joints.index(PARENTS[joint]) for joint in joints[1:])]
-    figure = stick_figure(unreal_clip(), joints, parents)
+    figure = make_stick_figure(unreal_clip(), joints, parents)
     by_name = {
         NAMES[joint]: (part, finger) for joint, part, finger in zip(joints, figure.parts, figure.fingers, strict=True)
     }
@@ -48,7 +48,7 @@ def test_parts_and_hands_are_found_in_another_rig() -> None:
     assert figure.wrists == {"right": joints.index(13), "left": joints.index(8)}
     assert figure.knuckles == {"right": joints.index(14), "left": joints.index(8)}, "the hand where no middle finger is"
     assert figure.head == (joints.index(4), joints.index(5))
-    assert sorted(figure.bones("right", True, "right")) == [(joints.index(13), joints.index(14)), (13, 14)]
+    assert sorted(figure.find_bones("right", True, "right")) == [(joints.index(13), joints.index(14)), (13, 14)]
     assert np.allclose(figure.view, [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "the signer's left is the viewer's right"
     frame = np.arange(48.0)[None]
     assert np.allclose(figure.project_frames(frame)[0, 1], [4.0, 5.0])
@@ -59,11 +59,11 @@ def test_a_rig_without_known_names_is_all_trunk() -> None:
     clip = corpus().word_clip(0)
     bare = Skeleton(tuple(f"j{k}" for k in range(53)), clip.skeleton.parents, clip.skeleton.offsets)
     unknown = Clip(bare, clip.local_rotations, clip.root_positions, clip.fps)
-    figure: StickFigure = stick_figure(unknown, range(53), bare.parents.tolist())
+    figure: StickFigure = make_stick_figure(unknown, range(53), bare.parents.tolist())
     assert set(figure.parts) == {"trunk"}
     assert (figure.wrists, figure.head) == ({}, None)
 
 
 def test_frames_without_a_figure_are_drawn_as_the_synthetic_signer() -> None:
     clip = corpus().word_clip(0)
-    assert stick_figure(clip, range(53), clip.skeleton.parents.tolist()) == synthetic()
+    assert make_stick_figure(clip, range(53), clip.skeleton.parents.tolist()) == make_synthetic_figure()

@@ -117,7 +117,7 @@ def row(system: str = "lpt-plus", **changes: Any) -> ResultRow:
         "steps": 100,
         "corpus": "c0ffee",
         "protocol": "paper|corpus:c0ffee|split:random",
-        "metrics_id": results.signature_id(),
+        "metrics_id": results.hash_signatures(),
         "n_pairs": 3,
         "machine": "a machine",
     }
@@ -155,7 +155,7 @@ def write_bundle(folder: Path, pairs: Pairs, last: float = 0.999, **changes: Any
     }
     folder.mkdir(parents=True)
     (folder / "bundle.json").write_text(json.dumps(contents | changes))
-    known = bundles.result_row(read_config(folder))
+    known = bundles.make_result_row(read_config(folder))
     points = [(64.0 * step, None, last + (step - 20) / 100.0, 0.01, 0.9, 0.8) for step in range(5, 25, 5)]
     made = Curve(
         known.system, "random", known.scale, known.optimiser, known.fr, known.seed,

@@ -150,7 +150,8 @@ def test_a_surface_is_the_outermost_skin_and_follows_its_joints(monkeypatch: pyt
     assert (normals[blend[:, 0] > 0.6] @ [0.0, 0.0, 1.0] < -0.99).all()
     near, _ = made.deform(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (np.array([0.0, 0.05, 0.0]), 0.02))
     assert 0 < len(near) == (np.linalg.norm(points - [0.0, 0.05, 0.0], axis=1) < 0.02).sum()
-    monkeypatch.setattr(skin_surface, "_MOST_WEIGHTS", len(points))
+    bound = skin_surface.SurfaceSettings(most_weights=len(points))
+    monkeypatch.setattr(skin_surface, "_SURFACE", bound)
     assert skin_surface.surface(mesh, [0, 1], np.zeros((2, 3)), 0.004) is None, "more than its bound"
 
 

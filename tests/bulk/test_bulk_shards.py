@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import signsplice as ss
-from bulk_kills import content
+from bulk_kills import read_folder
 from signing import marked
 from signsplice import lexicon
 from signsplice.bulk import recipes, run
@@ -123,13 +123,13 @@ def test_bytes_do_not_depend_on_order_or_on_what_was_there(made: tuple[Path, Bul
     (out / "index").mkdir()
     (out / "shard-000001.tar").write_bytes(b"of a run that was killed")
     make(out, job, [2, 1, 0])
-    assert content(out) == content(made[0])
+    assert read_folder(out) == read_folder(made[0])
 
 
 def test_a_run_makes_only_what_is_missing_or_not_whole(made: tuple[Path, BulkJob], tmp_path: Path) -> None:
     out = tmp_path / "out"
     shutil.copytree(made[0], out)
-    whole = content(out)
+    whole = read_folder(out)
     (out / "index" / "000000.parquet").unlink()
     (out / "shard-000002.tar").write_bytes(whole["shard-000002.tar"][:-512])
     (out / "summary.json").write_text("of the files that are missing now")
@@ -141,7 +141,7 @@ def test_a_run_makes_only_what_is_missing_or_not_whole(made: tuple[Path, BulkJob
 
     summary = run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS)], workers=1, advance=advance)
     assert (states[0].n_before, states[0].n_done, states[-1].n_done, states[-1].n_failed) == (2, 2, 5, 1)
-    found = content(out)
+    found = read_folder(out)
     assert json.loads(found.pop("summary.json"))["n_failed"] == summary.n_failed == 2
     assert found == whole
 
@@ -197,10 +197,10 @@ def test_rounded_samples_are_smaller_and_nearly_the_same(made: tuple[Path, BulkJ
 def test_another_run_is_not_mixed_into_a_folder(
     made: tuple[Path, BulkJob], rows: list[SentenceRecipe], options: dict[str, object], named: str
 ) -> None:
-    before = content(made[0])
+    before = read_folder(made[0])
     with pytest.raises(InputError, match=f"was begun with {named}.*new folder"):
         job_of(made[0], rows, **options)
-    assert content(made[0]) == before
+    assert read_folder(made[0]) == before
 
 
 def test_another_lexicon_is_refused_by_the_call_and_by_workers(words: dict[str, Clip], tmp_path: Path) -> None:
@@ -251,10 +251,10 @@ def test_a_job_that_was_changed_is_refused(
 
 def test_a_call_that_is_refused_leaves_no_trace(made: tuple[Path, BulkJob], tmp_path: Path) -> None:
     for out in (tmp_path / "new", made[0]):
-        before = content(out) if out.exists() else None
+        before = read_folder(out) if out.exists() else None
         with pytest.raises(InputError):
             run.run(out, OPTIONS, lambda: [recipes.batch_of(ROWS[:0])])
-        assert (content(out) if out.exists() else None) == before
+        assert (read_folder(out) if out.exists() else None) == before
         assert not (out / "unfinished").exists()
 
 

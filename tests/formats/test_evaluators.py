@@ -14,11 +14,11 @@ import formats
 
 @pytest.mark.parametrize("kind", formats.KINDS)
 def test_no_file_is_read_otherwise_than_the_standard_says(kind: str) -> None:
-    assert formats.seen(kind, 6) == {formats.KINDS[kind][0]: 6}
+    assert formats.count_verdicts(kind, 6) == {formats.KINDS[kind][0]: 6}
 
 
 def test_the_evaluator_of_bvh_agrees_with_pybvh() -> None:
-    names, positions = evaluators.bvh_joints((GOLDEN / "pybvh_chain.bvh").read_bytes())
+    names, positions = evaluators.locate_bvh_joints((GOLDEN / "pybvh_chain.bvh").read_bytes())
     with np.load(GOLDEN / "pybvh_chain.npz") as golden:
         np.testing.assert_allclose(positions, golden["positions"], atol=1e-9)
     assert len(names) == positions.shape[1]
@@ -29,6 +29,6 @@ def test_the_evaluator_of_gltf_multiplies_matrices() -> None:
     matrix = [1, 0, 0, 0, 0.5, -1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1]
     nodes: list[dict[str, Any]] = [{"name": "arm", "matrix": matrix, "children": [1]}, {"name": "tip"}]
     moves = (1, "translation", np.array([0.0, 1.0]), np.array([[0.0, 0.0, 0.0], [2.0, 4.0, 6.0]]), "LINEAR")
-    names, positions = evaluators.gltf_joints(formats.Made(nodes, [moves]).content(), [-1.0, 0.5, 1.5])
+    names, positions = evaluators.locate_gltf_joints(formats.GltfDraft(nodes, [moves]).encode(), [-1.0, 0.5, 1.5])
     assert names == ["arm", "tip"]
     np.testing.assert_allclose(positions[:, 1], [[0.0, 1.0, 0.0], [2.0, -1.0, 3.0], [4.0, -3.0, 6.0]])

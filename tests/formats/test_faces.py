@@ -19,7 +19,7 @@ from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import ReadLimits
 from signsplice.motion import Clip, FloatArray
 from signsplice.motion.face import ARKIT_CHANNELS, Face, shape_of
-from signsplice_workshop.measure.faces import random_face, with_random_face
+from signsplice_workshop.measure.faces import add_random_face, random_face
 
 HEAD = "Timecode,BlendshapeCount," + ",".join(name[0].upper() + name[1:] for name in ARKIT_CHANNELS)
 HEAD += "," + ",".join(live_link.ROTATIONS)
@@ -158,7 +158,7 @@ def test_another_table_beside_a_clip_is_no_face_and_a_missing_one_is_an_error(bo
 def test_a_face_comes_back_from_its_file(
     suffix: str, channels: tuple[str, ...], words: dict[str, Clip], tmp_path: Path
 ) -> None:
-    clip = with_random_face(words["DEAF"], 4, channels)
+    clip = add_random_face(words["DEAF"], 4, channels)
     ss.save(clip, tmp_path / f"clip{suffix}")
     assert (tmp_path / "clip.csv").exists() == (suffix == ".bvh")
     face = face_of(ss.load(tmp_path / f"clip{suffix}"))
@@ -167,7 +167,7 @@ def test_a_face_comes_back_from_its_file(
 
 
 def test_no_two_expressions_of_an_animation_move_the_same(words: dict[str, Clip]) -> None:
-    clip = with_random_face(words["HELLO"], 4)
+    clip = add_random_face(words["HELLO"], 4)
     shapes = [shape_of(name) for name, _ in vrm_expressions(vrma.document(clip).to_dict())]
     moved = [channel for shape in shapes if shape is not None for channel in shape]
     assert sorted(moved) == sorted(ARKIT_CHANNELS)
@@ -264,7 +264,7 @@ def test_broken_expressions_of_an_avatar_name_no_target(broken: object) -> None:
 def test_a_figure_with_targets_shows_the_face_and_what_it_cannot_show_is_known(
     words: dict[str, Clip], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clip = with_random_face(words["DEAF"], 4)
+    clip = add_random_face(words["DEAF"], 4)
     plain, names = DocumentWriter.mesh, list[str]()
 
     def with_targets(writer: DocumentWriter, *given: Any, **more: Any) -> None:
@@ -288,7 +288,7 @@ def lost_in_file(clip: Clip, folder: Path) -> tuple[str, ...]:
 
 @pytest.mark.parametrize("kind", face_avatars.KINDS[:3])
 def test_the_same_face_comes_back_from_every_kind_of_avatar(kind: str, words: dict[str, Clip], tmp_path: Path) -> None:
-    clip = with_random_face(words["HELLO"][:12], 3)
+    clip = add_random_face(words["HELLO"][:12], 3)
     ss.save(clip, tmp_path / "HELLO.bvh")  # and HELLO.csv
     avatar = ss.read_avatar(face_avatars.write(tmp_path, kind))
     signed = ss.retarget(ss.load(tmp_path / "HELLO.bvh"), avatar).clip

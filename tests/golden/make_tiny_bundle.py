@@ -18,7 +18,7 @@ import torch
 
 from signsplice_workshop.corpora import training_data
 from signsplice_workshop.train import training
-from signsplice_workshop.train.export import product_graphs
+from signsplice_workshop.train.export import export_product_graphs
 from signsplice_workshop.train.networks import Bridge, BridgeConfig, Cutting, CuttingConfig
 
 HERE = Path(__file__).parent
@@ -39,7 +39,7 @@ def main(target: Path) -> None:
             training.SCHEDULES[name, "tiny"] = schedule
             config = training.ProductTraining(name, "tiny")
             torch.manual_seed(1)
-            task = training.build(config, training.dataset(config, train_paths))
+            task = training.build(config, training.open_dataset(config, train_paths))
             network = task.network
             assert isinstance(network, Bridge | Cutting)
             last_layers = [network.out] if isinstance(network, Bridge) else [network.leaving.out, network.entering.out]
@@ -50,7 +50,7 @@ def main(target: Path) -> None:
                     weight.add_(0.02 * torch.randn_like(weight))
             folder = parts / name
             folder.mkdir(parents=True)
-            for file, content in product_graphs(task, training.dataset(config, held_back, 4)).items():
+            for file, content in export_product_graphs(task, training.open_dataset(config, held_back, 4)).items():
                 (folder / file).write_bytes(content)
             facts = {"network": name, "scale": "tiny", "weights": "random", "config": asdict(schedule.config)}
             (folder / "facts.json").write_text(json.dumps(facts))

@@ -15,7 +15,7 @@ from signsplice.lexicon.frames import FORMS, decode, encode
 from signsplice.lexicon.gloss import Entry
 from signsplice.motion import Clip, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
-from signsplice_workshop.measure.faces import with_random_face
+from signsplice_workshop.measure.faces import add_random_face
 
 
 def entry_of(clip: Clip, n_frames: int) -> Entry:
@@ -68,7 +68,7 @@ def test_a_face_comes_back_in_float32_and_a_clip_without_one_keeps_its_bytes(
     form: str, channels: tuple[str, ...]
 ) -> None:
     plain = random_clip(3, 17)
-    clip = with_random_face(plain, 1, channels)
+    clip = add_random_face(plain, 1, channels)
     face = round_trip(clip, form).face
     assert face is not None
     assert clip.face is not None
@@ -81,7 +81,7 @@ def test_a_face_comes_back_in_float32_and_a_clip_without_one_keeps_its_bytes(
 
 
 def test_damage_in_a_face_is_found() -> None:
-    clip = with_random_face(random_clip(3, 17), 1, ("jawOpen",))
+    clip = add_random_face(random_clip(3, 17), 1, ("jawOpen",))
     block, at = encode(clip, "float32"), len(encode(replace(clip, face=None), "float32"))
     wrong = [block[: at + 8], block + b"\0" * 8, block[:at] + b"\xff" * 8 + block[at + 8 :]]
     wrong += [block[:at] + bytes(8) + block[at + 8 :], block[: at + 8] + b"\x00\x00\x40\x40" + block[at + 12 :]]

@@ -11,7 +11,7 @@ from conftest import random_clip
 from signsplice.errors import InputError
 from signsplice.motion import concatenate, copy_unchecked, resample, sample_clip
 from signsplice.motion.face import ARKIT_CHANNELS, PRESETS, VISEMES, Face, face_from, shape_of, target_weights
-from signsplice_workshop.measure.faces import random_face, with_random_face
+from signsplice_workshop.measure.faces import add_random_face, random_face
 
 
 @pytest.mark.parametrize(
@@ -33,12 +33,12 @@ def test_a_face_that_is_none_is_refused(channels: tuple[str, ...], weights: obje
 def test_a_face_has_as_many_frames_as_its_clip() -> None:
     with pytest.raises(InputError, match="a face of 3 frames for 20 frames"):
         replace(random_clip(0), face=random_face(0, 3))
-    clip = with_random_face(random_clip(0), 0)
+    clip = add_random_face(random_clip(0), 0)
     assert copy_unchecked(clip, local_rotations=clip.local_rotations[:5], root_positions=np.zeros((5, 3))).face is None
 
 
 def test_slices_and_joins_keep_every_weight() -> None:
-    clip = with_random_face(random_clip(0), 0)
+    clip = add_random_face(random_clip(0), 0)
     joined = concatenate([clip[:7], clip[7:8], clip[8:]])
     assert joined.face is not None
     assert clip.face is not None
@@ -47,7 +47,7 @@ def test_slices_and_joins_keep_every_weight() -> None:
 
 def test_a_part_without_a_face_is_at_rest_and_channels_are_joined_by_name() -> None:
     bare = random_clip(0)
-    one, two = with_random_face(bare, 1, ("jawOpen",)), with_random_face(bare, 2, ("tongueOut", "browInnerUp"))
+    one, two = add_random_face(bare, 1, ("jawOpen",)), add_random_face(bare, 2, ("tongueOut", "browInnerUp"))
     face = concatenate([one, bare, two]).face
     assert face is not None
     assert face.channels == ("jawOpen", "browInnerUp", "tongueOut")
@@ -58,7 +58,7 @@ def test_a_part_without_a_face_is_at_rest_and_channels_are_joined_by_name() -> N
 
 
 def test_time_passes_for_a_face_as_for_the_body() -> None:
-    clip = with_random_face(random_clip(0, 31), 0)
+    clip = add_random_face(random_clip(0, 31), 0)
     twice, half = resample(clip, 60.0).face, resample(clip, 30.0, speed=2.0).face
     assert clip.face is not None
     assert twice is not None

@@ -18,7 +18,7 @@ from signsplice.rig.align import place, placement
 from signsplice.rig.info import rig_info
 from signsplice.rig.keyedness import explain_keyedness, judge_keyedness
 from signsplice.rig.roles import ARM
-from signsplice_workshop.corpora.rekeying import DRAWINGS, low_passed, noisy, rekey_clip
+from signsplice_workshop.corpora.rekeying import DRAWINGS, add_noise, low_pass, rekey_clip
 
 KINDS = [kind for kind in DRAWINGS if kind != "blender-old"]
 """Curves that are cubics of time; Blender's without continuous acceleration are not, and pass as captured."""
@@ -52,9 +52,9 @@ def test_keyed_clips_stay_keyed_at_other_rates(kind: str) -> None:
 def test_signed_and_captured_motion_is_captured(seed: int | None) -> None:
     rng = np.random.default_rng(2)
     clip = signed("WORK", seed)
-    changed = [noisy(clip, rad, rng, width) for rad in (0.001, 0.01) for width in (0.0, 2.0)]
+    changed = [add_noise(clip, rad, rng, width) for rad in (0.001, 0.01) for width in (0.0, 2.0)]
     changed += [resample(clip, fps) for fps in (24.0, 25.0, 60.0)]
-    changed += [low_passed(clip, hertz) for hertz in (4.0, 8.0)]
+    changed += [low_pass(clip, hertz) for hertz in (4.0, 8.0)]
     for other in (clip, *changed):
         assert not is_keyed(other)
 
@@ -68,7 +68,7 @@ def test_words_that_ship_are_captured() -> None:
 def test_a_capture_and_what_is_made_of_it_is_captured(real_clips: dict[str, Clip]) -> None:
     take, rng = real_clips["long_take_metres"], np.random.default_rng(3)
     parts = [take, *(take[k : k + 30] for k in range(0, 440, 60))]
-    for clip in (*parts, noisy(take, 0.003, rng), resample(take, 24.0), resample(take, 60.0), low_passed(take, 5.0)):
+    for clip in (*parts, add_noise(take, 0.003, rng), resample(take, 24.0), resample(take, 60.0), low_pass(take, 5.0)):
         assert not is_keyed(clip)
     assert is_keyed(real_clips["isl_thanks"])
     assert is_keyed(rekey_clip(take[:105], 3, "unity"))

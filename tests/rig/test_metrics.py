@@ -13,7 +13,7 @@ from signsplice.rig.info import rig_info
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.curves import find_transition
 from signsplice_workshop.measure import motion_scores
-from signsplice_workshop.measure.hidden_frames import hidden_frames, table
+from signsplice_workshop.measure.hidden_frames import score_hidden_frames, table
 
 
 def points(x: list[float]) -> FloatArray:
@@ -96,7 +96,7 @@ def test_the_table_of_hidden_frames_names_keyed_clips() -> None:
     signed = word("MOTHER").clip
     interpolated = replace(find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30)), name="DRAWN")
     clips = [interpolated, signed]
-    lines = table(hidden_frames(clips, [find_transition("hermite")], [5]), clips)
+    lines = table(score_hidden_frames(clips, [find_transition("hermite")], [5]), clips)
     named = [line.strip() for line in lines if "no measure of real motion" in line]
     assert named == [f"DRAWN is no measure of real motion ({motion_scores.format_keyedness(interpolated)})."]
 
@@ -104,7 +104,7 @@ def test_the_table_of_hidden_frames_names_keyed_clips() -> None:
 def test_hidden_frames_counts_gaps_interpolated_between_keys() -> None:
     signed = word("MOTHER").clip
     interpolated = find_transition("slerp").between(Gap(signed[:1], signed[30:31], 30))
-    rows = [hidden_frames([clip], [find_transition("hermite")], [5])[0] for clip in (interpolated, signed)]
+    rows = [score_hidden_frames([clip], [find_transition("hermite")], [5])[0] for clip in (interpolated, signed)]
     assert [row.drawn for row in rows] == [1.0, 0.0]
     assert ["100 % of 5 frames" in "\n".join(table([row])) for row in rows] == [True, False]
 
@@ -125,6 +125,6 @@ def test_errors_by_group_tell_which_joints_are_wrong() -> None:
         "rightLowerArm": {"hands"},
         "neck": {"trunk"},
     }
-    rows = hidden_frames([clip], [find_transition("hermite")], [5])
+    rows = score_hidden_frames([clip], [find_transition("hermite")], [5])
     assert rows[0].hand_error > rows[0].trunk_error > 0.0
     assert "error of the fingers" in "\n".join(table(rows))

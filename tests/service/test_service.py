@@ -34,7 +34,7 @@ from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.seam import Number
-from signsplice_workshop.measure.faces import with_random_face
+from signsplice_workshop.measure.faces import add_random_face
 
 GLOSSES = ["HELLO", "DEAF", "FRIEND"]
 SCRIPT_START = '<script type="application/json" id="signsplice">'
@@ -302,7 +302,7 @@ def test_a_face_by_rule_is_in_the_files_of_a_sentence_that_asks_for_it(service: 
 
 def test_a_stream_sends_a_face_before_its_frames() -> None:
     """Of the words that ship none has a face: what a worker makes of pieces is looked at here."""
-    pieces = list(stream([with_random_face(clip, k) for k, clip in enumerate(clips(GLOSSES))]))
+    pieces = list(stream([add_random_face(clip, k) for k, clip in enumerate(clips(GLOSSES))]))
     opened = work._OpenStream(Stream(), SpliceOptions(), wire.OpenMessage(type="open"))
     messages = work._messages(opened, pieces)
     faces = [message for message in messages if isinstance(message, dict) and message["type"] == "face"]

@@ -9,7 +9,7 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, resample
 from signsplice.rig.info import arms
 from signsplice.splicing.contracts import Cut, find
-from signsplice.splicing.durations import DURATIONS, RUNNING_S, SIGN_FRACTION, TravelDuration, travel_widths
+from signsplice.splicing.durations import DURATIONS, HUMAN, RUNNING_S, TravelDuration, travel_widths
 from signsplice.splicing.engine import SpliceOptions, splice
 
 PRE, POST = 43, 12
@@ -23,7 +23,9 @@ def test_far_transitions_take_as_long_as_people_take(sentence: list[Clip]) -> No
     assert widths > 1.0
     expected = 0.1 + 0.2 * np.log2(1.0 + widths)
     assert TravelDuration(RUNNING_S).seconds(before, after, Cut(PRE, POST)) == pytest.approx(expected)
-    assert TEMPO.seconds(before, after, Cut(PRE, POST)) == pytest.approx(expected / SIGN_FRACTION), "as signs alone"
+    assert TEMPO.seconds(before, after, Cut(PRE, POST)) == pytest.approx(expected / HUMAN.sign_fraction), (
+        "as signs alone"
+    )
 
 
 def test_no_transition_is_shorter_than_the_human_median(sentence: list[Clip]) -> None:

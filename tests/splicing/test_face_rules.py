@@ -13,7 +13,7 @@ from signsplice.motion import Clip, concatenate
 from signsplice.motion.face import Face
 from signsplice.splicing import report
 from signsplice.splicing.faces import BLINKS, BROWS, CHANNELS, FURROWED, RAISED, RULES
-from signsplice_workshop.measure.faces import with_random_face
+from signsplice_workshop.measure.faces import add_random_face
 
 OPTIONS = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed", face_rules=RULES)
 
@@ -84,7 +84,7 @@ def test_people_blink_at_the_ends_of_phrases_and_every_few_seconds(sentence: lis
 
 
 def test_a_clip_with_a_face_of_its_own_keeps_it(words: dict[str, Clip]) -> None:
-    clips = [words["HELLO"], with_random_face(words["DEAF"], 0), words["SIGN"]]
+    clips = [words["HELLO"], add_random_face(words["DEAF"], 0), words["SIGN"]]
     result = ss.splice(marked(clips, pauses={1: "?"}, brows=dict.fromkeys(range(3), RAISED)), OPTIONS)
     own = next(span for span in result.spans if span.clip == 1)
     assert own.source is not None

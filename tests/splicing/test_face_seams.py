@@ -15,7 +15,7 @@ from signsplice.motion.face import ARKIT_CHANNELS, Face
 from signsplice.splicing import report
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.faces import LIDS, ease_face, largest_step
-from signsplice_workshop.measure.faces import LID_COLUMNS, half_blinks, random_face, with_random_face
+from signsplice_workshop.measure.faces import LID_COLUMNS, add_random_face, find_half_blinks, random_face
 
 PLAIN = ss.SpliceOptions(cutter="ends", transition="slerp", duration="fixed")
 
@@ -39,7 +39,7 @@ def test_random_faces_have_no_half_blink_and_no_jump_above_their_own(seed: int) 
         steps = np.delete(np.abs(np.diff(whole[last : last + n + 2], axis=0)), LID_COLUMNS, axis=1).max(axis=0)
         unavoidable = np.delete(np.abs(before.weights[last] - after.weights[first]), LID_COLUMNS) / (n + 1)
         assert np.all(steps <= np.maximum(limit, unavoidable) + 1e-9)
-        assert not half_blinks(whole[max(0, last - 12) : last + n + 14, LID_COLUMNS[0]])
+        assert not find_half_blinks(whole[max(0, last - 12) : last + n + 14, LID_COLUMNS[0]])
 
 
 def lids(*weights: float) -> Face:
@@ -81,7 +81,7 @@ def test_the_mouth_closes_before_it_opens_for_the_next_word_and_brows_span_both(
 def test_source_frames_keep_their_faces_bit_for_bit(
     words: dict[str, Clip], options: ss.SpliceOptions, pauses: dict[int, str] | None
 ) -> None:
-    clips = [with_random_face(words[gloss], k) for k, gloss in enumerate(("HELLO", "DEAF", "SIGN"))]
+    clips = [add_random_face(words[gloss], k) for k, gloss in enumerate(("HELLO", "DEAF", "SIGN"))]
     result = ss.splice(marked(clips, pauses=pauses), options)
     for span in result.spans:
         if span.clip is not None and span.source is not None:
@@ -98,7 +98,7 @@ def test_source_frames_keep_their_faces_bit_for_bit(
 
 
 def test_a_stream_and_a_bulk_run_have_the_faces_of_a_splice(words: dict[str, Clip]) -> None:
-    clips = [with_random_face(words["HELLO"], 0), words["I"], with_random_face(words["DEAF"], 1, ("jawOpen",))]
+    clips = [add_random_face(words["HELLO"], 0), words["I"], add_random_face(words["DEAF"], 1, ("jawOpen",))]
     whole = ss.splice(clips, PLAIN).clip
     streamed = concatenate([piece.clip for piece in ss.stream(iter(clips), PLAIN)])
     (bulk,) = splice_many([clips], PLAIN)
@@ -113,7 +113,7 @@ def test_a_stream_and_a_bulk_run_have_the_faces_of_a_splice(words: dict[str, Cli
 
 
 def test_tempo_and_another_rate_treat_a_face_with_its_body(words: dict[str, Clip]) -> None:
-    clips = [with_random_face(words[gloss], k) for k, gloss in enumerate(("HELLO", "DEAF"))]
+    clips = [add_random_face(words[gloss], k) for k, gloss in enumerate(("HELLO", "DEAF"))]
     result = ss.splice(clips, ss.SpliceOptions(tempo="natural", fps=60.0))
     again = ss.splice([replace(clip, face=None) for clip in clips], ss.SpliceOptions(tempo="natural", fps=60.0))
     assert np.array_equal(result.clip.local_rotations, again.clip.local_rotations)
@@ -124,7 +124,7 @@ def test_tempo_and_another_rate_treat_a_face_with_its_body(words: dict[str, Clip
 
 
 def test_frames_made_anew_have_a_face_from_what_surrounds_them(words: dict[str, Clip]) -> None:
-    clip = with_random_face(words["HELLO"], 5)
+    clip = add_random_face(words["HELLO"], 5)
     made = face_of(ss.inbetween(clip, [(30, 42)], "slerp").clip)
     assert np.array_equal(made.weights[:30], face_of(clip).weights[:30])
     assert np.array_equal(made.weights[42:], face_of(clip).weights[42:])
@@ -134,6 +134,6 @@ def test_frames_made_anew_have_a_face_from_what_surrounds_them(words: dict[str, 
 
 
 def test_a_face_goes_with_its_clip_onto_another_body(words: dict[str, Clip]) -> None:
-    clip = with_random_face(words["DEAF"], 1)
+    clip = add_random_face(words["DEAF"], 1)
     other = replace(words["HELLO"], skeleton=replace(clip.skeleton, offsets=1.3 * clip.skeleton.offsets))
     assert np.array_equal(face_of(ss.retarget(clip, other).clip).weights, face_of(clip).weights)

@@ -27,7 +27,7 @@ from signsplice.splicing.collisions import TOLERANCE_M
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.durations import DURATIONS
 from signsplice.splicing.engine import joined_sentence
-from signsplice.splicing.idle_hands import FASTEST_M_S, NATURAL, FreeHands, idle_hands, is_approached
+from signsplice.splicing.idle_hands import NATURAL, SPEEDS, FreeHands, idle_hands, is_approached
 from signsplice.splicing.sentence import Sentence
 from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.hands import wrist_positions
@@ -79,7 +79,7 @@ def test_all_joints_but_those_of_an_idle_arm_keep_the_frames_of_the_signs(line: 
 @pytest.mark.parametrize("line", LINES)
 def test_an_idle_hand_is_as_slow_as_those_of_people(line: str) -> None:
     natural, usual = spliced(line), spliced(line, "transition")
-    for result, most in ((natural, 1.45), (usual, FASTEST_M_S)):
+    for result, most in ((natural, 1.45), (usual, SPEEDS.largest_m_s)):
         words = clips(line)
         for k, seam in enumerate(result.seams):
             a, b = result.spans[2 * k + 1].output
@@ -97,10 +97,10 @@ def test_a_transition_is_lengthened_only_where_the_idle_hand_would_be_too_fast(m
     monkeypatch.setitem(DURATIONS, "tempo", DURATIONS["fixed"])  # too fast for a hand from face to hip
     given, usual = ss.splice(fast, named).seams[0].n_transition, ss.splice(fast).seams[0]
     assert usual.n_transition > given
-    assert usual.peak_speed_m_s <= FASTEST_M_S
+    assert usual.peak_speed_m_s <= SPEEDS.largest_m_s
     timed = ss.splice(fast, ss.SpliceOptions(transition_time=given / 30.0))
     assert timed.seams[0].n_transition == given
-    assert timed.seams[0].peak_speed_m_s > FASTEST_M_S
+    assert timed.seams[0].peak_speed_m_s > SPEEDS.largest_m_s
     natural = ss.splice(fast, ss.SpliceOptions(free_hand=NATURAL))
     assert natural.seams[0].n_transition == given, "frames of the sign are enough"
 

@@ -12,7 +12,7 @@ from signsplice.lexicon import Lexicon, open_shipped_lexicon
 from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.rig.info import arms, hands_in_trunk_axes
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
-from signsplice.splicing.letters import FREE, spelling_side
+from signsplice.splicing.letters import FREE_FINGERS, spelling_side
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_selected_fingers_and_the_thumb_keep_every_recorded_frame(word: str, lex
     result = splice(clips)
     spelled = {"Index": "Index", "Middle": "Middle", "Ring": "Ring", "Little": "Pinky"}
     for k, clip in enumerate(clips):
-        free = [spelled[name] for name in FREE.get(word[k], ())]
+        free = [spelled[name] for name in FREE_FINGERS.get(word[k], ())]
         kept = [name for name in clip.skeleton.names[1:] if not any(part in name for part in free)]
         assert off(result, k, clip, kept).max() < 1e-9, word[k]
         if free:

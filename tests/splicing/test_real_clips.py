@@ -9,7 +9,7 @@ from signsplice.motion import Clip, kinematics, resample, rotation
 from signsplice.motion.euler import ROTATIONS
 from signsplice.splicing.curves import find_transition
 from signsplice.splicing.engine import splice
-from signsplice_workshop.measure.hidden_frames import hidden_frames
+from signsplice_workshop.measure.hidden_frames import score_hidden_frames
 
 
 def test_real_clips_of_two_rigs_are_spliced_without_a_jump(real_clips: dict[str, Clip]) -> None:
@@ -40,7 +40,7 @@ def test_hermite_fills_hidden_frames_better_than_slerp(real_clips: dict[str, Cli
     frames from 315 on are for the last look at new motion.
     """
     clips = [resample(real_clips["long_take_metres"][:315], 24.0)[170:]]
-    rows = hidden_frames(
+    rows = score_hidden_frames(
         clips, [find_transition(name) for name in ("hold", "slerp", "hermite")], (5, 12, 24), stride=20
     )
     error = {(row.transition, row.n_frames): row.position_error for row in rows}

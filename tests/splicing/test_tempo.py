@@ -34,7 +34,7 @@ from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, spli
 from signsplice.splicing.passes import LengthenGaps, Refill
 from signsplice.splicing.result import measure_tempo
 from signsplice.splicing.seam import SIGNS, Seam
-from signsplice.splicing.tempo import CONTACT_S, MOST, PEAKS, contact_frames, pace, prominent_peaks, retime_word
+from signsplice.splicing.tempo import PEAKS, RATES, contact_frames, pace, prominent_peaks, retime_word
 from signsplice.splicing.word import AlignedWord, FrameMap
 from signsplice_workshop.measure.hands import wrist_positions
 from signsplice_workshop.measure.tempo import add_noise, compare, draw_words, hold_longer, table
@@ -84,7 +84,7 @@ def test_the_frames_that_a_warp_lists_rebuild_the_sign_bit_for_bit(natural: Spli
         outputs, sources = np.array(span.warp).T
         assert outputs.tolist() == list(range(*span.output))
         assert (np.diff(sources) > 0.0).all()
-        assert (np.diff(sources) < 1.1 * MOST).all()
+        assert (np.diff(sources) < 1.1 * RATES.highest_rate).all()
         assert span.source[0] <= sources[0]
         assert sources[-1] <= span.source[1] - 1
         source = align(sentence[span.clip], first).clip
@@ -221,7 +221,7 @@ def test_a_contact_is_seen_in_two_frames_at_least() -> None:
         assert played.frames.sources is not None
         for start, stop in contact_frames(clip):
             shown = (played.frames.sources >= start) & (played.frames.sources <= stop - 1)
-            if stop - 1 - start >= CONTACT_S * clip.fps:
+            if stop - 1 - start >= RATES.least_contact_s * clip.fps:
                 assert shown.sum() >= 2, gloss
 
 

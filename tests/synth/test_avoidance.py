@@ -16,7 +16,7 @@ from signsplice.signer.handshapes import HANDSHAPES
 from signsplice.signer.phonology import Posture, Segment, Sign
 from signsplice.signer.planner import IsolatedWord, touches
 from signsplice.signer.signer import JOINTS, RESTS, STANDARD, draw_signer
-from signsplice_workshop.corpora.touches import events_with_touches
+from signsplice_workshop.corpora.touches import measure_touches
 from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.corpus_checks import over_limit
 
@@ -48,8 +48,8 @@ def gap(one: IsolatedWord, frame: int, part: str) -> float:
 @pytest.mark.parametrize("seed", [None, 3, 7])
 def test_a_touch_in_notation_is_a_touch_in_motion(gloss: str, seed: int | None) -> None:
     one = word(gloss, seed)
-    assert events_with_touches(one).touches_last
-    assert not events_with_touches(one).touches_first
+    assert measure_touches(one).touches_last
+    assert not measure_touches(one).touches_first
     part = one.sign.segments[-1].strong.part
     touching = gap(one, one.events.passes[-1][1], part)
     assert -0.25 < touching < 0.5, "at the end of its last movement"
@@ -59,7 +59,7 @@ def test_a_touch_in_notation_is_a_touch_in_motion(gloss: str, seed: int | None) 
 @pytest.mark.parametrize("seed", [None, 3])
 def test_the_strong_hand_touches_a_base_hand(seed: int | None) -> None:
     one = word("LEARN", seed)
-    assert events_with_touches(one).touches_first
+    assert measure_touches(one).touches_first
     depth, _ = hand_penetration(one.clip.skeleton, *kinematics.forward(one.clip))
     assert abs(depth[one.events.start, STRONG]) < 0.5
     assert depth[one.events.end, STRONG] < 0.25

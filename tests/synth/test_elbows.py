@@ -67,11 +67,11 @@ def test_no_elbow_jumps_between_two_signs(pair: tuple[str, str]) -> None:
     p, q = (made(gloss) for gloss in pair)
     splice = truth.splice(p, q)
     before, after = p.states[splice.pre - 2 : splice.pre + 1], q.states[splice.post : splice.post + 3]
-    assert truth.largest_elbow_step(splice.states, before, after, p.signer) < 8.0
+    assert truth.measure_largest_elbow_step(splice.states, before, after, p.signer) < 8.0
     sudden = splice.states.copy()
     sudden[:, 63:] = 0.0
     if pair == ("FROG", "WALK"):
-        assert truth.largest_elbow_step(sudden, before, after, p.signer) > 12.0, "where the easy place jumps"
+        assert truth.measure_largest_elbow_step(sudden, before, after, p.signer) > 12.0, "where the easy place jumps"
 
 
 @pytest.mark.parametrize("gloss", ["NIGHT", "DAY", "TREE", "MORNING", "PAPER", "DOCTOR", "BOOK", "WRITE", "ELEPHANT"])
@@ -120,5 +120,5 @@ def test_finer_steps_turn_an_elbow_no_farther_than_it_must() -> None:
         (frames * beside)[:, None], (frames * beside)[:, None] + [0.0, 0.0, 0.01], np.full((1, 2), 0.03)
     )
     free = np.zeros((30, 1))
-    coarse, fine = (swivel.choose(arm, solid, free, 30.0, *grid) for grid in ((), (arms.TURNS,)))
+    coarse, fine = (swivel.choose(arm, solid, free, 30.0, *grid) for grid in ((), (arms.CLEARING_TURNS,)))
     assert 0.0 < np.abs(fine).max() < np.abs(coarse).max()

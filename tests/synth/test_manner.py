@@ -12,14 +12,14 @@ import pytest
 from signing import SIGNS, signer_of
 from signsplice.signer import planner
 from signsplice.signer.signer import PLAIN, TRAITS, USUAL, Manner, draw_signer, stream
-from signsplice_workshop.corpora.training_data import only
+from signsplice_workshop.corpora.training_data import keep_traits
 
 WORDS = ("MOTHER", "MORE", "LEARN", "UNDERSTAND", "NAME", "HELLO")
 
 
 @pytest.mark.parametrize("trait", TRAITS)
 def test_each_trait_changes_some_word(trait: str) -> None:
-    signer = signer_of(None, only(USUAL, (trait,)))
+    signer = signer_of(None, keep_traits(USUAL, (trait,)))
 
     def changes(take: int, gloss: str) -> bool:
         plain = planner.synthesize_word(SIGNS[gloss], replace(signer, manner=PLAIN), take).states
@@ -30,7 +30,7 @@ def test_each_trait_changes_some_word(trait: str) -> None:
 
 
 def test_a_trait_of_size_zero_is_plain() -> None:
-    assert only(USUAL, ()) == PLAIN == Manner(**dict.fromkeys(TRAITS, 0.0))
+    assert keep_traits(USUAL, ()) == PLAIN == Manner(**dict.fromkeys(TRAITS, 0.0))
 
 
 def test_a_new_trait_at_the_end_leaves_the_other_draws_alone() -> None:

@@ -10,7 +10,7 @@ import pytest
 from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.motion.face import VISEMES
-from signsplice.written.nonmanual import A_SECOND, SOUNDS, mouthing, visemes, with_mouthing
+from signsplice.written.nonmanual import SOUNDS, TIMING, mouthing, visemes, with_mouthing
 from signsplice_workshop.measure.faces import random_face
 
 
@@ -33,7 +33,7 @@ def test_spelling_and_silence_are_no_sounds(text: str, expected: str) -> None:
 def test_a_mouth_opens_from_rest_reaches_every_shape_and_closes() -> None:
     face = mouthing("mama", 120.0)
     assert not face.weights[[0, -1]].any()
-    assert len(face) == round(5 / A_SECOND * 120.0)
+    assert len(face) == round(5 / TIMING.sounds_per_s * 120.0)
     jaw, press = face.of(["jawOpen", "mouthPressLeft"]).T
     opened = [k for k in range(1, len(jaw) - 1) if jaw[k - 1] < jaw[k] >= jaw[k + 1]]
     assert len(opened) == 2

@@ -17,7 +17,7 @@ from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import PLAIN, STANDARD, USUAL, Signer
 from signsplice.signer.timing import SignTake
 from signsplice_workshop.corpora import truth
-from signsplice_workshop.corpora.training_data import only
+from signsplice_workshop.corpora.training_data import keep_traits
 
 MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 
@@ -25,7 +25,7 @@ MINE = ("hand_difference", "finger_stagger", "undershoot", "base_lag")
 @cache
 def made(gloss: str, *traits: str, take: int = 0, seed: int | None = None) -> IsolatedWord:
     """A word by a signer with some usual traits alone."""
-    return planner.synthesize_word(sign(gloss), replace(signer_of(seed), manner=only(USUAL, traits)), take)
+    return planner.synthesize_word(sign(gloss), replace(signer_of(seed), manner=keep_traits(USUAL, traits)), take)
 
 
 def written(*lines: str, hands: str = "one", signer: Signer = STANDARD) -> IsolatedWord:
@@ -139,7 +139,7 @@ def test_fingers_of_a_changing_handshape_move_each_in_its_own_time() -> None:
     spreads = []
     for name in ("a", "b", "c", "d"):
         halves = []
-        for manner in (PLAIN, only(USUAL, ("finger_stagger",))):
+        for manner in (PLAIN, keep_traits(USUAL, ("finger_stagger",))):
             one = written(*OPENS, signer=replace(STANDARD, name=name, manner=manner))
             begin, stop = one.events.start, one.events.end
             middle = begin + int(np.argmin(one.states[begin:stop, 6 + 5]))
@@ -227,7 +227,7 @@ def test_transitions_with_all_traits_are_clear_of_the_body() -> None:
 
 @pytest.mark.parametrize(("tempo", "least", "most"), [(0.8, 0.2, 0.5), (1.0, 0.3, 0.8), (1.6, 1.5, 2.0)])
 def test_haste_leaves_movements_millimetres_to_centimetres_short(tempo: float, least: float, most: float) -> None:
-    signer = replace(STANDARD, manner=only(USUAL, ("undershoot",)))
+    signer = replace(STANDARD, manner=keep_traits(USUAL, ("undershoot",)))
     assert least <= planner.short_cm(tempo, signer) <= most
 
 
@@ -236,7 +236,7 @@ def test_signs_at_the_forehead_are_lower_in_haste_and_movements_shorter() -> Non
     heights, lengths = [], []
     for tempo in (0.8, 1.5):
         states = []
-        for manner in (PLAIN, only(USUAL, ("undershoot",))):
+        for manner in (PLAIN, keep_traits(USUAL, ("undershoot",))):
             one = written(*lines, signer=replace(STANDARD, tempo=tempo, manner=manner))
             states.append(one.states[[one.events.start, one.events.end], :3])
         plain, real = states
@@ -251,7 +251,7 @@ def test_haste_does_not_undo_a_touch(gloss: str) -> None:
     signer = replace(STANDARD, tempo=1.5, manner=PLAIN)
     plain, real = (
         planner.synthesize_word(sign(gloss), one)
-        for one in (signer, replace(signer, manner=only(USUAL, ("undershoot",))))
+        for one in (signer, replace(signer, manner=keep_traits(USUAL, ("undershoot",))))
     )
     for one, other in ((plain.events.start, real.events.start), (plain.events.end, real.events.end)):
         before, after = (hand_clearances(x.states[[k]], x.signer)[0] for x, k in ((plain, one), (real, other)))

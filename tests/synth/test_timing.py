@@ -222,13 +222,13 @@ def test_few_holds_are_longer_and_hands_drift_meanwhile() -> None:
 
 
 def test_a_hesitating_reach_has_the_same_path_and_speed_at_its_ends() -> None:
-    u = truth.hesitating_times(9, 6)
+    u = truth.compute_hesitating_times(9, 6)
     assert len(u) == 15
     assert (np.diff(u) > 0.0).all()
     assert u[0] == pytest.approx(0.1, rel=0.02)
     assert u[-1] == pytest.approx(0.9, rel=0.02)
     assert np.diff(u)[6:8].max() < 0.04, "slow half way"
-    assert len(truth.hesitating_times(3, 50)) <= 2 * 4
+    assert len(truth.compute_hesitating_times(3, 50)) <= 2 * 4
 
 
 def test_sentences_hesitate_rarely_and_the_truth_of_a_pair_never() -> None:
@@ -257,7 +257,7 @@ def test_stuck_hands_are_pushed_on() -> None:
 
 @pytest.mark.parametrize("trait", ["off_frame", "pass_difference", "tempo_spread"])
 def test_splines_through_uneven_knots_keep_fingers_within_their_limits(trait: str) -> None:
-    one = planner.synthesize_word(pseudo.sign(11), signer_of(None, Manner(**{trait: 1.0})))
+    one = planner.synthesize_word(pseudo.draw_sign(11), signer_of(None, Manner(**{trait: 1.0})))
     assert over_limit(one.clip.local_rotations) == 0.0
 
 

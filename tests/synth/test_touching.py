@@ -7,7 +7,7 @@ import pytest
 
 from signsplice.motion import rotation
 from signsplice.signer import hand, pose
-from signsplice.signer.arms import YIELDS, ease_wrists
+from signsplice.signer.arms import WRISTS, ease_wrists
 from signsplice.signer.figure import pose_signer
 from signsplice.signer.handshapes import handshape, thumb_depth
 from signsplice.signer.location_targets import posture_holds
@@ -52,7 +52,7 @@ def test_a_hand_yields_only_where_its_wrist_is_not_easy_and_never_far() -> None:
     written[:, 0] = rotation.multiply(fore, rotation.exp(bends[:, None] * [0.0, 0.0, 1.0]))
     eased = ease_wrists(states, written, STANDARD, *np.zeros((2, *written.shape[:2], 3)))
     yielded = rotation.angle_between(pose.hand_rotations(eased, STANDARD), written)[:, 0]
-    assert yielded.max() <= YIELDS + 1e-6
+    assert yielded.max() <= WRISTS.largest_yield + 1e-6
     assert yielded[[4, 5, 6, 7, 8]].max() < np.deg2rad(1.0)
     assert yielded[[0, 12]].min() > np.deg2rad(2.0)
 

@@ -332,4 +332,4 @@ def test_an_isolated_word_leaves_rest_and_returns_by_reaches() -> None:
     assert speed[e.up : e.start].argmax() == pytest.approx(0.5 * (e.start - e.up), abs=3), (
         "one peak of speed, in the middle"
     )
-    assert planner.PREPARATION_PACE < planner.RETRACTION_PACE
+    assert planner.DURATIONS.preparation_pace < planner.DURATIONS.retraction_pace

@@ -1,6 +1,6 @@
-"""Small or odd files that ask for unbounded time or memory, each read by a fresh process of the command line.
+"""Reads small or odd files that ask for unbounded time or memory, each in a fresh process of the command line.
 
-``python attacks/bombs.py`` prints a row of Markdown for each: what the command says, its processor time, and its peak
+``python attacks/bombs.py`` prints a row of Markdown for each: the command's message, its processor time, and its peak
 memory beside that of a command that reads a small valid file.
 """
 
@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 SECONDS = 120
-"""Wall-clock time after which a command is killed."""
+"""Wall-clock time after which a command is killed, s."""
 BYTES = 6 << 30
-"""Memory that a command may have."""
+"""Memory limit of a command."""
 
 VALID = """HIERARCHY
 ROOT Hips
@@ -48,8 +48,8 @@ HEAD = "HIERARCHY\nROOT r\n{\nOFFSET 0 0 0\nCHANNELS 1 Zrotation\n"
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What a command did: its last line of output, its processor time, and its peak memory."""
+class CommandOutcome:
+    """Outcome of a command: its last line of output, its processor time, and its peak memory."""
 
     line: str
     seconds: float
@@ -68,8 +68,8 @@ finally:  # the peak of this program alone; what the system adds up counts that 
 """
 
 
-def run(*arguments: str) -> Seen:
-    """What ``signsplice`` with these arguments does, in a process of its own."""
+def run_command(*arguments: str) -> CommandOutcome:
+    """Runs ``signsplice`` with these arguments in its own process and returns the outcome."""
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen([sys.executable, "-c", CODE, *arguments], stdout=output, stderr=output)
         timer = threading.Timer(SECONDS, process.kill)
@@ -81,12 +81,14 @@ def run(*arguments: str) -> Seen:
         lines = output.read().decode("utf-8", "replace").splitlines()
     peak = next((int(line.split()[1]) for line in lines if line.startswith("VmHWM")), usage.ru_maxrss)
     lines = [line.strip() for line in lines if line.strip() and not line.startswith("VmHWM")]
-    said = f"killed after {SECONDS} s" if process.returncode == -9 else "read" if process.returncode == 0 else lines[-1]
-    return Seen(f"exit {process.returncode}: {said}", usage.ru_utime + usage.ru_stime, peak / 1024)
+    message = (
+        f"killed after {SECONDS} s" if process.returncode == -9 else "read" if process.returncode == 0 else lines[-1]
+    )
+    return CommandOutcome(f"exit {process.returncode}: {message}", usage.ru_utime + usage.ru_stime, peak / 1024)
 
 
-def glb(document: dict[str, Any], blob: bytes = b"") -> bytes:
-    """The bytes of a .glb file."""
+def encode_glb(document: dict[str, Any], blob: bytes = b"") -> bytes:
+    """Returns the bytes of a .glb file."""
     text = json.dumps({"asset": {"version": "2.0"}, **document}).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
@@ -95,20 +97,25 @@ def glb(document: dict[str, Any], blob: bytes = b"") -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def animated(nodes: list[dict[str, Any]], seconds: float = 1.0, matrices: int = 0, **more: Any) -> bytes:
-    """A .glb file whose first node turns, with a key at 0 and one after ``seconds``; with some unit matrices."""
+def encode_animated_glb(
+    nodes: list[dict[str, Any]], seconds: float = 1.0, n_matrices: int = 0, **properties: Any
+) -> bytes:
+    """Returns a .glb file whose first node turns, with keys at 0 and ``seconds``, and ``n_matrices`` unit matrices.
+
+    properties: further properties of the document.
+    """
     blob = struct.pack("<2f8f", 0.0, seconds, 0, 0, 0, 1, 0, 0, 0.6, 0.8)
     accessors = [
         {"bufferView": 0, "componentType": 5126, "count": 2, "type": "SCALAR"},
         {"bufferView": 1, "componentType": 5126, "count": 2, "type": "VEC4"},
-        {"bufferView": 2, "componentType": 5126, "count": matrices, "type": "MAT4"},
+        {"bufferView": 2, "componentType": 5126, "count": n_matrices, "type": "MAT4"},
     ]
     views = [
         {"buffer": 0, "byteLength": 8},
         {"buffer": 0, "byteOffset": 8, "byteLength": 32},
-        {"buffer": 0, "byteOffset": 40, "byteLength": 64 * matrices},
+        {"buffer": 0, "byteOffset": 40, "byteLength": 64 * n_matrices},
     ]
-    blob += struct.pack("<16f", 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1) * matrices
+    blob += struct.pack("<16f", 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1) * n_matrices
     channels = [{"sampler": 0, "target": {"node": 0, "path": "rotation"}}]
     animations = [{"samplers": [{"input": 0, "output": 1}], "channels": channels}]
     buffers = [{"byteLength": len(blob)}]
@@ -119,16 +126,18 @@ def animated(nodes: list[dict[str, Any]], seconds: float = 1.0, matrices: int = 
         "buffers": buffers,
         "animations": animations,
     }
-    return glb(document | more, b"" if "buffers" in more else blob)
+    return encode_glb(document | properties, b"" if "buffers" in properties else blob)
 
 
-def chain(n: int) -> list[dict[str, Any]]:
-    """Nodes of which each is the parent of the next."""
+def make_chain(n: int) -> list[dict[str, Any]]:
+    """Returns ``n`` nodes, each the parent of the next."""
     return [{"children": [node + 1]} if node + 1 < n else {} for node in range(n)]
 
 
-def archive(change: Any = None, n_members: int = 0) -> bytes:
-    """An .npz file of a small clip after a change of its description and arrays, with further empty members."""
+def encode_npz(change: Any = None, n_members: int = 0) -> bytes:
+    """Returns an .npz file of a small clip, whose description and arrays ``change`` alters, with ``n_members`` empty
+    members.
+    """
     import numpy as np
 
     head: dict[str, Any] = {"version": 1, "name": "a", "fps": 30.0, "names": ["hips"], "end_joints": [], "roles": None}
@@ -149,8 +158,8 @@ def archive(change: Any = None, n_members: int = 0) -> bytes:
     return content.getvalue()
 
 
-def bombs(folder: Path) -> Iterator[tuple[str, list[str]]]:
-    """Name and arguments of each attack; its files are made as it comes."""
+def make_attacks(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yields name and arguments of each attack; makes its files just before."""
     output = ["-o", str(folder / "out.bvh")]
 
     def inspect(name: str, file: str, content: bytes) -> tuple[str, list[str]]:
@@ -160,24 +169,29 @@ def bombs(folder: Path) -> Iterator[tuple[str, list[str]]]:
 
     (folder / "valid.bvh").write_text(VALID)
     yield "a small valid file", ["inspect", str(folder / "valid.bvh")]
-    # time that grows with the square of the number of nodes
-    yield inspect("chain of 3,000 nodes", "a.glb", animated(chain(3000)))
-    yield inspect("chain of 20,000 nodes", "a.glb", animated(chain(20_000)))
+    # processing time that grows with the square of the number of nodes
+    yield inspect("chain of 3,000 nodes", "a.glb", encode_animated_glb(make_chain(3000)))
+    yield inspect("chain of 20,000 nodes", "a.glb", encode_animated_glb(make_chain(20_000)))
     yield "the same with --no-limits", ["inspect", str(folder / "a.glb"), "--no-limits"]
     skins = [{"joints": [0, 1, 2]}]
-    yield inspect("chain of 20,000 nodes, 3 of them joints", "a.glb", animated(chain(20_000), skins=skins))
-    same: list[dict[str, Any]] = [{"name": "x", "children": [*range(1, 1024)]}, *({"name": "x"} for _ in range(1023))]
-    yield inspect("1,024 nodes of one name", "a.glb", animated(same))
-    deep = HEAD + "".join(JOINT.format(n) for n in range(20_000)) + "}\n" * 20_001
-    wide = HEAD + "".join(JOINT.format(n) + "}\n" for n in range(20_000)) + "}\n"
+    yield inspect(
+        "chain of 20,000 nodes, 3 of them joints", "a.glb", encode_animated_glb(make_chain(20_000), skins=skins)
+    )
+    namesakes: list[dict[str, Any]] = [
+        {"name": "x", "children": [*range(1, 1024)]},
+        *({"name": "x"} for _ in range(1023)),
+    ]
+    yield inspect("1,024 nodes of one name", "a.glb", encode_animated_glb(namesakes))
+    chain_hierarchy = HEAD + "".join(JOINT.format(n) for n in range(20_000)) + "}\n" * 20_001
+    flat_hierarchy = HEAD + "".join(JOINT.format(n) + "}\n" for n in range(20_000)) + "}\n"
     motion = "MOTION\nFrames: 1\nFrame Time: 0.1\n0\n"
-    yield inspect("BVH of 20,000 joints in a chain", "a.bvh", (deep + motion).encode())
-    yield inspect("BVH of 20,000 joints side by side", "a.bvh", (wide + motion).encode())
+    yield inspect("BVH of 20,000 joints in a chain", "a.bvh", (chain_hierarchy + motion).encode())
+    yield inspect("BVH of 20,000 joints side by side", "a.bvh", (flat_hierarchy + motion).encode())
     line = HEAD.replace("\n", " ") + "OFFSET " * 40_000
     yield inspect("BVH of 40,000 words in a line", "a.bvh", (line + "\n" + motion).encode())
     # small files, much work
-    yield inspect("two keys 160,000 s apart", "a.glb", animated([{}], 160_000.0))
-    yield inspect("two keys 80,000 s apart", "a.glb", animated([{}], 80_000.0))
+    yield inspect("two keys 160,000 s apart", "a.glb", encode_animated_glb([{}], 160_000.0))
+    yield inspect("two keys 80,000 s apart", "a.glb", encode_animated_glb([{}], 80_000.0))
     for rate in ("1000000", "2000"):
         (folder / "slow.bvh").write_text(VALID.replace("0.04", rate))
         arguments = ["splice", str(folder / "valid.bvh"), str(folder / "slow.bvh"), *ENDS, *output]
@@ -189,20 +203,20 @@ def bombs(folder: Path) -> Iterator[tuple[str, list[str]]]:
     yield inspect("10,000,000 numbers in a line", "a.bvh", (VALID + "10 " * 10_000_000).encode())
     yield inspect("Frames: 999,999,999", "a.bvh", VALID.replace("Frames: 2", "Frames: 999999999").encode())
     joints = HEAD + "".join(JOINT.format(n) + "}\n" for n in range(1023)) + "}\n"
-    still = f"MOTION\nFrames: 100000\nFrame Time: 0.1\n{'0' + chr(10)}"
-    frames = (joints + still).encode() + b"0\n" * 99_999
+    still_motion = f"MOTION\nFrames: 100000\nFrame Time: 0.1\n{'0' + chr(10)}"
+    frames = (joints + still_motion).encode() + b"0\n" * 99_999
     yield inspect("100,000 frames of 1,024 joints, one of which moves", "a.bvh", frames)
     yield inspect("a number of 20,000,000 digits", "a.bvh", VALID.replace("0.04", "1" * 20_000_000 + "x").encode())
-    yield inspect("npz of 30,000 members", "a.npz", archive(n_members=30_000))
-    zeros = io.BytesIO()
-    with zipfile.ZipFile(zeros, "w", zipfile.ZIP_DEFLATED) as members:
+    yield inspect("npz of 30,000 members", "a.npz", encode_npz(n_members=30_000))
+    zero_archive = io.BytesIO()
+    with zipfile.ZipFile(zero_archive, "w", zipfile.ZIP_DEFLATED) as members:
         members.writestr("head.npy", bytes(900 << 20))
-    yield inspect("npz that unpacks to 900 MiB", "a.npz", zeros.getvalue())
+    yield inspect("npz that unpacks to 900 MiB", "a.npz", zero_archive.getvalue())
     yield inspect("JSON of 3,000,000 empty objects", "a.gltf", b"[" + b"{}," * 3_000_000 + b"{}]")
     yield inspect("JSON nested 1,000,000 deep", "a.gltf", b"[" * 1_000_000)
-    many = [{"joints": [0], "inverseBindMatrices": 2}] * 50_000
-    yield inspect("50,000 skins", "a.glb", animated([{}], matrices=1000, skins=many))
-    # what is no regular file
+    many_skins = [{"joints": [0], "inverseBindMatrices": 2}] * 50_000
+    yield inspect("50,000 skins", "a.glb", encode_animated_glb([{}], n_matrices=1000, skins=many_skins))
+    # links, pipes and devices
     os.mkfifo(folder / "pipe.bvh")
     yield "a pipe", ["inspect", str(folder / "pipe.bvh")]
     (folder / "zero.bvh").symlink_to("/dev/zero")
@@ -214,7 +228,9 @@ def bombs(folder: Path) -> Iterator[tuple[str, list[str]]]:
     (folder / "inner" / "out.bin").symlink_to(folder / "secret.bin")
     os.mkfifo(folder / "inner" / "pipe.bin")
     for name, file in (("link out of the folder", "out.bin"), ("pipe", "pipe.bin")):
-        document = json.dumps(json.loads(animated([{}])[20:].split(b"BIN\0")[0][:-4].decode("utf-8", "ignore")))
+        document = json.dumps(
+            json.loads(encode_animated_glb([{}])[20:].split(b"BIN\0")[0][:-4].decode("utf-8", "ignore"))
+        )
         path = folder / "inner" / "a.gltf"
         path.write_text(document.replace('"buffers": [{', f'"buffers": [{{"uri": "{file}", '))
         yield f"buffer that is a {name}", ["inspect", str(path)]
@@ -230,21 +246,21 @@ def bombs(folder: Path) -> Iterator[tuple[str, list[str]]]:
         ),
     }
     for name, change in changes.items():
-        (folder / "a.npz").write_bytes(archive(change))
+        (folder / "a.npz").write_bytes(encode_npz(change))
         yield f"npz with {name}", ["splice", str(folder / "a.npz"), str(folder / "a.npz"), *output]
 
 
 def main() -> None:
-    """Print a row of Markdown for each attack."""
+    """Prints a row of Markdown for each attack."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    least = 0.0
+    base_megabytes = 0.0
     print("| attack | seen |\n| --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
-        for name, arguments in bombs(Path(folder)):
-            seen = run(*arguments)
-            least = least or seen.megabytes
-            line = seen.line.replace(folder + "/", "").replace("inner/", "").replace("|", "\\|")
-            figures = f"{seen.seconds:.1f} s of processor time, {seen.megabytes - least:+.0f} MB"
+        for name, arguments in make_attacks(Path(folder)):
+            outcome = run_command(*arguments)
+            base_megabytes = base_megabytes or outcome.megabytes
+            line = outcome.line.replace(folder + "/", "").replace("inner/", "").replace("|", "\\|")
+            figures = f"{outcome.seconds:.1f} s of processor time, {outcome.megabytes - base_megabytes:+.0f} MB"
             print(f"| {name} | {line[:200]}; {figures} |", flush=True)
 
 

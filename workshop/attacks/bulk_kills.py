@@ -1,8 +1,8 @@
-"""Kills of runs in bulk: ``python attacks/bulk_kills.py [--kills N] [--recipes N] [--seed N] [--ray]``.
+"""Kills runs in bulk: ``python attacks/bulk_kills.py [--kills N] [--recipes N] [--seed N] [--ray]``.
 
 A run makes sentences in shards while its processes are killed (SIGKILL) at random moments: workers or the driver; with
-``--ray`` actors, a node of a Ray cluster of two, or the driver. A driver that was killed is called again. What is made
-in the end is compared with what an undisturbed run made, byte by byte. A table goes to standard output.
+``--ray`` actors, a node of a Ray cluster of two, or the driver. A killed driver is called again. The final output is
+compared with that of an undisturbed run, byte by byte. Prints a table.
 """
 
 from __future__ import annotations
@@ -32,82 +32,93 @@ Content = dict[str, bytes]
 Kill = Callable[[psutil.Process], bool]
 
 
-def signsplice(*arguments: str | Path) -> list[str]:
-    """The command line of a call."""
+def make_command(*arguments: str | Path) -> list[str]:
+    """Returns the words of a command line that calls ``signsplice``."""
     return [sys.executable, "-m", "signsplice", *map(str, arguments)]
 
 
-def content(out: Path) -> Content:
-    """All files of a folder of shards."""
-    return {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+def read_folder(folder: Path) -> Content:
+    """Returns relative path -> bytes of all files of a folder of shards."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-def undisturbed(folder: Path, n_recipes: int) -> tuple[list[str | Path], Content]:
-    """The call without its folder and workers, and what it makes in one go by one worker."""
-    table, out = folder / "recipes.csv", folder / "undisturbed"
-    subprocess.run(signsplice("bulk", "recipes", "-o", table, "--count", str(n_recipes), "--words", "2:4"), check=True)
+def run_undisturbed(folder: Path, n_recipes: int) -> tuple[list[str | Path], Content]:
+    """Runs the call with one worker and no kills; returns it without folder and workers, and the output."""
+    table, output_folder = folder / "recipes.csv", folder / "undisturbed"
+    subprocess.run(
+        make_command("bulk", "recipes", "-o", table, "--count", str(n_recipes), "--words", "2:4"), check=True
+    )
     call: list[str | Path] = ["bulk", "sentences", table, "--shard-size", str(SHARD_SIZE)]
-    subprocess.run(signsplice(*call, "--workers", "1", "-o", out), check=True)
-    return call, content(out)
+    subprocess.run(make_command(*call, "--workers", "1", "-o", output_folder), check=True)
+    return call, read_folder(output_folder)
 
 
 def kill_worker(driver: psutil.Process, rng: random.Random, marks: tuple[str, ...] = ("spawn_main",)) -> bool:
-    """Kill one of the processes that make shards; False where there is none yet."""
-    found = []
+    """Kills one of the processes that make shards; returns False if there is none yet."""
+    workers = []
     for process in driver.children(recursive=True) if marks == ("spawn_main",) else psutil.process_iter():
         with suppress(psutil.Error):
             line = " ".join(process.cmdline())
             if any(mark in line for mark in marks) and "resource_tracker" not in line:
-                found.append(process)
-    if found:
-        rng.choice(found).kill()
-    return bool(found)
+                workers.append(process)
+    if workers:
+        rng.choice(workers).kill()
+    return bool(workers)
 
 
-def disturbed(
-    call: list[str | Path], out: Path, where: list[str], kills: dict[str, Kill], n_kills: int, rng: random.Random
+def run_disturbed(
+    call: list[str | Path],
+    output_folder: Path,
+    placement: list[str],
+    kills: dict[str, Kill],
+    n_kills: int,
+    rng: random.Random,
 ) -> Counter[str]:
-    """Run ``call`` into ``out`` until it ends, with up to ``n_kills`` kills of kinds drawn at random: how many of each.
+    """Runs ``call`` into ``output_folder`` until it ends, with up to ``n_kills`` kills of kinds drawn at random;
+    returns the number of kills of each kind.
 
-    Raises ``TimeoutError`` where it takes longer than ``TIME_LIMIT_S``.
+    Raises ``TimeoutError`` if it takes longer than ``TIME_LIMIT_S``.
     """
-    done: Counter[str] = Counter()
-    until = time.monotonic() + TIME_LIMIT_S
+    kill_counts: Counter[str] = Counter()
+    deadline = time.monotonic() + TIME_LIMIT_S
     while True:
-        driver = psutil.Popen(signsplice(*call, *where, "-o", out), stdout=subprocess.DEVNULL)
+        driver = psutil.Popen(make_command(*call, *placement, "-o", output_folder), stdout=subprocess.DEVNULL)
         try:
-            n_whole = len(list(out.glob("index/*.parquet")))
+            n_before = len(list(output_folder.glob("index/*.parquet")))
             while driver.poll() is None:
-                if time.monotonic() > until:
-                    raise TimeoutError(f"{out}: not finished after {TIME_LIMIT_S:.0f} s and {done.total()} kills")
+                if time.monotonic() > deadline:
+                    raise TimeoutError(
+                        f"{output_folder}: not finished after {TIME_LIMIT_S:.0f} s and {kill_counts.total()} kills"
+                    )
                 time.sleep(rng.uniform(0.05, 0.5))
-                n_now = len(list(out.glob("index/*.parquet")))
-                if done.total() == n_kills or (n_now == n_whole and rng.random() < 0.97):  # a few before any progress
+                n_shards = len(list(output_folder.glob("index/*.parquet")))
+                # few kills before any progress
+                if kill_counts.total() == n_kills or (n_shards == n_before and rng.random() < 0.97):
                     continue
                 kind = rng.choice(sorted(kills))
                 time.sleep(rng.uniform(0.0, 0.3))
                 with suppress(psutil.NoSuchProcess):
                     if kills[kind](driver):
-                        done[kind] += 1
-                        n_whole = len(list(out.glob("index/*.parquet")))
+                        kill_counts[kind] += 1
+                        n_before = len(list(output_folder.glob("index/*.parquet")))
         finally:
             with suppress(psutil.NoSuchProcess):
                 driver.kill()
         if driver.wait() == 0:
-            return done
+            return kill_counts
         if driver.returncode != -9:
-            raise RuntimeError(f"{out}: the call ended with status {driver.returncode}")
+            raise RuntimeError(f"{output_folder}: the call ended with status {driver.returncode}")
 
 
 def kill_driver(driver: psutil.Process) -> bool:
-    """Kill the process that was called."""
+    """Kills the process that was called."""
     driver.kill()
     return True
 
 
 @contextmanager
-def two_nodes(rng: random.Random) -> Iterator[tuple[str, dict[str, Kill]]]:
-    """The address of a Ray cluster of two nodes on this machine, a processor each, and how to kill what is in it."""
+def start_two_nodes(rng: random.Random) -> Iterator[tuple[str, dict[str, Kill]]]:
+    """Starts a Ray cluster of two nodes with a processor each; yields its address, and how to kill its parts."""
     os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", LOOPBACK: "0"}
     from ray.cluster_utils import Cluster
 
@@ -139,33 +150,33 @@ def two_nodes(rng: random.Random) -> Iterator[tuple[str, dict[str, Kill]]]:
 
 
 def attack(folder: Path, n_kills: int, on_ray: bool, seed: int = 0, n_recipes: int = N_RECIPES) -> Counter[str]:
-    """Kill runs until there were ``n_kills`` kills; each run must make what an undisturbed one makes. Raises
-    ``AssertionError`` where one does not.
+    """Kills runs until there were ``n_kills`` kills, and returns the number of each kind. Raises ``AssertionError`` if
+    a run makes other files than an undisturbed one.
     """
     rng = random.Random(seed)
-    call, expected = undisturbed(folder, n_recipes)
-    done: Counter[str] = Counter()
+    call, expected = run_undisturbed(folder, n_recipes)
+    kill_counts: Counter[str] = Counter()
 
-    def run(where: list[str], kills: dict[str, Kill]) -> None:
-        while done.total() < n_kills:
-            out = folder / "disturbed"
-            made = disturbed(call, out, where, kills, n_kills - done.total(), rng)
-            found = content(out)
-            assert found == expected, sorted(set(found) ^ set(expected)) or "bytes differ"
-            print(f"{'Ray' if on_ray else 'processes'}: {dict(made)}, {len(found)} files equal", flush=True)
-            done.update(made)
-            shutil.rmtree(out)
+    def run(placement: list[str], kills: dict[str, Kill]) -> None:
+        while kill_counts.total() < n_kills:
+            output_folder = folder / "disturbed"
+            run_counts = run_disturbed(call, output_folder, placement, kills, n_kills - kill_counts.total(), rng)
+            files = read_folder(output_folder)
+            assert files == expected, sorted(set(files) ^ set(expected)) or "bytes differ"
+            print(f"{'Ray' if on_ray else 'processes'}: {dict(run_counts)}, {len(files)} files equal", flush=True)
+            kill_counts.update(run_counts)
+            shutil.rmtree(output_folder)
 
     if on_ray:
-        with two_nodes(rng) as (address, kills):
+        with start_two_nodes(rng) as (address, kills):
             run(["--ray", address], kills)
     else:
         run(["--workers", "2"], {"worker": lambda driver: kill_worker(driver, rng), "driver": kill_driver})
-    return done
+    return kill_counts
 
 
 def main() -> None:
-    """Run the attack and print its table."""
+    """Runs the attack and prints its table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
@@ -173,9 +184,9 @@ def main() -> None:
     parser.add_argument("--ray", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        done = attack(Path(folder), options.kills, options.ray, options.seed, options.recipes)
+        kill_counts = attack(Path(folder), options.kills, options.ray, options.seed, options.recipes)
     print("| killed | times | what was made in the end |\n| --- | --- | --- |")
-    for kind, n in sorted(done.items()):
+    for kind, n in sorted(kill_counts.items()):
         print(f"| {kind} | {n} | equal to the undisturbed run, byte by byte |")
 
 

@@ -1,8 +1,8 @@
-"""Where the joints of a glTF or BVH file are, worked out by nothing but numpy and the standards: a second opinion.
+"""Evaluates where the joints of a glTF or BVH file are, with nothing but numpy and the standards: a second opinion.
 
-glTF 2.0: 4 x 4 matrices from the roots of the node trees down (section 3.5), keys interpolated as appendix C says. BVH:
+glTF 2.0: 4 x 4 matrices from the roots of the node trees down (section 3.5), keys interpolated by appendix C. BVH:
 OFFSET, or the position channels that replace it, then the product of the rotation channels in the file's order.
-Nothing here comes from signsplice, so that what both say is not one mistake made twice.
+Nothing is imported from signsplice, so that both cannot share a mistake.
 """
 
 from __future__ import annotations
@@ -23,71 +23,75 @@ KEEPS_JOINTS = re.compile(
     r"(KHR|EXT|MSFT|ADOBE)_((materials|texture|lights|mesh|xmp)_\w+"
     r"|draco_mesh_compression|node_visibility|animation_pointer)|VRM|VRMC_\w+"
 )
-"""glTF extensions that a file may require although only its joints are read: none of them moves a node by itself."""
+"""glTF extensions that a file may require although only its joints are read: none of them moves a node."""
 _TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 
 
 class MustRefuseError(ValueError):
-    """A file that no program may load which does not know more than glTF 2.0."""
+    """A file that a program must not load if it knows no more than glTF 2.0."""
 
 
-def gltf_joints(
+def locate_gltf_joints(
     content: bytes | Path, times: Any, animation: int = 0, near_s: float = 0.0
 ) -> tuple[list[str], np.ndarray]:
-    """Names of all nodes of a glTF file (.gltf or .glb), and their world positions (T, N, 3) in metres at ``times``.
+    """Returns the names of all nodes of a glTF file (.gltf or .glb), and their world positions (T, N, 3), m, at
+    ``times``.
 
-    times: (T,) seconds as the file's keys count them; before the first and after the last key the value there holds.
+    times: (T,) seconds by the file's keys; before the first and after the last key the value of that key holds.
     near_s: a time that is less off a key of a channel is at that key, since files store times in 32 bits.
-    Nodes without a name are called "node 3". Raises ``MustRefuseError`` for what a reader has to refuse, and
-    ``ValueError`` or what the content causes where it is not valid glTF, so that nothing can be said about it.
+
+    Nodes without a name are called "node 3". Raises ``MustRefuseError`` for a file that a reader has to refuse, and
+    ``ValueError`` or another exception if it is not valid glTF, so that nothing can be said about it.
     """
-    names, world = gltf_worlds(content, times, animation, near_s)
+    names, world = evaluate_gltf(content, times, animation, near_s)
     return names, world[..., :3, 3]
 
 
-def gltf_worlds(
+def evaluate_gltf(
     content: bytes | Path, times: Any, animation: int | None = 0, near_s: float = 0.0
 ) -> tuple[list[str], np.ndarray]:
-    """As ``gltf_joints``, but the nodes' matrices (T, N, 4, 4) to the world; at rest where ``animation`` is None."""
-    file = _File(content)
-    at = np.atleast_1d(np.asarray(times, np.float64))
+    """Returns the same as ``locate_gltf_joints``, with the nodes' matrices (T, N, 4, 4) to the world; at rest if
+    ``animation`` is None.
+    """
+    file = _GltfFile(content)
+    times_s = np.atleast_1d(np.asarray(times, np.float64))
     channels = {} if animation is None else file.channels(animation)
-    animated = {of: (keys, values, kind, near_s) for of, (keys, values, kind) in channels.items()}
+    animated = {target: (keys, values, kind, near_s) for target, (keys, values, kind) in channels.items()}
     nodes = file.json.get("nodes") or []
     parents = {child: node for node, fields in enumerate(nodes) for child in fields.get("children") or ()}
     if len(parents) != sum(len(fields.get("children") or ()) for fields in nodes):
         raise ValueError("a node has two parents")
     world: dict[int, np.ndarray] = {}
     order = [node for node in range(len(nodes)) if node not in parents]
-    for node in order:  # it grows: parents come first
+    for node in order:  # the list grows: parents come first
         order += nodes[node].get("children") or ()
-        local = _local(nodes[node], {p: animated[node, p] for p in _PATHS if (node, p) in animated}, at)
+        local = _evaluate_node(nodes[node], {p: animated[node, p] for p in _PATHS if (node, p) in animated}, times_s)
         world[node] = world[parents[node]] @ local if node in parents else local
-    return _names(nodes), np.stack([world[node] for node in range(len(nodes))], axis=1)
+    return _name_nodes(nodes), np.stack([world[node] for node in range(len(nodes))], axis=1)
 
 
-def gltf_keys(content: bytes | Path, names: Collection[str] | None = None, animation: int = 0) -> np.ndarray:
-    """The times (K,) of all keys of rotations and translations, of the nodes with these names only where some are
-    given, each once, rising. Raises as ``gltf_joints`` does.
+def list_key_times(content: bytes | Path, names: Collection[str] | None = None, animation: int = 0) -> np.ndarray:
+    """Returns the times (K,) of all keys of rotations and translations, each once, rising; with ``names`` only those of
+    nodes with these names. Raises as ``locate_gltf_joints`` does.
     """
-    file = _File(content)
-    called = _names(file.json["nodes"])
+    file = _GltfFile(content)
+    node_names = _name_nodes(file.json["nodes"])
     return np.unique(np.concatenate([
         keys for (node, path), (keys, _, _) in file.channels(animation).items()
-        if path != "scale" and (names is None or called[node] in names)
+        if path != "scale" and (names is None or node_names[node] in names)
     ]))  # fmt: skip
 
 
-def n_animations(content: bytes | Path) -> int:
-    """How many animations a glTF file holds."""
-    return len(_File(content).json.get("animations") or ())
+def count_animations(content: bytes | Path) -> int:
+    """Returns the number of animations of a glTF file."""
+    return len(_GltfFile(content).json.get("animations") or ())
 
 
-def frame_times(keys: np.ndarray, n_frames: int, fps: float) -> np.ndarray:
-    """When the frames of a clip are (T,), seconds as the keys (K,) of its file count them: the first at the first key,
-    none after the last, and the last frame there if it is a tenth of a frame off: rates are rounded by as much.
+def compute_frame_times(keys: np.ndarray, n_frames: int, fps: float) -> np.ndarray:
+    """Returns the times (T,) of a clip's frames, seconds by the keys (K,) of its file: the first at the first key, none
+    after the last, and the last frame there if it is a tenth of a frame off: rates are rounded by as much.
     """
     times = np.minimum(keys[0] + np.arange(n_frames) / fps, keys[-1])
     if (keys[-1] - times[-1]) * fps < 0.11:
@@ -95,55 +99,55 @@ def frame_times(keys: np.ndarray, n_frames: int, fps: float) -> np.ndarray:
     return np.asarray(times)
 
 
-def bvh_joints(content: bytes) -> tuple[list[str], np.ndarray]:
-    """Names of the joints of a BVH file in its order, and their positions (T, J, 3) in its unit. Raises ``ValueError``
-    or what the content causes where it is not valid.
+def locate_bvh_joints(content: bytes) -> tuple[list[str], np.ndarray]:
+    """Returns the names of the joints of a BVH file in its order, and their positions (T, J, 3) in its unit. Raises
+    ``ValueError`` or another exception if it is not valid.
     """
-    names, world = bvh_worlds(content)
+    names, world = evaluate_bvh(content)
     return names, world[..., :3, 3]
 
 
-def bvh_worlds(content: bytes) -> tuple[list[str], np.ndarray]:
-    """As ``bvh_joints``, but the joints' matrices (T, J, 4, 4) to the world."""
-    joints, rows, _ = _bvh(content)
+def evaluate_bvh(content: bytes) -> tuple[list[str], np.ndarray]:
+    """Returns the same as ``locate_bvh_joints``, with the joints' matrices (T, J, 4, 4) to the world."""
+    joints, rows, _ = _parse_bvh(content)
     eye = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
     world: list[tuple[np.ndarray, np.ndarray]] = []  # of each joint: axes (T, 3, 3), position (T, 3)
     column = 0
     for _, parent, offset, channels in joints:
-        axes, moved = eye, np.tile(offset, (len(rows), 1))
+        axes, position = eye, np.tile(offset, (len(rows), 1))
         for channel in channels:
             kind, axis, values = channel[1:].lower(), "xyz".index(channel[0].lower()), rows[:, column]
             column += 1
             if kind == "position":
-                moved[:, axis] = values
+                position[:, axis] = values
             elif kind == "rotation":
-                axes = axes @ _about(axis, np.deg2rad(values))
+                axes = axes @ _rotate_about(axis, np.deg2rad(values))
             else:
                 raise ValueError(f"channel {channel}")
         if parent is not None:
-            above, at = world[parent]
-            moved, axes = at + np.einsum("tij,tj->ti", above, moved), above @ axes
-        world.append((axes, moved))
-    out = np.tile(np.eye(4), (len(rows), len(joints), 1, 1))
-    for joint, (axes, at) in enumerate(world):
-        out[:, joint, :3, :3], out[:, joint, :3, 3] = axes, at
-    return [name for name, *_ in joints], out
+            parent_axes, parent_position = world[parent]
+            position, axes = parent_position + np.einsum("tij,tj->ti", parent_axes, position), parent_axes @ axes
+        world.append((axes, position))
+    joint_matrices = np.tile(np.eye(4), (len(rows), len(joints), 1, 1))
+    for joint, (axes, position) in enumerate(world):
+        joint_matrices[:, joint, :3, :3], joint_matrices[:, joint, :3, 3] = axes, position
+    return [name for name, *_ in joints], joint_matrices
 
 
-def bvh_frame_time(content: bytes) -> float:
-    """The Frame Time of a BVH file, seconds, as it is printed."""
-    return _bvh(content)[2]
+def read_frame_time(content: bytes) -> float:
+    """Returns the Frame Time of a BVH file, seconds, as it is printed."""
+    return _parse_bvh(content)[2]
 
 
 # --- glTF
 
 
-def _names(nodes: list[Fields]) -> list[str]:
+def _name_nodes(nodes: list[Fields]) -> list[str]:
     return [fields.get("name") or f"node {node}" for node, fields in enumerate(nodes)]
 
 
-class _File:
-    """The JSON document and the buffers of a glTF file."""
+class _GltfFile:
+    """JSON document and buffers of a glTF file."""
 
     def __init__(self, content: bytes | Path) -> None:
         self.folder = content.parent if isinstance(content, Path) else None
@@ -161,22 +165,22 @@ class _File:
         asset = self.json["asset"]
         if int(asset["version"].split(".")[0]) != 2:
             raise MustRefuseError(f"version {asset['version']}")
-        least = [int(part) for part in asset.get("minVersion", "2.0").split(".")]
-        if least > [2, 0]:
+        min_version = [int(part) for part in asset.get("minVersion", "2.0").split(".")]
+        if min_version > [2, 0]:
             raise MustRefuseError(f"minVersion {asset['minVersion']}")
         for name in self.json.get("extensionsRequired") or ():
             if not KEEPS_JOINTS.fullmatch(name):
                 raise MustRefuseError(f"extension {name}")
 
     def channels(self, animation: int) -> dict[tuple[int, str], tuple[np.ndarray, np.ndarray, str]]:
-        """(node, path) -> key times (K,), values (K, n) or (K, 3, n), and interpolation of an animation."""
-        found: dict[tuple[int, str], tuple[np.ndarray, np.ndarray, str]] = {}
+        """Returns (node, path) -> key times (K,), values (K, n) or (K, 3, n), and interpolation of an animation."""
+        channels: dict[tuple[int, str], tuple[np.ndarray, np.ndarray, str]] = {}
         fields = self.json["animations"][animation]
         for channel in fields["channels"]:
             node, path = channel["target"].get("node"), channel["target"]["path"]
             if node is None or path not in _PATHS:
                 continue
-            if (node, path) in found or not 0 <= node < len(self.json["nodes"]):
+            if (node, path) in channels or not 0 <= node < len(self.json["nodes"]):
                 raise ValueError(f"{path} of node {node} is animated twice, or of no node")
             sampler = fields["samplers"][channel["sampler"]]
             kind = sampler.get("interpolation") or "LINEAR"
@@ -188,34 +192,37 @@ class _File:
                 raise ValueError(f"{path} of node {node}: {values.shape} values for {len(keys)} keys")
             if not (np.isfinite(keys).all() and np.isfinite(values).all()):
                 raise ValueError(f"{path} of node {node} is not finite")
-            found[node, path] = keys, values.reshape(shape), kind
-        return found
+            channels[node, path] = keys, values.reshape(shape), kind
+        return channels
 
     def accessor(self, number: int) -> np.ndarray:
-        """The values (count, width) of an accessor."""
+        """Returns the values (count, width) of an accessor."""
         fields = self.json["accessors"][number]
         dtype, width, count = np.dtype(_TYPES[fields["componentType"]]), _WIDTHS[fields["type"]], fields["count"]
         stored = self.rows(fields, dtype, width, count) if fields.get("bufferView") is not None else 0.0
-        out = np.zeros((count, width)) + stored
+        values = np.zeros((count, width)) + stored
         if sparse := fields.get("sparse"):
             index = sparse["indices"]
             rows = self.rows(index, np.dtype(_TYPES[index["componentType"]]), 1, sparse["count"])[:, 0]
-            out[rows] = self.rows(sparse["values"], dtype, width, sparse["count"])
+            values[rows] = self.rows(sparse["values"], dtype, width, sparse["count"])
         if fields.get("normalized") and dtype.kind in "iu":
-            out = np.maximum(out / np.iinfo(dtype).max, -1.0)
-        return out
+            values = np.maximum(values / np.iinfo(dtype).max, -1.0)
+        return values
 
-    def rows(self, place: Fields, dtype: np.dtype[Any], width: int, count: int) -> np.ndarray:
-        """Rows (count, width) as they lie in a buffer."""
-        view = self.json["bufferViews"][place["bufferView"]]
-        first, size = view.get("byteOffset", 0), width * dtype.itemsize
-        part = self.buffer(view["buffer"])[first : first + view["byteLength"]][place.get("byteOffset", 0) :]
-        step = view.get("byteStride", size)
-        chosen = [np.frombuffer(part[n * step : n * step + size], dtype.newbyteorder("<"), width) for n in range(count)]
-        return np.stack(chosen)
+    def rows(self, reference: Fields, dtype: np.dtype[Any], width: int, count: int) -> np.ndarray:
+        """Returns rows (count, width) as a buffer stores them; ``reference``: the fields that name view and offset."""
+        view = self.json["bufferViews"][reference["bufferView"]]
+        start, size = view.get("byteOffset", 0), width * dtype.itemsize
+        view_bytes = self.buffer(view["buffer"])[start : start + view["byteLength"]][reference.get("byteOffset", 0) :]
+        stride = view.get("byteStride", size)
+        rows = [
+            np.frombuffer(view_bytes[n * stride : n * stride + size], dtype.newbyteorder("<"), width)
+            for n in range(count)
+        ]
+        return np.stack(rows)
 
     def buffer(self, number: int) -> bytes:
-        """The bytes of a buffer."""
+        """Returns the bytes of a buffer."""
         uri: str | None = self.json["buffers"][number].get("uri")
         if uri is None:
             return self.blob
@@ -226,49 +233,53 @@ class _File:
         return (self.folder / uri).read_bytes()
 
 
-def _local(node: Fields, animated: dict[str, tuple[np.ndarray, np.ndarray, str, float]], at: np.ndarray) -> np.ndarray:
-    """A node's own matrices (T, 4, 4) at times (T,)."""
+def _evaluate_node(
+    node: Fields, animated: dict[str, tuple[np.ndarray, np.ndarray, str, float]], times_s: np.ndarray
+) -> np.ndarray:
+    """Returns the matrices (T, 4, 4) of a node to its parent at times (T,)."""
     if node.get("matrix"):
         if animated:
             raise ValueError("a node with a matrix is animated")
-        return np.tile(np.reshape(node["matrix"], (4, 4)).T.astype(np.float64), (len(at), 1, 1))
-    value = {"translation": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0, 1.0, 1.0]}
+        return np.tile(np.reshape(node["matrix"], (4, 4)).T.astype(np.float64), (len(times_s), 1, 1))
+    defaults = {"translation": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0, 1.0, 1.0]}
     pose = {
-        path: _sampled(*animated[path], at, path == "rotation")
+        path: _sample_channel(*animated[path], times_s, path == "rotation")
         if path in animated
-        else np.tile(np.asarray(node.get(path) or value[path], np.float64), (len(at), 1))
+        else np.tile(np.asarray(node.get(path) or defaults[path], np.float64), (len(times_s), 1))
         for path in _PATHS
     }
-    out = np.tile(np.eye(4), (len(at), 1, 1))
-    out[:, :3, :3] = matrices(pose["rotation"]) * pose["scale"][:, None, :]
-    out[:, :3, 3] = pose["translation"]
-    return out
+    local_matrices = np.tile(np.eye(4), (len(times_s), 1, 1))
+    local_matrices[:, :3, :3] = to_matrices(pose["rotation"]) * pose["scale"][:, None, :]
+    local_matrices[:, :3, 3] = pose["translation"]
+    return local_matrices
 
 
-def _sampled(keys: np.ndarray, values: np.ndarray, kind: str, near_s: float, at: np.ndarray, turns: bool) -> np.ndarray:
-    """Values (T, n) of a channel at times (T,), by appendix C of glTF 2.0, one time after another."""
-    nearest = keys[np.abs(keys[:, None] - at).argmin(axis=0)]
-    at = np.where(np.abs(nearest - at) < near_s, nearest, at)
-    return np.stack([_value(keys, values, kind, float(t), turns) for t in at])
+def _sample_channel(
+    keys: np.ndarray, values: np.ndarray, kind: str, near_s: float, times_s: np.ndarray, is_rotation: bool
+) -> np.ndarray:
+    """Returns values (T, n) of a channel at times (T,), by appendix C of glTF 2.0, one time after another."""
+    nearest = keys[np.abs(keys[:, None] - times_s).argmin(axis=0)]
+    times_s = np.where(np.abs(nearest - times_s) < near_s, nearest, times_s)
+    return np.stack([_interpolate(keys, values, kind, float(t), is_rotation) for t in times_s])
 
 
-def _value(keys: np.ndarray, values: np.ndarray, kind: str, t: float, turns: bool) -> np.ndarray:
-    middle = values[:, 1] if kind == "CUBICSPLINE" else values
+def _interpolate(keys: np.ndarray, values: np.ndarray, kind: str, t: float, is_rotation: bool) -> np.ndarray:
+    key_values = values[:, 1] if kind == "CUBICSPLINE" else values
     if t <= keys[0]:
-        return np.asarray(middle[0])
+        return np.asarray(key_values[0])
     if t >= keys[-1]:
-        return np.asarray(middle[-1])
+        return np.asarray(key_values[-1])
     k = int(np.searchsorted(keys, t, side="right")) - 1
     length = keys[k + 1] - keys[k]
     u = (t - keys[k]) / length
-    a, b = middle[k], middle[k + 1]
+    a, b = key_values[k], key_values[k + 1]
     if kind == "STEP":
         return np.asarray(a)
     if kind == "CUBICSPLINE":
-        leaving, entering = length * values[k, 2], length * values[k + 1, 0]
+        out_tangent, in_tangent = length * values[k, 2], length * values[k + 1, 0]
         basis = (2 * u**3 - 3 * u**2 + 1, u**3 - 2 * u**2 + u, -2 * u**3 + 3 * u**2, u**3 - u**2)
-        return np.asarray(basis[0] * a + basis[1] * leaving + basis[2] * b + basis[3] * entering)
-    if not turns:
+        return np.asarray(basis[0] * a + basis[1] * out_tangent + basis[2] * b + basis[3] * in_tangent)
+    if not is_rotation:
         return np.asarray((1 - u) * a + u * b)
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     cosine = float(a @ b)
@@ -278,35 +289,35 @@ def _value(keys: np.ndarray, values: np.ndarray, kind: str, t: float, turns: boo
     return np.asarray((np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle))
 
 
-def matrices(quats: np.ndarray) -> np.ndarray:
-    """Matrices (T, 3, 3) of quaternions (T, 4), x y z w, of any length but 0."""
+def to_matrices(quats: np.ndarray) -> np.ndarray:
+    """Returns matrices (T, 3, 3) of quaternions (T, 4), x y z w, of any length but 0."""
     x, y, z, w = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
-    rows = [
+    matrix_rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
-    return np.moveaxis(np.array(rows), -1, 0)
+    return np.moveaxis(np.array(matrix_rows), -1, 0)
 
 
 # --- BVH
 
 
-def _bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, list[str]]], np.ndarray, float]:
-    """Joints (name, parent, OFFSET, channels) in the file's order, frames (T, C), and the Frame Time."""
+def _parse_bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, list[str]]], np.ndarray, float]:
+    """Returns joints (name, parent, OFFSET, channels) in the file's order, frames (T, C), and the Frame Time."""
     text = content.decode("utf-8-sig", errors="replace")
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     head, motion = re.split(r"(?im)^[ \t]*MOTION[ \t]*$", text, maxsplit=1)
     words = iter(head.split())
     joints: list[tuple[str, int | None, np.ndarray, list[str]]] = []
-    stack: list[int | None] = []  # open braces: the joint, None for an End Site
+    stack: list[int | None] = []  # joints of the open braces, None for an End Site
     if next(words).upper() != "HIERARCHY":
         raise ValueError("no BVH file")
     for word in words:
         match word.upper():
             case "ROOT" | "JOINT":
-                above = stack[-1] if stack else None
-                joints.append((next(words), above, np.zeros(3), []))
+                parent = stack[-1] if stack else None
+                joints.append((next(words), parent, np.zeros(3), []))
                 stack.append(len(joints) - 1)
             case "END":
                 next(words)
@@ -330,11 +341,11 @@ def _bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, list[s
     return joints, numbers.reshape(int(match[1]), sum(len(row[3]) for row in joints)), float(match[2])
 
 
-def _about(axis: int, angles: np.ndarray) -> np.ndarray:
-    """Matrices (T, 3, 3) of rotations about one axis."""
-    out = np.tile(np.eye(3), (len(angles), 1, 1))
-    one, other = (axis + 1) % 3, (axis + 2) % 3
-    out[:, one, one] = out[:, other, other] = np.cos(angles)
-    out[:, other, one] = np.sin(angles)
-    out[:, one, other] = -out[:, other, one]
-    return out
+def _rotate_about(axis: int, angles: np.ndarray) -> np.ndarray:
+    """Returns matrices (T, 3, 3) of rotations about one axis by ``angles`` (T,), radians."""
+    rotations = np.tile(np.eye(3), (len(angles), 1, 1))
+    second, third = (axis + 1) % 3, (axis + 2) % 3
+    rotations[:, second, second] = rotations[:, third, third] = np.cos(angles)
+    rotations[:, third, second] = np.sin(angles)
+    rotations[:, second, third] = -rotations[:, third, second]
+    return rotations

@@ -1,7 +1,7 @@
-"""Floods of one connection or many, and what honest callers see beside each: `python attacks/floods.py [NAME ...]`.
+"""Floods the service by one connection or many, and measures honest callers: `python attacks/floods.py [NAME ...]`.
 
-For every flood four paced streams are open and /healthz is asked ten times a second. All run on this machine, the
-attacker in a process of its own, with equal priority. Prints a row of a Markdown table for each.
+During every flood four paced streams are open and /healthz is asked ten times a second. All run on this machine, the
+attacker in its own process, with equal priority. Prints a row of a Markdown table for each.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from urllib.parse import urlsplit
 
-from service_callers import Seen, paced_stream, serving, watch_health
+from service_callers import CallerRecord, play_paced_stream, start_service, watch_health
 
 _SECONDS = 10.0
-"""How long a flood runs at most."""
+"""Greatest length of a flood, s."""
 _REST_S = 2.0
-"""How long callers are watched before and after it."""
+"""Time that callers are watched before and after a flood, s."""
 _N_STREAMS = 4
 _MB = 1_000_000
 _LIMIT = 60 * _MB
-"""Bytes that a flood sends at most."""
+"""Greatest size of a flood, bytes."""
 
 Flood = Callable[[str, int, float], str]
 
 
-def _get(path: str = "/healthz") -> bytes:
+def _make_request_head(path: str = "/healthz") -> bytes:
     return f"GET {path} HTTP/1.1\r\nHost: localhost\r\n".encode()
 
 
@@ -44,75 +44,83 @@ _UPGRADE = (
 )
 
 
-def _frame(opcode: int, payload: bytes = b"", fin: bool = True) -> bytes:
-    """A frame as a client sends it, masked with zeros."""
+def _encode_frame(opcode: int, payload: bytes = b"", fin: bool = True) -> bytes:
+    """Returns a frame as a client sends it, masked with zeros."""
     size = bytes([0x80 | len(payload)]) if len(payload) < 126 else struct.pack("!BH", 0x80 | 126, len(payload))
     return bytes([(0x80 if fin else 0) | opcode]) + size + bytes(4) + payload
 
 
-def _repeated(block: bytes, n_bytes: int = _LIMIT) -> Iterator[bytes]:
+def _repeat_block(block: bytes, n_bytes: int = _LIMIT) -> Iterator[bytes]:
     piece = block * max(1, 65536 // len(block))
     for _ in range(n_bytes // len(piece)):
         yield piece
 
 
 def _send(
-    host: str, port: int, until: float, head: bytes, parts: Iterator[bytes], pause: float = 0.0, first: bytes = b""
+    host: str,
+    port: int,
+    deadline: float,
+    head: bytes,
+    parts: Iterator[bytes],
+    pause: float = 0.0,
+    first_frame: bytes = b"",
 ) -> str:
-    """What one connection sends, and how it ended. ``first``: frame of a WebSocket before the parts."""
+    """Sends parts over one connection, after ``first_frame``; returns the amount sent and the end of the connection."""
     sent, start = 0, time.monotonic()
-    connection = socket.create_connection((host, port), timeout=max(1.0, until - time.monotonic()))
+    connection = socket.create_connection((host, port), timeout=max(1.0, deadline - time.monotonic()))
     with connection:
         try:
             connection.sendall(head)
             if head is _UPGRADE:  # a client may send frames when it has the answer
                 connection.recv(4096)
-                connection.sendall(first)
+                connection.sendall(first_frame)
             for part in parts:
-                if time.monotonic() > until:
+                if time.monotonic() > deadline:
                     break
                 connection.sendall(part)
                 sent += len(part)
                 time.sleep(pause)
-            how = "sent all" if time.monotonic() < until else "not closed"
+            ending = "sent all" if time.monotonic() < deadline else "not closed"
         except TimeoutError:
-            how = "blocked until the end"
+            ending = "blocked until the end"
         except OSError:
             seconds = time.monotonic() - start
-            how = f"closed after {seconds:.1f} s" if seconds >= 0.05 else "closed at once"
+            ending = f"closed after {seconds:.1f} s" if seconds >= 0.05 else "closed at once"
         answer = b""
         connection.settimeout(0.5)
         with suppress(OSError):
             answer = connection.recv(4096)
         line = answer.split(b"\r\n")[0].decode("latin-1").removeprefix("HTTP/1.1 ") if answer[:4] == b"HTTP" else ""
-    if line and how == "not closed":
-        how = "closed at the end"
-    return f"{sent / _MB:.1f} MB, {how}" + (f" ({line})" if line else "")
+    if line and ending == "not closed":
+        ending = "closed at the end"
+    return f"{sent / _MB:.1f} MB, {ending}" + (f" ({line})" if line else "")
 
 
-def _one(head: bytes, block: bytes) -> Flood:
-    return lambda host, port, until: _send(host, port, until, head, _repeated(block))
+def _flood_request(head: bytes, block: bytes) -> Flood:
+    return lambda host, port, deadline: _send(host, port, deadline, head, _repeat_block(block))
 
 
-def _frames(block: bytes, first: bytes = b"") -> Flood:
-    return lambda host, port, until: _send(host, port, until, _UPGRADE, _repeated(block), first=first)
+def _flood_stream(block: bytes, first_frame: bytes = b"") -> Flood:
+    return lambda host, port, deadline: _send(
+        host, port, deadline, _UPGRADE, _repeat_block(block), first_frame=first_frame
+    )
 
 
-def _drip(head: bytes, block: bytes) -> Flood:
-    return lambda host, port, until: _send(host, port, until, head, iter([block] * 200), pause=0.1)
+def _drip_request(head: bytes, block: bytes) -> Flood:
+    return lambda host, port, deadline: _send(host, port, deadline, head, iter([block] * 200), pause=0.1)
 
 
-def _many_connections(host: str, port: int, until: float) -> str:
-    """1,200 connections from another address, each with an unfinished head."""
-    held: list[socket.socket] = []
+def _open_many_connections(host: str, port: int, deadline: float) -> str:
+    """Opens 1,200 connections from another address, each with an unfinished head."""
+    connections: list[socket.socket] = []
     try:
         for _ in range(1200):
             with suppress(OSError):
-                held.append(socket.create_connection((host, port), timeout=2.0, source_address=("127.0.0.2", 0)))
-                held[-1].sendall(_get())
-        time.sleep(max(0.0, until - time.monotonic()))
+                connections.append(socket.create_connection((host, port), timeout=2.0, source_address=("127.0.0.2", 0)))
+                connections[-1].sendall(_make_request_head())
+        time.sleep(max(0.0, deadline - time.monotonic()))
         n_open = n_refused = 0
-        for connection in held:
+        for connection in connections:
             connection.settimeout(0.0)
             try:
                 n_refused += connection.recv(4096).startswith(b"HTTP/1.1 503")
@@ -120,83 +128,95 @@ def _many_connections(host: str, port: int, until: float) -> str:
                 n_open += 1
             except OSError:
                 n_refused += 1
-        return f"{len(held)} connections, {n_refused} refused, {n_open} open at the end"
+        return f"{len(connections)} connections, {n_refused} refused, {n_open} open at the end"
     finally:
-        for connection in held:
+        for connection in connections:
             connection.close()
 
 
-def _many_flooders(host: str, port: int, until: float) -> str:
-    """Endless headers, on a new connection whenever one is closed."""
-    n = 0
-    while time.monotonic() < until:
+def _flood_repeatedly(host: str, port: int, deadline: float) -> str:
+    """Sends endless headers, on a new connection whenever one is closed."""
+    n_connections = 0
+    while time.monotonic() < deadline:
         with suppress(OSError):
-            _send(host, port, min(until, time.monotonic() + 1.0), _get() + b"X: ", _repeated(b"a", 2 * _MB))
-        n += 1
-    return f"{n} connections, one after another"
+            _send(
+                host,
+                port,
+                min(deadline, time.monotonic() + 1.0),
+                _make_request_head() + b"X: ",
+                _repeat_block(b"a", 2 * _MB),
+            )
+        n_connections += 1
+    return f"{n_connections} connections, one after another"
 
 
 FLOODS: dict[str, Flood] = {
-    "none": lambda host, port, until: "",
-    "endless header value": _one(_get() + b"X: ", b"a"),
-    "endless URL": _one(b"GET /", b"a"),
-    "many headers": _one(_get(), b"X-T: aaaaaaaaaa\r\n"),
-    "endless chunk trailer": _one(_CHUNKED + b"2\r\n{}\r\n0\r\n", b"X-T: aaaaaaaaaa\r\n"),
-    "endless trailer behind an answer": _one(_get() + b"Transfer-Encoding: chunked\r\n\r\n0\r\nX: ", b"a"),
-    "endless chunk extension": _one(_CHUNKED + b"2;", b"a"),
-    "chunks of one byte": _one(_CHUNKED, b"1\r\n \r\n"),
-    "pipelined requests": _one(b"", _get() + b"\r\n"),
-    "WebSocket pings": _frames(_frame(9)),
-    "WebSocket pings of 125 bytes": _frames(_frame(9, bytes(125))),
-    "WebSocket pongs": _frames(_frame(10)),
-    "WebSocket fragments": _frames(_frame(0, fin=False), _frame(1, b"{", fin=False)),
-    "WebSocket messages": _frames(_frame(1, b"{}")),
-    "WebSocket words": _frames(_frame(1, b'{"type": "word", "gloss": "-"}'), _frame(1, b'{"type": "open"}')),
-    "slow head": _drip(_get() + b"X: ", b"a"),
-    "slow body": _drip(_POST + b"Content-Length: 1000\r\n\r\n", b" "),
-    "slow trailer": _drip(_CHUNKED + b"0\r\n", b"X: a\r\n"),
-    "many connections": _many_connections,
-    "flood after flood": _many_flooders,
+    "none": lambda host, port, deadline: "",
+    "endless header value": _flood_request(_make_request_head() + b"X: ", b"a"),
+    "endless URL": _flood_request(b"GET /", b"a"),
+    "many headers": _flood_request(_make_request_head(), b"X-T: aaaaaaaaaa\r\n"),
+    "endless chunk trailer": _flood_request(_CHUNKED + b"2\r\n{}\r\n0\r\n", b"X-T: aaaaaaaaaa\r\n"),
+    "endless trailer behind an answer": _flood_request(
+        _make_request_head() + b"Transfer-Encoding: chunked\r\n\r\n0\r\nX: ", b"a"
+    ),
+    "endless chunk extension": _flood_request(_CHUNKED + b"2;", b"a"),
+    "chunks of one byte": _flood_request(_CHUNKED, b"1\r\n \r\n"),
+    "pipelined requests": _flood_request(b"", _make_request_head() + b"\r\n"),
+    "WebSocket pings": _flood_stream(_encode_frame(9)),
+    "WebSocket pings of 125 bytes": _flood_stream(_encode_frame(9, bytes(125))),
+    "WebSocket pongs": _flood_stream(_encode_frame(10)),
+    "WebSocket fragments": _flood_stream(_encode_frame(0, fin=False), _encode_frame(1, b"{", fin=False)),
+    "WebSocket messages": _flood_stream(_encode_frame(1, b"{}")),
+    "WebSocket words": _flood_stream(
+        _encode_frame(1, b'{"type": "word", "gloss": "-"}'), _encode_frame(1, b'{"type": "open"}')
+    ),
+    "slow head": _drip_request(_make_request_head() + b"X: ", b"a"),
+    "slow body": _drip_request(_POST + b"Content-Length: 1000\r\n\r\n", b" "),
+    "slow trailer": _drip_request(_CHUNKED + b"0\r\n", b"X: a\r\n"),
+    "many connections": _open_many_connections,
+    "flood after flood": _flood_repeatedly,
 }
 
 
-def _attack(name: str, host: str, port: int, until: float, answer: Connection) -> None:
-    answer.send(FLOODS[name](host, port, until))
+def _attack(name: str, host: str, port: int, deadline: float, sender: Connection) -> None:
+    sender.send(FLOODS[name](host, port, deadline))
 
 
-async def _beside(address: str, name: str) -> tuple[Seen, str]:
-    """What honest callers see beside a flood, and what the attacker does."""
+async def _measure_flood(address: str, name: str) -> tuple[CallerRecord, str]:
+    """Returns what honest callers saw during a flood, and what the attacker did."""
     url = urlsplit(address)
-    near, far = multiprocessing.get_context("spawn").Pipe()
+    receiver, sender = multiprocessing.get_context("spawn").Pipe()
     start = time.monotonic() + 3.0  # the attacker's process and the streams start
-    until = start + _SECONDS
-    seen = Seen()
-    arguments = (name, url.hostname, url.port, until, far)
-    attacker = multiprocessing.get_context("spawn").Process(target=_start_at, args=(start, *arguments), daemon=True)
+    end = start + _SECONDS
+    record = CallerRecord()
+    arguments = (name, url.hostname, url.port, end, sender)
+    attacker = multiprocessing.get_context("spawn").Process(target=_attack_at, args=(start, *arguments), daemon=True)
     attacker.start()
-    callers = [paced_stream(address, seen, until + _REST_S, number) for number in range(_N_STREAMS)]
-    await asyncio.gather(*callers, watch_health(address, seen, until + _REST_S))
-    how = await asyncio.to_thread(near.recv) if await asyncio.to_thread(near.poll, 10.0) else "the attacker hangs"
+    callers = [play_paced_stream(address, record, end + _REST_S, number) for number in range(_N_STREAMS)]
+    await asyncio.gather(*callers, watch_health(address, record, end + _REST_S))
+    attacker_outcome = (
+        await asyncio.to_thread(receiver.recv) if await asyncio.to_thread(receiver.poll, 10.0) else "the attacker hangs"
+    )
     attacker.kill()
-    return seen, how
+    return record, attacker_outcome
 
 
-def _start_at(start: float, *arguments: object) -> None:
+def _attack_at(start: float, *arguments: object) -> None:
     time.sleep(max(0.0, start - time.monotonic()))
     _attack(*arguments)  # type: ignore[arg-type]
 
 
 def main(names: list[str]) -> None:
-    """Print a row for each flood, after a run that is not measured: the first one reads what is not in memory yet."""
-    with serving() as (address, _):
-        asyncio.run(_beside(address, "none"))
+    """Prints a row for each flood, after a run that is not measured: the first one loads files into memory."""
+    with start_service() as (address, _):
+        asyncio.run(_measure_flood(address, "none"))
     print(f"| flood beside four paced streams ({os.cpu_count()} cores) | seen |\n| --- | --- |")
     for name in names or FLOODS:
-        with serving() as (address, _):
-            warm_up = Seen()
-            asyncio.run(paced_stream(address, warm_up, time.monotonic() + 6.0))  # workers start
-            seen, how = asyncio.run(_beside(address, name))
-            print(f"| {name} | {seen.row()}; the attacker: {how or '-'} |", flush=True)
+        with start_service() as (address, _):
+            warm_up_record = CallerRecord()
+            asyncio.run(play_paced_stream(address, warm_up_record, time.monotonic() + 6.0))  # workers start
+            record, attacker_outcome = asyncio.run(_measure_flood(address, name))
+            print(f"| {name} | {record.row()}; the attacker: {attacker_outcome or '-'} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,15 +3,15 @@
     python attacks/fuzz.py --minutes 10             all targets, in ten minutes
     python attacks/fuzz.py --cases 20000 npz gltf   an exact number of cases of two of them
 
-A case is a finding where an exception other than ``InputError`` comes out of the reader or of the next step, where its
-error is not one line with the file's name, where it takes more than ``MOST_SECONDS`` of processor time or more memory
-than ``FREE_MEMORY`` and ten times the file's unpacked size, and where the process dies. Motion that is read is judged
-by an oracle that shares no code with the reader (``fuzz_oracles``): another motion than the file's is a finding too.
-Its file is then kept in workshop/tests/fuzz_corpus, for a test that reads it for ever. The exit status is 1 where
-something was found.
+A case is a finding if an exception other than ``InputError`` comes out of the reader or of the next step, if its error
+is not one line with the file's name, if it takes more than ``MAX_CPU_S`` of processor time or more memory than
+``BASE_MEMORY`` and ten times the file's unpacked size, or if the process dies. An oracle that shares no code with the
+reader (``fuzz_oracles``) judges the motion that is read: motion that differs from the file's is a finding too. Its file
+is then stored in workshop/tests/fuzz_corpus, for a test that reads it from then on. The exit status is 1 if there is a
+finding.
 
 Cases are mutations by a seeded generator, the same in each run, or (``--engine coverage``) chosen by atheris for the
-lines of code that they reach. They run in a child process, which is started anew where a case kills it. Linux only.
+lines of code that they reach. They run in a child process, which is restarted after a case that kills it. Linux only.
 """
 
 from __future__ import annotations
@@ -41,29 +41,29 @@ ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "workshop" / "tests" / "fuzz_corpus"
 NAMES = ("avatar", "fbxavatar", "lexicon", "gltf", "fbx", "recipes", "shards", "bundle", "npz", "smplx", "bvh", "signs",
          "roles", "written", "report", "pairs", "lines", "glosses", "face")  # fmt: skip
-"""The targets, those that take longest first."""
-MOST_SECONDS = 5.0
-"""Of processor time for a case."""
-MOST_WAITING_S = 60.0
-"""Of time on the clock for a case, whatever it waits for."""
-FREE_MEMORY = 64 << 20
-"""Bytes that a case may take beside ten times the unpacked size of its file."""
+"""The targets, slowest first."""
+MAX_CPU_S = 5.0
+"""Processor time limit of a case, s."""
+MAX_WAIT_S = 60.0
+"""Wall-clock time limit of a case, s, whatever it waits for."""
+BASE_MEMORY = 64 << 20
+"""Memory that a case may take besides ten times the unpacked size of its file, bytes."""
 ADDRESS_SPACE = 8 << 30
-LARGEST_KEPT = 200_000
-"""Bytes of the largest file that is kept in the corpus."""
+MAX_STORED_FILE = 200_000
+"""Size of the largest file that is stored in the corpus, bytes."""
 
 
 @dataclass
 class Tally:
-    """What the cases of a target came to.
+    """Results of the cases of a target.
 
     name, engine: of the target, and what chose the cases.
     n_cases: number of files.
-    n_read: how many were read and used without an error.
-    n_judged: how many the oracle has judged; None where there is none.
+    n_read: number of files read and used without an error.
+    n_judged: number of files judged by the oracle; None if there is no oracle.
     slowest_s: processor time of the slowest case.
-    memory: greatest fraction that a case took of the memory that it may.
-    findings: (kind, place) -> the first file, and what was seen.
+    memory: greatest fraction of its memory limit that a case took.
+    findings: (kind, place) -> the first file and its description.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Tally:
     findings: dict[str, str] = field(default_factory=dict)
 
     def row(self) -> str:
-        """A row of the Markdown table."""
+        """Returns a row of the Markdown table."""
         judged = "-" if self.n_judged is None else f"{self.n_judged:,}"
         return (
             f"| {self.name} | {self.engine} | {self.n_cases:,} | {self.n_read:,} | {judged} | {len(self.findings)} | "
@@ -86,13 +86,13 @@ class Tally:
 
 @dataclass(frozen=True)
 class Plan:
-    """The work of a child process.
+    """Work of a child process.
 
     name: of the target.
     engine: "seeded" or "coverage".
     seed: of the random generator.
-    first, n_cases: numbers of the first case, and of how many follow.
-    seconds: after which no further case is begun.
+    first, n_cases: number of the first case, and number of cases.
+    seconds: time after which no further case begins.
     """
 
     name: str
@@ -104,38 +104,42 @@ class Plan:
 
 
 def main() -> int:
-    """Fuzz the targets that the command line names."""
+    """Fuzzes the targets that the command line names; returns the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"of {', '.join(NAMES)}; all where none is named")
-    parser.add_argument("--minutes", type=float, help="how long, in all")
-    parser.add_argument("--cases", type=int, help="how many files of each target; 2,000 where no minutes are given")
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"of {', '.join(NAMES)}; default: all")
+    parser.add_argument("--minutes", type=float, help="time in all")
+    parser.add_argument("--cases", type=int, help="files of each target; default: 2,000 without --minutes")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--engine", choices=("seeded", "coverage"), help="coverage where atheris can be imported")
+    parser.add_argument(
+        "--engine",
+        choices=("seeded", "coverage"),
+        help="default: coverage if atheris can be imported and --minutes is given",
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="targets at a time")
     parser.add_argument("--child", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.child:
-        plan, folder = json.loads(given.child)
+    options = parser.parse_args()
+    if options.child:
+        plan, folder = json.loads(options.child)
         return _Child(Plan(**plan), Path(folder)).run()
-    names = given.targets or NAMES
+    names = options.targets or NAMES
     if unknown := [name for name in names if name not in NAMES]:
         parser.error(f"no target {unknown[0]!r}, expected of {', '.join(NAMES)}")
-    engine = given.engine or ("coverage" if given.minutes and _has_atheris() else "seeded")
-    jobs = min(given.jobs, len(names))
-    seconds = 60.0 * given.minutes * jobs / len(names) if given.minutes else float("inf")
-    n_cases = given.cases or (sys.maxsize if given.minutes else 2000)
+    engine = options.engine or ("coverage" if options.minutes and _has_atheris() else "seeded")
+    jobs = min(options.jobs, len(names))
+    seconds = 60.0 * options.minutes * jobs / len(names) if options.minutes else float("inf")
+    n_cases = options.cases or (sys.maxsize if options.minutes else 2000)
     print("| target | cases chosen | cases | read and used | judged by the oracle | findings | slowest | "
           "memory, of what a case may take |")  # fmt: skip
     print("| --- " * 8 + "|", flush=True)
     with ThreadPoolExecutor(jobs) as pool:
-        running = [pool.submit(_fuzz, Plan(name, engine, given.seed, 0, n_cases, seconds)) for name in names]
+        running = [pool.submit(_fuzz, Plan(name, engine, options.seed, 0, n_cases, seconds)) for name in names]
         tallies = []
-        for done in as_completed(running):
-            tallies.append(done.result())
+        for future in as_completed(running):
+            tallies.append(future.result())
             print(tallies[-1].row(), flush=True)
     for tally in tallies:
-        for what, seen in tally.findings.items():
-            print(f"\n{tally.name}: {what}\n{seen}")
+        for finding, description in tally.findings.items():
+            print(f"\n{tally.name}: {finding}\n{description}")
     return int(any(tally.findings for tally in tallies))
 
 
@@ -148,19 +152,21 @@ def _has_atheris() -> bool:
 
 
 def _fuzz(plan: Plan) -> Tally:
-    """The tally of a target; a child that a case killed is started anew after that case."""
+    """Returns the tally of a target; restarts a child that a case killed after that case."""
     tally = Tally(plan.name, plan.engine)
-    ends = time.monotonic() + plan.seconds
-    base = "/dev/shm" if Path("/dev/shm").is_dir() else None  # the files that cases read need no disk
-    while tally.n_cases < plan.n_cases and time.monotonic() < ends:
+    end_time = time.monotonic() + plan.seconds
+    base = "/dev/shm" if Path("/dev/shm").is_dir() else None  # in memory: cases read many files
+    while tally.n_cases < plan.n_cases and time.monotonic() < end_time:
         with tempfile.TemporaryDirectory(prefix="fuzz-", dir=base) as name:
-            left = min(ends - time.monotonic(), 1e9)
-            part = Plan(plan.name, plan.engine, plan.seed + (plan.engine == "coverage") * tally.n_cases, tally.n_cases,
-                        plan.n_cases - tally.n_cases, left)  # fmt: skip
-            status, errors = _run_child(part, Path(name))
-            before = tally.n_cases
-            _add(tally, Path(name), status)
-            if tally.n_cases == before:
+            remaining_s = min(end_time - time.monotonic(), 1e9)
+            child_plan = Plan(
+                plan.name, plan.engine, plan.seed + (plan.engine == "coverage") * tally.n_cases, tally.n_cases,
+                plan.n_cases - tally.n_cases, remaining_s,
+            )  # fmt: skip
+            status, errors = _run_child(child_plan, Path(name))
+            n_before = tally.n_cases
+            _add_child_tally(tally, Path(name), status)
+            if tally.n_cases == n_before:
                 raise SystemExit(f"{plan.name}: the child did no case\n{errors[-3000:]}")
     return tally
 
@@ -168,15 +174,15 @@ def _fuzz(plan: Plan) -> Tally:
 def _run_child(plan: Plan, folder: Path) -> tuple[int, str]:
     command = [sys.executable, __file__, "--child", json.dumps([asdict(plan), str(folder)])]
     log = folder / "log"
-    path = os.pathsep.join([str(ROOT / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])])  # for its avatars
+    path = os.pathsep.join([str(ROOT / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])])  # for avatars.py
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
-    with log.open("wb") as out:
-        done = subprocess.run(command, stdout=out, stderr=out, check=False, env=environment)
-    return done.returncode, log.read_text(errors="replace")
+    with log.open("wb") as log_file:
+        process = subprocess.run(command, stdout=log_file, stderr=log_file, check=False, env=environment)
+    return process.returncode, log.read_text(errors="replace")
 
 
-def _add(tally: Tally, folder: Path, status: int) -> None:
-    """Add what a child has left in its folder to the tally."""
+def _add_child_tally(tally: Tally, folder: Path, status: int) -> None:
+    """Adds the results in a child's folder to the tally."""
     state = folder / "tally.json"
     if state.exists():
         child = json.loads(state.read_text())
@@ -187,21 +193,22 @@ def _add(tally: Tally, folder: Path, status: int) -> None:
         tally.slowest_s = max(tally.slowest_s, child["slowest_s"])
         tally.memory = max(tally.memory, child["memory"])
         tally.findings = {**child["findings"], **tally.findings}
-    if status not in (0, -signal.SIGTERM, -signal.SIGINT) and (folder / "case").exists():  # these come from outside
+    # SIGTERM and SIGINT come from outside
+    if status not in (0, -signal.SIGTERM, -signal.SIGINT) and (folder / "case").exists():
         content = (folder / "case").read_bytes()
         kind = signal.Signals(-status).name if status < 0 else f"exit status {status}"
-        ends = {-signal.SIGPROF: "hangs", -signal.SIGALRM: "waits without end"}.get(status, "dies")
+        ending = {-signal.SIGPROF: "hangs", -signal.SIGALRM: "waits without end"}.get(status, "dies")
         tally.n_cases += 1
         if status == -signal.SIGPROF:
-            tally.slowest_s = max(tally.slowest_s, MOST_SECONDS)
-        if f"{ends} ({kind})" not in tally.findings:
-            tally.findings[f"{ends} ({kind})"] = _keep(tally.name, content)
+            tally.slowest_s = max(tally.slowest_s, MAX_CPU_S)
+        if f"{ending} ({kind})" not in tally.findings:
+            tally.findings[f"{ending} ({kind})"] = _store_case(tally.name, content)
 
 
-def _keep(name: str, content: bytes) -> str:
-    """Keep a file in the corpus, and say where."""
+def _store_case(name: str, content: bytes) -> str:
+    """Stores a file in the corpus, and returns a line with its path."""
     digest = hashlib.sha256(content).hexdigest()[:16]
-    folder = CORPUS if len(content) <= LARGEST_KEPT else Path(tempfile.gettempdir()) / "fuzz_corpus"
+    folder = CORPUS if len(content) <= MAX_STORED_FILE else Path(tempfile.gettempdir()) / "fuzz_corpus"
     path = folder / name / digest
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
@@ -209,32 +216,32 @@ def _keep(name: str, content: bytes) -> str:
 
 
 class _Child:
-    """A process that runs the cases of a plan, and writes what it sees into a folder as it goes."""
+    """A process that runs the cases of a plan, and writes its tally into a folder as it goes."""
 
     def __init__(self, plan: Plan, folder: Path) -> None:
         self.plan, self.folder = plan, folder
         self.tally = Tally(plan.name, plan.engine)
-        self.ends = time.monotonic() + plan.seconds
+        self.end_time = time.monotonic() + plan.seconds
         (folder / "files").mkdir()
         resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        for kind in (signal.SIGPROF, signal.SIGALRM):  # ends the process, also within a library
+        for kind in (signal.SIGPROF, signal.SIGALRM):  # the default action ends the process, also within a library
             signal.signal(kind, signal.SIG_DFL)
 
     def run(self) -> int:
-        """Run all cases; the exit status."""
+        """Runs all cases; returns the exit status."""
         if self.plan.engine == "coverage":
             return self._run_atheris()
         from fuzz_targets import TARGETS
 
         target = TARGETS[self.plan.name]
-        seeds, kept = target.seeds(), self._kept()
+        seeds, corpus = target.seeds(), self._read_corpus()
         for number in range(self.plan.first, self.plan.first + self.plan.n_cases):
-            if time.monotonic() > self.ends:
+            if time.monotonic() > self.end_time:
                 break
             rng = random.Random(f"{self.plan.seed}/{self.plan.name}/{number}")
-            chosen = kept if kept and rng.random() < 0.1 else seeds
-            self._one(target.mutated(chosen, rng), target)
+            files = corpus if corpus and rng.random() < 0.1 else seeds
+            self._run_case(target.mutate_seed(files, rng), target)
         self._write()
         return 0
 
@@ -246,45 +253,51 @@ class _Child:
         target = TARGETS[self.plan.name]
         corpus = self.folder / "corpus"
         corpus.mkdir()
-        for number, content in enumerate([*target.seeds(), *self._kept()]):
+        for number, content in enumerate([*target.seeds(), *self._read_corpus()]):
             (corpus / str(number)).write_bytes(content)
 
-        def one(content: bytes) -> None:
-            self._one(content, target)
-            if self.tally.n_cases >= self.plan.n_cases or time.monotonic() > self.ends:
+        def run_case(content: bytes) -> None:
+            self._run_case(content, target)
+            if self.tally.n_cases >= self.plan.n_cases or time.monotonic() > self.end_time:
                 self._write()
                 os._exit(0)
 
-        def mutated(content: bytes, most: int, seed: int) -> bytes:
-            return target.mutated([content], random.Random(seed))[:most]
+        def mutate(content: bytes, max_size: int, seed: int) -> bytes:
+            return target.mutate_seed([content], random.Random(seed))[:max_size]
 
         options = ["-timeout=0", "-rss_limit_mb=0", "-max_len=1000000", "-len_control=0", "-verbosity=0"]
-        atheris.Setup([sys.argv[0], *options, f"-seed={self.plan.seed + 1}", str(corpus)], one, custom_mutator=mutated)
+        atheris.Setup(
+            [sys.argv[0], *options, f"-seed={self.plan.seed + 1}", str(corpus)], run_case, custom_mutator=mutate
+        )
         atheris.Fuzz()
         return 0
 
-    def _kept(self) -> list[bytes]:
+    def _read_corpus(self) -> list[bytes]:
         return [path.read_bytes() for path in sorted((CORPUS / self.plan.name).glob("*")) if path.is_file()]
 
-    def _one(self, content: bytes, target: Target) -> None:
-        """Run a case under its limits, judge it, and tally it."""
+    def _run_case(self, content: bytes, target: Target) -> None:
+        """Runs a case under its limits, judges it, and adds it to the tally."""
         (self.folder / "case").write_bytes(content)
         size, loaded = target.unpacked(content), None
-        before, began = _memory_anew(), time.process_time()
-        signal.setitimer(signal.ITIMER_PROF, MOST_SECONDS)
-        signal.setitimer(signal.ITIMER_REAL, MOST_WAITING_S)
+        start_memory, start = _reset_peak_memory(), time.process_time()
+        signal.setitimer(signal.ITIMER_PROF, MAX_CPU_S)
+        signal.setitimer(signal.ITIMER_REAL, MAX_WAIT_S)
         try:
             loaded, was_used = target.exercise(content, self.folder / "files")
             self.tally.n_read += was_used
         except Exception as error:
-            self._found(_place(error), f"    {traceback.format_exception_only(error)[-1].strip()[:300]}", content)
+            self._add_finding(
+                _describe_place(error), f"    {traceback.format_exception_only(error)[-1].strip()[:300]}", content
+            )
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-        self.tally.slowest_s = max(self.tally.slowest_s, time.process_time() - began)
-        fraction = (_memory("VmHWM") - before) / (FREE_MEMORY + 10 * size)
+        self.tally.slowest_s = max(self.tally.slowest_s, time.process_time() - start)
+        fraction = (_read_memory("VmHWM") - start_memory) / (BASE_MEMORY + 10 * size)
         if fraction > 1.0:
-            self._found("memory", f"{fraction * (FREE_MEMORY + 10 * size) / 2**20:.0f} MiB for {size} bytes", content)
+            self._add_finding(
+                "memory", f"{fraction * (BASE_MEMORY + 10 * size) / 2**20:.0f} MiB for {size} bytes", content
+            )
         self.tally.memory = max(self.tally.memory, fraction)
         if target.oracle is not None:
             self._judge(content, loaded, target)
@@ -293,18 +306,18 @@ class _Child:
             self._write()
 
     def _judge(self, content: bytes, loaded: object, target: Target) -> None:
-        """Let the oracle judge what was read."""
+        """Lets the oracle judge what was read."""
         self.tally.n_judged = self.tally.n_judged or 0
         try:
             self.tally.n_judged += target.judge(content, loaded)
         except AssertionError as error:
             self.tally.n_judged += 1
-            kind = re.sub(r"'.*?'|[-+]?\d[-+.\de]*", "_", str(error))  # one place in the oracle finds them all
-            self._found(f"wrong motion, {kind[:80]}", f"    {str(error)[:300]}", content)
+            kind = re.sub(r"'.*?'|[-+]?\d[-+.\de]*", "_", str(error))  # one finding for each check of the oracle
+            self._add_finding(f"wrong motion, {kind[:80]}", f"    {str(error)[:300]}", content)
 
-    def _found(self, what: str, seen: str, content: bytes) -> None:
-        if what not in self.tally.findings:
-            self.tally.findings[what] = seen.rstrip() + "\n" + _keep(self.plan.name, content)
+    def _add_finding(self, finding: str, description: str, content: bytes) -> None:
+        if finding not in self.tally.findings:
+            self.tally.findings[finding] = description.rstrip() + "\n" + _store_case(self.plan.name, content)
             self._write()
 
     def _write(self) -> None:
@@ -313,20 +326,20 @@ class _Child:
         path.with_suffix(".new").replace(path)
 
 
-def _place(error: BaseException) -> str:
-    """Kind of an exception, and the last line of the package that it passed."""
+def _describe_place(error: BaseException) -> str:
+    """Returns the kind of an exception, and the last line of the package that it passed."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if "signsplice" in Path(frame.filename).parts] or list(frames)
-    return f"{type(error).__name__} in {Path(own[-1].filename).name}:{own[-1].lineno} {own[-1].name}"
+    inside = [frame for frame in frames if "signsplice" in Path(frame.filename).parts] or list(frames)
+    return f"{type(error).__name__} in {Path(inside[-1].filename).name}:{inside[-1].lineno} {inside[-1].name}"
 
 
-def _memory_anew() -> int:
-    """Bytes of memory that the process has now; its peak is counted from here on."""
+def _reset_peak_memory() -> int:
+    """Resets the process's peak of memory and returns its present memory, bytes."""
     Path("/proc/self/clear_refs").write_text("5")
-    return _memory("VmRSS")
+    return _read_memory("VmRSS")
 
 
-def _memory(name: str) -> int:
+def _read_memory(name: str) -> int:
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith(name):
             return int(line.split()[1]) << 10

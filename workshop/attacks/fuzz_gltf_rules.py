@@ -1,6 +1,6 @@
-"""Rules of glTF 2.0 on what moves joints: a file that breaks one says nothing that a program could rely on.
+"""Checks rules of glTF 2.0 that concern the motion of joints: a program cannot rely on a file that breaks one.
 
-Khronos' validator reports each as an error but unknown paths, which are a warning. Rules that move no joint (names,
+Khronos' validator reports each as an error, except unknown paths, which are a warning. Rules that move no joint (names,
 bounds, scenes, alignment, unused rows) are left out.
 """
 
@@ -17,7 +17,7 @@ import evaluators
 from evaluators import Fields, MustRefuseError
 
 UNIT = 0.05
-"""Greatest error of a rotation's length. That of rotations in bytes is below 0.02."""
+"""Greatest error of a rotation's length. Rotations in bytes err by less than 0.02."""
 ROW = 1e-5
 """Greatest error of a matrix's last row, as inversion in 32 bits leaves it."""
 _NODE_LENGTHS = {"translation": 3, "rotation": 4, "scale": 3, "matrix": 16}
@@ -25,34 +25,34 @@ _PATHS = ("translation", "rotation", "scale", "weights", "pointer")
 _LEFT_OUT = "a channel of no known path or node"
 
 
-def check(content: bytes, joints: Iterable[int], warned: bool = False, animation: bool = True) -> None:
-    """Raise ``MustRefuseError`` where a file breaks a rule on nodes ``joints``, those above them, or their channels in
-    the first animation, where one is read. warned: whether the reader named what it left out.
+def check(content: bytes, joints: Iterable[int], is_warned: bool = False, has_animation: bool = True) -> None:
+    """Raises ``MustRefuseError`` if a file breaks a rule on nodes ``joints``, those above them, or their channels in
+    the first animation, if one is read. is_warned: whether the reader named the channels that it left out.
     """
-    file = evaluators._File(content)
+    file = evaluators._GltfFile(content)
     _expect(_is_strict(content), "NaN or infinity in the JSON")
     nodes = file.json["nodes"]
     parents = {child: node for node, fields in enumerate(nodes) for child in fields.get("children") or ()}
-    wanted = set(joints)
-    for node in list(wanted):
+    checked_nodes = set(joints)
+    for node in list(checked_nodes):
         while (node := parents.get(node, -1)) >= 0:
-            wanted.add(node)
-    for node in wanted:
+            checked_nodes.add(node)
+    for node in checked_nodes:
         for name, length in _NODE_LENGTHS.items():
             if nodes[node].get(name) is not None:
                 _expect(_are_numbers(nodes[node][name], length), f"{name} of a node")
         _expect(_is_unit([nodes[node].get("rotation") or [0.0, 0.0, 0.0, 1.0]]), "a node's rotation of no unit length")
     for skin in file.json.get("skins") or ():
-        if skin.get("inverseBindMatrices") is not None and wanted.intersection(skin["joints"]):
+        if skin.get("inverseBindMatrices") is not None and checked_nodes.intersection(skin["joints"]):
             _check_accessor(file.json, skin["inverseBindMatrices"])
             rows = file.accessor(skin["inverseBindMatrices"])[:, 3::4]
             _expect(bool((np.abs(rows - [0.0, 0.0, 0.0, 1.0]) <= ROW).all()), "an inverse bind matrix")
-    seen: set[tuple[int, str]] = set()
-    for target, sampler in _channels(file.json, warned) if animation else ():
-        if target[0] not in wanted:
+    targets: set[tuple[int, str]] = set()
+    for target, sampler in _list_channels(file.json, is_warned) if has_animation else ():
+        if target[0] not in checked_nodes:
             continue
-        _expect(target not in seen, "two channels for one target")
-        seen.add(target)
+        _expect(target not in targets, "two channels for one target")
+        targets.add(target)
         kind = sampler.get("interpolation")
         _expect(kind is None or kind in ("LINEAR", "STEP", "CUBICSPLINE"), "an interpolation of no known name")
         for name in ("input", "output"):
@@ -62,13 +62,13 @@ def check(content: bytes, joints: Iterable[int], warned: bool = False, animation
             _expect(_is_unit(values[1::3] if kind == "CUBICSPLINE" else values), "a key's rotation of no unit length")
 
 
-def _channels(document: Fields, warned: bool) -> Iterator[tuple[tuple[int, str], Fields]]:
-    """((node, path), sampler) of the first animation's channels that move nodes."""
+def _list_channels(document: Fields, is_warned: bool) -> Iterator[tuple[tuple[int, str], Fields]]:
+    """Yields ((node, path), sampler) of the first animation's channels that move nodes."""
     animation = document["animations"][0]
     for channel in animation["channels"]:
         node, path = channel["target"].get("node"), channel["target"].get("path")
         is_known = path in _PATHS and (_is_index(node) or (node is None and path == "pointer"))
-        _expect(is_known or warned, _LEFT_OUT)
+        _expect(is_known or is_warned, _LEFT_OUT)
         if is_known and path in evaluators._PATHS:
             _expect(_is_index(channel["sampler"]), "a sampler's number")
             yield (node, path), animation["samplers"][channel["sampler"]]
@@ -82,20 +82,20 @@ def _check_accessor(document: Fields, number: Any) -> None:
     _expect(normalized is None or normalized is False or (normalized is True and is_small), "normalized")
     sparse = accessor.get("sparse")
     _expect(sparse is None or bool(sparse), "sparse")
-    for place in (accessor, *((sparse["indices"], sparse["values"]) if sparse else ())):
-        _expect(place.get("byteOffset") is None or _is_index(place["byteOffset"]), "byteOffset")
-        if place.get("bufferView") is not None:
-            _expect(_is_index(place["bufferView"]), "a view's number")
-            view = document["bufferViews"][place["bufferView"]]
+    for location in (accessor, *((sparse["indices"], sparse["values"]) if sparse else ())):
+        _expect(location.get("byteOffset") is None or _is_index(location["byteOffset"]), "byteOffset")
+        if location.get("bufferView") is not None:
+            _expect(_is_index(location["bufferView"]), "a view's number")
+            view = document["bufferViews"][location["bufferView"]]
             stride = view.get("byteStride")
             _expect(stride is None or (_is_index(stride) and 4 <= stride <= 252), "byteStride")
             _expect(view.get("byteOffset") is None or _is_index(view["byteOffset"]), "byteOffset of a view")
             _expect(_is_index(view["buffer"]), "a buffer's number")
 
 
-def _expect(holds: bool, what: str) -> None:
+def _expect(holds: bool, rule: str) -> None:
     if not holds:
-        raise MustRefuseError(what)
+        raise MustRefuseError(rule)
 
 
 def _is_index(value: Any) -> bool:
@@ -114,8 +114,8 @@ def _is_unit(quats: Any) -> bool:
 
 
 def _is_strict(content: bytes) -> bool:
-    """Whether a document's JSON has no constant that JSON lacks."""
-    found: list[str] = []
+    """Returns whether a document's JSON has only constants that JSON allows."""
+    constants: list[str] = []
     text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if content[:4] == b"glTF" else content
-    json.loads(text.decode("utf-8-sig"), parse_constant=found.append)
-    return not found
+    json.loads(text.decode("utf-8-sig"), parse_constant=constants.append)
+    return not constants

@@ -1,6 +1,4 @@
-"""Mutations of bytes, text and JSON: each takes the bytes of a file and gives those of another, by a random generator
-alone.
-"""
+"""Mutates bytes, text and JSON: each function returns the bytes of another file, chosen by a random generator alone."""
 
 from __future__ import annotations
 
@@ -26,125 +24,125 @@ RAW_JSON = ("NaN", "Infinity", "-Infinity", "1e999", "-0", "9" * 5000, "0." + "9
             "/* */ 1", "1,", "'a'")  # fmt: skip
 
 
-def of_bytes(content: bytes, rng: random.Random) -> bytes:
-    """Bytes changed, removed, repeated, moved or added at one place, or cut short."""
+def mutate_bytes(content: bytes, rng: random.Random) -> bytes:
+    """Returns bytes changed, removed, repeated, moved or added at one place, or cut short."""
     if not content:
         return rng.randbytes(rng.randint(1, 64))
     raw = bytearray(content)
-    at = rng.randrange(len(raw))
-    size = min(int(2 ** rng.uniform(0, 12)), len(raw) - at)
+    start = rng.randrange(len(raw))
+    size = min(int(2 ** rng.uniform(0, 12)), len(raw) - start)
     match rng.randrange(9):
         case 0:
-            raw[at] ^= 1 << rng.randrange(8)
+            raw[start] ^= 1 << rng.randrange(8)
         case 1:
-            raw[at] = rng.choice((0, 1, 0x20, 0x30, 0x7F, 0x80, 0xFF, rng.randrange(256)))
+            raw[start] = rng.choice((0, 1, 0x20, 0x30, 0x7F, 0x80, 0xFF, rng.randrange(256)))
         case 2:
-            del raw[at : at + size]
+            del raw[start : start + size]
         case 3:
-            raw[at:at] = raw[at : at + size] * rng.choice((1, 1, 2, 16))
+            raw[start:start] = raw[start : start + size] * rng.choice((1, 1, 2, 16))
         case 4:
-            raw[at : at + size] = rng.randbytes(size)
+            raw[start : start + size] = rng.randbytes(size)
         case 5:
-            del raw[at:]
+            del raw[start:]
         case 6:
-            other = rng.randrange(len(raw))
-            raw[other : other + size] = raw[at : at + size]
+            target = rng.randrange(len(raw))
+            raw[target : target + size] = raw[start : start + size]
         case 7:
             kind = rng.choice(["<H", ">H", "<I", ">I", "<q"])
             limit = 1 << 8 * struct.calcsize(kind)
             value = rng.choice(INTEGERS) % (limit // 2)
-            raw[at : at + struct.calcsize(kind)] = struct.pack(
+            raw[start : start + struct.calcsize(kind)] = struct.pack(
                 kind, value - limit * (kind == "<q" and value >= limit // 2)
             )
         case _:
             kind = rng.choice(["<f", "<d"])
             with np.errstate(over="ignore"):
-                number = float(np.float32(hostile_float(rng)) if kind == "<f" else hostile_float(rng))
-            raw[at : at + struct.calcsize(kind)] = struct.pack(kind, number)
+                number = float(np.float32(draw_hostile_float(rng)) if kind == "<f" else draw_hostile_float(rng))
+            raw[start : start + struct.calcsize(kind)] = struct.pack(kind, number)
     return bytes(raw)
 
 
-def of_text(content: bytes, rng: random.Random) -> bytes:
-    """One word or line of a text changed, removed, repeated or moved; seldom single bytes."""
+def mutate_text(content: bytes, rng: random.Random) -> bytes:
+    """Returns a text with one word or line changed, removed, repeated or moved; seldom with single bytes mutated."""
     if rng.random() < 0.2 or not content.strip():
-        return of_bytes(content, rng)
+        return mutate_bytes(content, rng)
     lines = content.decode("utf-8", "surrogateescape").split("\n")
-    at = rng.randrange(len(lines))
-    words = lines[at].split(" ")
+    line = rng.randrange(len(lines))
+    words = lines[line].split(" ")
     word = rng.randrange(len(words))
     match rng.randrange(16):
         case 0 | 1 | 2 | 9 | 10 | 11 | 12 | 13 | 14:
-            words[word] = _other_number(words[word], rng)
-            lines[at] = " ".join(words)
+            words[word] = _draw_other_number(words[word], rng)
+            lines[line] = " ".join(words)
         case 3:
-            words.insert(word, hostile_word(rng))
-            lines[at] = " ".join(words)
+            words.insert(word, draw_hostile_word(rng))
+            lines[line] = " ".join(words)
         case 4:
             del words[word]
-            lines[at] = " ".join(words)
+            lines[line] = " ".join(words)
         case 5:
-            del lines[at]
+            del lines[line]
         case 6:
-            lines[at:at] = [lines[at]] * rng.choice((1, 2, 50))
+            lines[line:line] = [lines[line]] * rng.choice((1, 2, 50))
         case 7:
-            other = rng.randrange(len(lines))
-            lines[at], lines[other] = lines[other], lines[at]
+            other_line = rng.randrange(len(lines))
+            lines[line], lines[other_line] = lines[other_line], lines[line]
         case _:
             words[word] = rng.choice(rng.choice(lines).split(" "))
-            lines[at] = " ".join(words)
+            lines[line] = " ".join(words)
     return "\n".join(lines).encode("utf-8", "surrogatepass" if rng.random() < 0.5 else "replace")
 
 
-def _other_number(word: str, rng: random.Random) -> str:
-    """Another number for a number, for the most part; a hostile word for other words."""
+def _draw_other_number(word: str, rng: random.Random) -> str:
+    """Returns mostly another number for a number; a hostile word for other words."""
     try:
         number = float(word)
     except ValueError:
-        return hostile_word(rng)
-    whole = word.lstrip("-").isdecimal()
-    others = (number * 1e3, number * 1e-3, -number, number + 1.0, *FLOATS)
-    return hostile_word(rng) if rng.random() < 0.3 else format(rng.choice(others), ".0f" if whole else "")
+        return draw_hostile_word(rng)
+    is_whole = word.lstrip("-").isdecimal()
+    numbers = (number * 1e3, number * 1e-3, -number, number + 1.0, *FLOATS)
+    return draw_hostile_word(rng) if rng.random() < 0.3 else format(rng.choice(numbers), ".0f" if is_whole else "")
 
 
-def of_json(content: bytes, rng: random.Random) -> bytes:
-    """One value of a JSON document changed, removed, repeated or nested; seldom single bytes."""
+def mutate_json(content: bytes, rng: random.Random) -> bytes:
+    """Returns a JSON document with one value changed, removed, repeated or nested; seldom with single bytes mutated."""
     if rng.random() < 0.1:
-        return of_bytes(content, rng)
+        return mutate_bytes(content, rng)
     try:
         value = json.loads(content)
     except (ValueError, RecursionError):
-        return of_text(content, rng)
+        return mutate_text(content, rng)
     raw: dict[str, str] = {}
-    value = of_value(value, rng, raw)
+    value = mutate_value(value, rng, raw)
     text = json.dumps(value, ensure_ascii=rng.random() < 0.9)
-    for mark, spelled in raw.items():
-        text = text.replace(f'"{mark}"', spelled)
+    for mark, raw_text in raw.items():
+        text = text.replace(f'"{mark}"', raw_text)
     return text.encode("utf-8", "replace")
 
 
-def of_value(value: Any, rng: random.Random, raw: dict[str, str]) -> Any:
-    """A copy of JSON values with one of them changed. ``raw`` collects text that JSON values cannot spell, by a mark
-    that stands for it.
+def mutate_value(value: Any, rng: random.Random, raw: dict[str, str]) -> Any:
+    """Returns a copy of JSON values with one of them changed. ``raw`` collects text that JSON values cannot spell: mark
+    that stands for it -> text.
     """
     root = [copy.deepcopy(value)]
     places: list[tuple[Any, Any]] = []
     stack: list[Any] = [root]
     while stack and len(places) < 5000:
-        inner = stack.pop()
-        keys = list(inner) if isinstance(inner, dict) else range(len(inner))
-        places += [(inner, key) for key in keys]
-        stack += [inner[key] for key in keys if isinstance(inner[key], (dict, list))]
+        container = stack.pop()
+        keys = list(container) if isinstance(container, dict) else range(len(container))
+        places += [(container, key) for key in keys]
+        stack += [container[key] for key in keys if isinstance(container[key], (dict, list))]
     holder, key = rng.choice(places)
     match rng.randrange(10):
         case 0 if holder is not root:
             del holder[key]
         case 1 if isinstance(holder, dict):
-            holder[hostile_word(rng) if rng.random() < 0.5 else key + "x"] = holder.pop(key)
+            holder[draw_hostile_word(rng) if rng.random() < 0.5 else key + "x"] = holder.pop(key)
         case 2 if isinstance(holder, list) and holder is not root:
             holder[key:key] = [copy.deepcopy(holder[key])] * rng.choice((1, 3, 1000))
         case 3:
-            other, name = rng.choice(places)
-            holder[key] = copy.deepcopy(other[name])
+            source, name = rng.choice(places)
+            holder[key] = copy.deepcopy(source[name])
         case 4:
             holder[key] = [holder[key]] if rng.random() < 0.5 else {"a": holder[key]}
         case 5:
@@ -152,40 +150,44 @@ def of_value(value: Any, rng: random.Random, raw: dict[str, str]) -> Any:
             raw[mark] = rng.choice(RAW_JSON)
             holder[key] = mark
         case _:
-            holder[key] = hostile_value(rng, holder[key])
+            holder[key] = draw_hostile_value(rng, holder[key])
     return root[0]
 
 
-def hostile_value(rng: random.Random, old: Any = None) -> Any:
-    """A value of another type, or an extreme one of the same."""
-    if isinstance(old, bool) or rng.random() < 0.3:
+def draw_hostile_value(rng: random.Random, old_value: Any = None) -> Any:
+    """Returns a value of another type, or an extreme one of the same type."""
+    if isinstance(old_value, bool) or rng.random() < 0.3:
         return rng.choice((None, True, False, [], {}, "", 0, -1, 1.5, [None], [[]], {"a": None}, "a"))
-    if isinstance(old, int) and rng.random() < 0.8:
-        return rng.choice((old + 1, old - 1, -old, old * 1000, *INTEGERS, float(old), str(old)))
-    if isinstance(old, float) and rng.random() < 0.8:
-        return rng.choice((-old, old * 1e6, old * 1e-6, *FLOATS, str(old)))
-    return rng.choice((rng.choice(INTEGERS), hostile_float(rng), hostile_word(rng)))
+    if isinstance(old_value, int) and rng.random() < 0.8:
+        return rng.choice(
+            (old_value + 1, old_value - 1, -old_value, old_value * 1000, *INTEGERS, float(old_value), str(old_value))
+        )
+    if isinstance(old_value, float) and rng.random() < 0.8:
+        return rng.choice((-old_value, old_value * 1e6, old_value * 1e-6, *FLOATS, str(old_value)))
+    return rng.choice((rng.choice(INTEGERS), draw_hostile_float(rng), draw_hostile_word(rng)))
 
 
-def hostile_float(rng: random.Random) -> float:
-    """An extreme number, or none."""
+def draw_hostile_float(rng: random.Random) -> float:
+    """Returns an extreme number, or no number."""
     return rng.choice((*FLOATS, float("nan"), float("inf"), -float("inf")))
 
 
-def hostile_word(rng: random.Random) -> str:
-    """A word that parsers trip over; long ones are rare."""
+def draw_hostile_word(rng: random.Random) -> str:
+    """Returns a word that parsers trip over; long ones are rare."""
     word = rng.choice(WORDS)
     return word if len(word) < 100 or rng.random() < 0.1 else word[:8]
 
 
-def with_a_float(content: bytes, rng: random.Random) -> bytes:
-    """Bytes with some of their float32 numbers changed."""
+def mutate_floats(content: bytes, rng: random.Random) -> bytes:
+    """Returns bytes with some of their float32 numbers changed."""
     raw = bytearray(content)
     if len(raw) < 4:
-        return of_bytes(content, rng)
+        return mutate_bytes(content, rng)
     for _ in range(rng.choice((1, 1, 4))):
-        at = 4 * rng.randrange(len(raw) // 4)
-        number = rng.choice((hostile_float(rng), struct.unpack_from("<f", raw, at)[0] * rng.choice((-1.0, 2.0, 1e6))))
+        offset = 4 * rng.randrange(len(raw) // 4)
+        number = rng.choice(
+            (draw_hostile_float(rng), struct.unpack_from("<f", raw, offset)[0] * rng.choice((-1.0, 2.0, 1e6)))
+        )
         with np.errstate(all="ignore"):
-            struct.pack_into("<f", raw, at, float(np.float32(number)))
+            struct.pack_into("<f", raw, offset, float(np.float32(number)))
     return bytes(raw)

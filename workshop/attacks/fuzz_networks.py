@@ -1,4 +1,4 @@
-"""The smallest networks that a bundle can have: of the inputs and outputs that the program knows, and a layer each."""
+"""Makes the smallest networks that a bundle can have, with the inputs and outputs that the program knows."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _WIDTH, _N_PHASES, _N_ARM = 4, 5, 8
 _N_WORD_TOKEN = N_FRAME + 2
 
 
-def small(name: str) -> bytes:
-    """A network by its file's name."""
+def make_network(name: str) -> bytes:
+    """Returns a network by its file's name."""
     rng = np.random.default_rng(0)
     inputs, outputs, nodes, sizes = _GRAPHS[name]
     weights = [
@@ -28,8 +28,8 @@ def small(name: str) -> bytes:
     kinds = {"mask": TensorProto.BOOL}
     graph = helper.make_graph(
         [
-            helper.make_node(operator, takes.split(), gives.split(), **attributes)
-            for operator, takes, gives, attributes in nodes
+            helper.make_node(operator, input_names.split(), output_names.split(), **attributes)
+            for operator, input_names, output_names, attributes in nodes
         ],
         "graph",
         [helper.make_tensor_value_info(key, kinds.get(key, TensorProto.FLOAT), shape) for key, shape in inputs.items()],

@@ -1,5 +1,5 @@
-"""What is fuzzed: for each kind of file valid ones to start from, a mutation, the reader, and the next step that a user
-of what was read takes.
+"""Lists the targets of fuzzing: for each kind of file valid ones to start from, a mutation, the reader, and the next
+step that a user of the read data takes.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import fuzz_recipes
 import fuzz_seeds
 import fuzz_written
 import signsplice as ss
-from fuzz_clips import unpacked
-from fuzz_seeds import CLASSICAL, N_REPORTED, ROOT, clip
+from fuzz_clips import unpack
+from fuzz_seeds import CLASSICAL, N_REPORTED, ROOT, make_clip
 from signsplice import formats, lexicon
 from signsplice.body.capsules import Avatar
 from signsplice.body.retarget import retarget
@@ -55,13 +55,13 @@ class Target:
     """A kind of file that is fuzzed.
 
     name: of the kind.
-    seeds: valid files.
-    mutate: another file from the bytes of one.
-    put: writes the bytes into an empty folder and returns the path that is read.
-    load: what the program reads at that path; raises ``InputError``, which names the path.
-    use: the next step with what was read; raises ``InputError``.
-    unpacked: the size of a file's content once unpacked.
-    oracle: of ``fuzz_oracles``: whether it has judged what was read; raises ``WrongMotionError``.
+    seeds: returns valid files.
+    mutate: returns another file from the bytes of one.
+    put: writes the bytes into an empty folder and returns the path to read.
+    load: reads that path; raises ``InputError``, which names the path.
+    use: takes the next step with the read data; raises ``InputError``.
+    unpacked: returns the size of a file's content once unpacked.
+    oracle: of ``fuzz_oracles``: returns whether it has judged the read data; raises ``WrongMotionError``.
     """
 
     name: str
@@ -73,21 +73,21 @@ class Target:
     unpacked: Callable[[bytes], int] = len
     oracle: Callable[[bytes, Any], bool] | None = None
 
-    def mutated(self, seeds: Sequence[bytes], rng: random.Random) -> bytes:
-        """One of the seeds, mutated once or some times."""
+    def mutate_seed(self, seeds: Sequence[bytes], rng: random.Random) -> bytes:
+        """Returns one of the seeds, mutated once or some times."""
         content = rng.choice(seeds)
         for _ in range(1 + min(int(rng.expovariate(0.9)), 6)):
             try:
                 content = self.mutate(content, rng)
-            except Exception:  # of a file that is broken already, which has no structure left
+            except Exception:  # the file is broken already and has no structure left
                 break
         return content
 
     def exercise(self, content: bytes, folder: Path) -> tuple[Any, bool]:
-        """What is read of a file that is put, loaded and used, None where it was refused; and whether it was used.
+        """Puts, loads and uses a file; returns the loaded data, None if it was refused, and whether they were used.
 
-        Raises ``AssertionError`` for a refusal that is not one line with the file's name, and whatever else the reader
-        lets through.
+        Raises ``AssertionError`` for a refusal that is not one line with the file's name, and any other error that the
+        reader lets through.
         """
         path = self.put(content, folder)
         with warnings.catch_warnings():
@@ -105,26 +105,26 @@ class Target:
         return loaded, True
 
     def judge(self, content: bytes, loaded: Any) -> bool:
-        """Whether the oracle has judged what was read of a file. Raises ``WrongMotionError``."""
+        """Returns whether the oracle has judged what was read of a file. Raises ``WrongMotionError``."""
         return self.oracle is not None and loaded is not None and self.oracle(content, loaded)
 
 
 def check_message(text: str, name: str) -> None:
-    """Raise ``AssertionError`` for an error that is not one line of fair length, or does not name the file."""
+    """Raises ``AssertionError`` for an error that is not one line of fair length, or does not name the file."""
     assert 0 < len(text) < 1500, f"a message of {len(text)} characters"
     assert len(text.splitlines()) == 1, f"a message of several lines: {text!r}"
     assert name in text, f"a message without the file's name: {text!r}"
 
 
-def use_clip(read: Clip) -> None:
-    """A splice of a clip with a known one, and what is asked of its rig before."""
-    rig = rig_info(read.skeleton)
-    kinematics.forward(read)
+def use_clip(read_clip: Clip) -> None:
+    """Splices a clip with a known one, and reads its rig before."""
+    rig = rig_info(read_clip.skeleton)
+    kinematics.forward(read_clip)
     _ = rig.roles, rig.sizes
     if rig.has_arms:
-        ss.splice([clip(), read], CLASSICAL)
+        ss.splice([make_clip(), read_clip], CLASSICAL)
     else:
-        ss.splice([read, read], ss.SpliceOptions("ends", "hermite", "tempo"))
+        ss.splice([read_clip, read_clip], ss.SpliceOptions("ends", "hermite", "tempo"))
 
 
 def _put_as(name: str) -> Callable[[bytes, Path], Path]:
@@ -146,31 +146,31 @@ def _put_folder(content: bytes, folder: Path) -> Path:
     shutil.rmtree(path, ignore_errors=True)
     path.mkdir()
     try:
-        files = unpacked(content)
-    except Exception:  # bytes that libFuzzer has cut: not what is tested here
+        files = unpack(content)
+    except Exception:  # bytes that libFuzzer has cut are not tested here
         files = {}
-    for name, inner in files.items():
+    for name, file_bytes in files.items():
         file = path.joinpath(*(part for part in Path(name).parts if part not in ("..", "/")))
         if file != path:
             file.parent.mkdir(exist_ok=True)
-            file.write_bytes(inner)
+            file.write_bytes(file_bytes)
     return path
 
 
-def _unpacked_npz(content: bytes) -> int:
+def _measure_unpacked_npz(content: bytes) -> int:
     try:
-        return len(content) + sum(map(len, unpacked(content).values()))
-    except Exception:  # whatever zipfile says of a damaged archive, nothing was unpacked
+        return len(content) + sum(map(len, unpack(content).values()))
+    except Exception:  # whatever zipfile raises for a damaged archive, nothing was unpacked
         return len(content)
 
 
 def _mutate_gltf(content: bytes, rng: random.Random) -> bytes:
-    mutate = fuzz_clips.of_glb if content[:4] == b"glTF" else fuzz_clips.of_gltf
+    mutate = fuzz_clips.mutate_glb if content[:4] == b"glTF" else fuzz_clips.mutate_gltf
     return mutate(content, rng)
 
 
 def _use_lexicon(words: lexicon.Lexicon) -> None:
-    """What `lexicon list`, `lexicon check` and `sentence` do."""
+    """Does what `lexicon list`, `lexicon check` and `sentence` do."""
     with words:
         from signsplice.cli.lexicon import _facts, _line
 
@@ -186,7 +186,7 @@ def _use_lexicon(words: lexicon.Lexicon) -> None:
 
 
 def _use_bundle(methods: Any) -> None:
-    """A splice of two small clips by whatever networks there are."""
+    """Splices two small clips by the networks of a bundle."""
     chosen: dict[str, Any] = {"cutter": "pose-velocity", "transition": "hermite", "duration": "tempo"}
     for kind, table in (
         ("cutter", methods.cutters),
@@ -194,22 +194,22 @@ def _use_bundle(methods: Any) -> None:
     ):
         if table:
             chosen[kind] = next(iter(table.values()))
-    ss.splice([clip(), clip(1)], ss.SpliceOptions(**chosen, avoid_collisions=False))
+    ss.splice([make_clip(), make_clip(1)], ss.SpliceOptions(**chosen, avoid_collisions=False))
 
 
 def _use_signs(signs: Any) -> None:
-    """The motion of the first sign that is read: each takes some 20 ms."""
+    """Makes the motion of the first sign that is read: each takes some 20 ms."""
     for sign in itertools.islice(signs.values(), 1):
         planner.synthesize_word(sign)
 
 
-def _use_report(read: Any) -> None:
-    """What `view` and `render` make of a report."""
+def _use_report(report: Any) -> None:
+    """Does what `view` and `render` do with a report."""
     from signsplice.render.sheet import Mark, caption, sheet_frames
 
-    shown = scene.from_clip(clip(), read, ())
+    shown = scene.from_clip(make_clip(), report, ())
     json.dumps(reports.plain({"scenes": [shown], "live": False}), allow_nan=False).encode()
-    marks = [Mark(span["kind"], span["name"] or "", *span["output"]) for span in read["spans"]]
+    marks = [Mark(span["kind"], span["name"] or "", *span["output"]) for span in report["spans"]]
     for frame in sheet_frames(N_REPORTED, marks):
         caption(marks, frame)[0].encode()
 
@@ -226,57 +226,57 @@ def _load_recipes(path: Path) -> tuple[Path, list[Any]]:
     return path, list(recipes.read(path))
 
 
-def _use_recipes(read: tuple[Path, list[Any]]) -> None:
-    """What `bulk sentences` does: the recipes are stored, read again, and the first sentences made."""
-    path, batches = read
+def _use_recipes(loaded: tuple[Path, list[Any]]) -> None:
+    """Does what `bulk sentences` does: stores the recipes, reads them again, and makes the first sentences."""
+    path, batches = loaded
     stored = path.with_name("stored.parquet")
     n_rows = recipes.write(stored, batches)
     assert recipes.is_same(stored, recipes.read(path)), "recipes are others when they are read again"
     rows = recipes.rows(stored, 0, min(n_rows, 3)) if n_rows else []
     for row in rows:
         _ = row.sha256
-    for made in _maker().make(list(filter(_is_short, rows))):
-        if isinstance(made, FailedSentence):
-            check_message(made.reason, "")
-            assert not made.reason.startswith("unexpected"), made.reason
+    for made_sentence in _open_maker().make(list(filter(_is_short, rows))):
+        if isinstance(made_sentence, FailedSentence):
+            check_message(made_sentence.reason, "")
+            assert not made_sentence.reason.startswith("unexpected"), made_sentence.reason
 
 
 def _is_short(row: recipes.SentenceRecipe) -> bool:
-    """Whether a sentence is soon made: a letter takes as long as a word."""
+    """Returns whether a sentence is made quickly: a letter takes as long as a word."""
     return len("-".join(row.glosses)) < 40
 
 
-def _maker() -> SentenceMaker:
-    """Makes sentences of the words that ship, opened once."""
+def _open_maker() -> SentenceMaker:
+    """Returns a maker of sentences of the words that ship, opened once."""
     return CACHE.recent(SentenceMaker, lexicon.open_shipped_lexicon(), most=1)
 
 
-def _use_lines(found: tuple[list[Any], list[str]]) -> None:
-    """Recipes and warnings of lines of glosses."""
-    for batch in found[0]:
+def _use_lines(drawn: tuple[list[Any], list[str]]) -> None:
+    """Reads recipes and warnings of lines of glosses."""
+    for batch in drawn[0]:
         recipes.recipes_of(batch)
-    for line in found[1]:
+    for line in drawn[1]:
         check_message(line, "")
 
 
-def _use_shards(made: job.BulkJob, folder: Path) -> None:
-    """What `bulk make` does."""
-    job.is_whole(folder, made, 0)
-    if made.n_recipes and _is_short(recipes.rows(folder / job.RECIPES, 0, 1)[0]):
+def _use_shards(bulk_job: job.BulkJob, folder: Path) -> None:
+    """Does what `bulk make` does."""
+    job.is_whole(folder, bulk_job, 0)
+    if bulk_job.n_recipes and _is_short(recipes.rows(folder / job.RECIPES, 0, 1)[0]):
         shards.remake(str(folder), 0, str(folder / "made.npz"), None)
 
 
 def _use_avatar(avatar: Avatar) -> None:
-    """What `convert --avatar` does: a clip is brought to the avatar's body and written."""
+    """Does what `convert --avatar` does: fits a clip to the avatar's body and writes it."""
     for line in avatar.warnings:
         check_message(line, "")
-    done = retarget(clip(), avatar)
+    fitted = retarget(make_clip(), avatar)
     for suffix in (".bvh", ".vrma") if len(avatar) < 100 else ():
-        formats.encode(done.clip, f"case{suffix}")
+        formats.encode(fitted.clip, f"case{suffix}")
 
 
 def _use_pairs(pairs: Pairs) -> None:
-    """The first pairs of each split, as clips."""
+    """Reads the first pairs of each split, as clips."""
     for name in pairs.head["splits"]:
         for number in pairs.split(name, "test")[:2]:
             pairs.clip(number)
@@ -289,53 +289,57 @@ def _use_pairs(pairs: Pairs) -> None:
 
 
 @cache
-def _truth() -> dict[str, list[Clip]]:
-    """Gloss or synonym -> what the lexicons that fuzzing starts from have of it, each stored in its form."""
-    found: dict[str, list[Clip]] = {}
-    for content in fuzz_seeds.lexicon_seeds():
+def _collect_truth() -> dict[str, list[Clip]]:
+    """Returns gloss or synonym -> its clips in the lexicons that fuzzing starts from, each stored in its form."""
+    truth: dict[str, list[Clip]] = {}
+    for content in fuzz_seeds.make_lexicon_seeds():
         with tempfile.TemporaryDirectory() as name, lexicon.open(_put_folder(content, Path(name))) as words:
             for gloss in (*words, "HI"):
-                found.setdefault(gloss, []).append(words.clip(gloss))
-    return found
+                truth.setdefault(gloss, []).append(words.clip(gloss))
+    return truth
 
 
 TARGETS = {
     target.name: target
     for target in (
-        Target("bvh", lambda: fuzz_seeds.clip_seeds(".bvh"), fuzz_mutators.of_text, _put_as("case.bvh"), formats.load,
-               use_clip, oracle=fuzz_oracles.of_bvh),
-        Target("npz", lambda: fuzz_seeds.clip_seeds(".npz"), fuzz_clips.of_npz, _put_as("case.npz"), formats.load,
-               use_clip, _unpacked_npz, fuzz_oracles.of_npz),
-        Target("smplx", fuzz_seeds.smplx_seeds, fuzz_clips.of_npz, _put_as("case.npz"), formats.load, use_clip,
-               _unpacked_npz),
-        Target("gltf", fuzz_seeds.gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip,
-               oracle=fuzz_oracles.of_gltf),
-        Target("fbx", fuzz_seeds.fbx_seeds, fuzz_clips.of_fbx, _put_as("case.fbx"), formats.load, use_clip),
-        Target("fbxavatar", lambda: fuzz_seeds.fbx_seeds()[1:2], fuzz_clips.of_fbx, _put_as("case.fbx"), read_avatar,
-               _use_avatar),
-        Target("avatar", lambda: fuzz_avatars.seeds(clip().skeleton), fuzz_clips.of_glb, _put_as("case.vrm"),
-               read_avatar, _use_avatar, oracle=fuzz_oracles.of_avatar),
-        Target("lexicon", fuzz_seeds.lexicon_seeds, fuzz_folders.of_lexicon, _put_folder, lexicon.open, _use_lexicon,
-               _unpacked_npz, lambda _, read: fuzz_oracles.of_lexicon(_truth(), read)),
-        Target("bundle", fuzz_seeds.bundle_seeds, fuzz_folders.of_bundle, _put_folder, open_learned, _use_bundle,
-               _unpacked_npz),
-        Target("recipes", fuzz_recipes.seeds, fuzz_recipes.mutated, _put_recipes, _load_recipes, _use_recipes),
-        Target("lines", lambda: [fuzz_seeds.LINES], fuzz_mutators.of_text, _put_as("case.txt"),
+        Target("bvh", lambda: fuzz_seeds.make_clip_seeds(".bvh"), fuzz_mutators.mutate_text, _put_as("case.bvh"),
+               formats.load, use_clip, oracle=fuzz_oracles.judge_bvh),
+        Target("npz", lambda: fuzz_seeds.make_clip_seeds(".npz"), fuzz_clips.mutate_npz, _put_as("case.npz"),
+               formats.load, use_clip, _measure_unpacked_npz, fuzz_oracles.judge_npz),
+        Target("smplx", fuzz_seeds.make_smplx_seeds, fuzz_clips.mutate_npz, _put_as("case.npz"), formats.load,
+               use_clip, _measure_unpacked_npz),
+        Target("gltf", fuzz_seeds.make_gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip,
+               oracle=fuzz_oracles.judge_gltf),
+        Target("fbx", fuzz_seeds.make_fbx_seeds, fuzz_clips.mutate_fbx, _put_as("case.fbx"), formats.load, use_clip),
+        Target("fbxavatar", lambda: fuzz_seeds.make_fbx_seeds()[1:2], fuzz_clips.mutate_fbx, _put_as("case.fbx"),
+               read_avatar, _use_avatar),
+        Target("avatar", lambda: fuzz_avatars.make_seeds(make_clip().skeleton), fuzz_clips.mutate_glb,
+               _put_as("case.vrm"), read_avatar, _use_avatar, oracle=fuzz_oracles.judge_avatar),
+        Target("lexicon", fuzz_seeds.make_lexicon_seeds, fuzz_folders.mutate_lexicon, _put_folder, lexicon.open,
+               _use_lexicon, _measure_unpacked_npz,
+               lambda _, read: fuzz_oracles.judge_lexicon(_collect_truth(), read)),
+        Target("bundle", fuzz_seeds.make_bundle_seeds, fuzz_folders.mutate_bundle, _put_folder, open_learned,
+               _use_bundle, _measure_unpacked_npz),
+        Target("recipes", fuzz_recipes.make_seeds, fuzz_recipes.mutate_recipes, _put_recipes, _load_recipes,
+               _use_recipes),
+        Target("lines", lambda: [fuzz_seeds.LINES], fuzz_mutators.mutate_text, _put_as("case.txt"),
                lambda path: drawing.lines(path, lexicon.open_shipped_lexicon()), _use_lines),
-        Target("shards", fuzz_seeds.shards_seeds, fuzz_folders.of_shards, _put_folder,
-               lambda path: (job.read_job(path), path), lambda read: _use_shards(*read), _unpacked_npz),
-        Target("pairs", fuzz_seeds.pairs_seeds, fuzz_folders.of_pairs, _put_folder, Pairs, _use_pairs, _unpacked_npz),
-        Target("signs", lambda: [fuzz_seeds.SIGNS], fuzz_mutators.of_text, _put_as("case.signs"), notation.read,
+        Target("shards", fuzz_seeds.make_shards_seeds, fuzz_folders.mutate_shards, _put_folder,
+               lambda path: (job.read_job(path), path), lambda read: _use_shards(*read), _measure_unpacked_npz),
+        Target("pairs", fuzz_seeds.make_pairs_seeds, fuzz_folders.mutate_pairs, _put_folder, Pairs, _use_pairs,
+               _measure_unpacked_npz),
+        Target("signs", lambda: [fuzz_seeds.SIGNS], fuzz_mutators.mutate_text, _put_as("case.signs"), notation.read,
                _use_signs),
-        Target("written", fuzz_written.seeds, fuzz_written.mutated, _put_written, written.read, fuzz_written.use),
-        Target("roles", fuzz_seeds.roles_seeds, fuzz_mutators.of_json, _put_as("case.json"), roles_files.read,
-               lambda read: use_clip(roles_files.with_roles(clip(4, "other"), read))),
-        Target("report", fuzz_seeds.report_seeds, fuzz_mutators.of_json, _put_as("case.json"),
+        Target("written", fuzz_written.make_seeds, fuzz_written.mutate_signs, _put_written, written.read,
+               fuzz_written.use),
+        Target("roles", fuzz_seeds.make_roles_seeds, fuzz_mutators.mutate_json, _put_as("case.json"), roles_files.read,
+               lambda read: use_clip(roles_files.with_roles(make_clip(4, "other"), read))),
+        Target("report", fuzz_seeds.make_report_seeds, fuzz_mutators.mutate_json, _put_as("case.json"),
                lambda path: reports.read(path, N_REPORTED), _use_report),
-        Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(clip()))], fuzz_mutators.of_text,
-               _put_as("case.csv"), lambda path: live_link.with_face(clip(), path), use_clip),
-        Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.of_text, _put_as("glosses.csv"),
+        Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(make_clip()))], fuzz_mutators.mutate_text,
+               _put_as("case.csv"), lambda path: live_link.with_face(make_clip(), path), use_clip),
+        Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.mutate_text, _put_as("glosses.csv"),
                recordings.read_table, lambda _: None),
     )
 }  # fmt: skip
-"""Name -> what is fuzzed."""
+"""Name -> target."""

@@ -1,4 +1,4 @@
-"""Distortions of a rig that keep its motion: axes, rest poses, units, worlds, names, mirrors; for ``rigs.py``."""
+"""Distorts a rig and keeps its motion: axes, rest poses, units, worlds, names, mirrors; for ``rigs.py``."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ class Motion:
     roots: Floats
 
 
-def motion_of(clip: ss.Clip) -> Motion:
-    """The motion of a clip."""
+def extract_motion(clip: ss.Clip) -> Motion:
+    """Returns the motion of a clip."""
     bones, quats = clip.skeleton, clip.local_rotations
     matrices = Rotation.from_quat(quats.reshape(-1, 4)).as_matrix().reshape(*quats.shape[:2], 3, 3)
     sites = {site.joint: site.offset for site in bones.end_sites}
     return Motion(bones.names, tuple(bones.parents.tolist()), bones.offsets, sites, matrices, clip.root_positions)
 
 
-def in_world(motion: Motion) -> tuple[Floats, Floats]:
-    """Positions (T, J, 3) and rotations (T, J, 3, 3) of every joint in the world."""
+def compute_world(motion: Motion) -> tuple[Floats, Floats]:
+    """Returns positions (T, J, 3) and rotations (T, J, 3, 3) of every joint in the world."""
     positions, rotations = np.empty(motion.rotations.shape[:3]), np.empty_like(motion.rotations)
     for joint, parent in enumerate(motion.parents):
         if parent < 0:
@@ -65,8 +65,8 @@ def in_world(motion: Motion) -> tuple[Floats, Floats]:
 # --- distortions: each keeps the motion -------------------------------------------------------------------------------
 
 
-def with_axes(motion: Motion, axes: Floats) -> Motion:
-    """The same motion with the axes of each joint turned by ``axes`` (J, 3, 3), and with them the pose at zero."""
+def turn_axes(motion: Motion, axes: Floats) -> Motion:
+    """Returns the motion with the axes of each joint turned by ``axes`` (J, 3, 3), and with them the pose at zero."""
     above = np.stack([axes[parent] if parent >= 0 else np.eye(3) for parent in motion.parents])
     return replace(
         motion,
@@ -76,33 +76,33 @@ def with_axes(motion: Motion, axes: Floats) -> Motion:
     )
 
 
-def with_rest(motion: Motion, pose: dict[str, Floats]) -> Motion:
-    """The same motion on a rig that shows another pose at zero: joint -> rotation from the pose that it shows now."""
+def change_rest_pose(motion: Motion, pose: dict[str, Floats]) -> Motion:
+    """Returns the motion on a rig with another pose at zero: joint -> rotation from the present pose at zero."""
     turns: list[Floats] = []
     for name, parent in zip(motion.names, motion.parents, strict=True):
         turns.append((turns[parent] if parent >= 0 else np.eye(3)) @ pose.get(name.removeprefix(PREFIX), np.eye(3)))
-    return with_axes(motion, np.stack(turns).transpose(0, 2, 1))
+    return turn_axes(motion, np.stack(turns).transpose(0, 2, 1))
 
 
-def other_unit(motion: Motion, rng: Random) -> Motion:
-    """The motion in another unit, 1e-6 to 1e3 of the present one."""
+def change_unit(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion in another unit, 1e-6 to 1e3 of the present one."""
     factor = 10.0 ** rng.uniform(-6.0, 3.0)
     sites = {joint: factor * site for joint, site in motion.sites.items()}
     return replace(motion, offsets=factor * motion.offsets, sites=sites, roots=factor * motion.roots)
 
 
-def other_world(motion: Motion, rng: Random) -> Motion:
-    """The motion in a world whose axes are others, those of every joint included."""
+def change_world(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion in a world with other axes, those of every joint included."""
     turn = np.eye(3)[rng.permutation(3)] * rng.choice([-1.0, 1.0], 3)
     turn *= np.linalg.det(turn)
-    turned = with_axes(motion, np.broadcast_to(turn.T, (len(motion.names), 3, 3)))
+    turned = turn_axes(motion, np.broadcast_to(turn.T, (len(motion.names), 3, 3)))
     rotations = np.array(turned.rotations)
     rotations[:, 0] = turn @ rotations[:, 0]
     return replace(turned, rotations=rotations, roots=motion.roots @ turn.T)
 
 
-def mirrored(motion: Motion, rng: Random) -> Motion:
-    """The motion in the mirror; joints keep their names."""
+def mirror(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion in the mirror; joints keep their names."""
     sites = {joint: _MIRROR @ site for joint, site in motion.sites.items()}
     rotations = _MIRROR @ motion.rotations @ _MIRROR
     return replace(
@@ -110,81 +110,83 @@ def mirrored(motion: Motion, rng: Random) -> Motion:
     )
 
 
-def mirror_image(motion: Motion, rng: Random) -> Motion:
-    """The motion in the mirror; joints are named by the side on which they are."""
-    other = mirrored(motion, rng)
-    names = (name.replace("Left", "?").replace("Right", "Left").replace("?", "Right") for name in other.names)
-    return replace(other, names=tuple(names))
+def mirror_and_rename(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion in the mirror; joints are named by their new side."""
+    mirror_motion = mirror(motion, rng)
+    names = (name.replace("Left", "?").replace("Right", "Left").replace("?", "Right") for name in mirror_motion.names)
+    return replace(mirror_motion, names=tuple(names))
 
 
-def renamed(motion: Motion, rng: Random) -> Motion:
-    """The motion with the joint names of a known scheme; joints without a role in it get a name without a meaning."""
+def rename_joints(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion with the joint names of a known scheme; joints without a role in it get a meaningless name."""
     scheme = sorted(RIGS)[rng.integers(len(RIGS))]
-    own = {name: role for role, name in skeleton_of(*RIGS["mixamo colon"][1])[1].items()}
+    roles = {name: role for role, name in skeleton_of(*RIGS["mixamo colon"][1])[1].items()}
     names = skeleton_of(*RIGS[scheme][1])[1]
-    found = (names.get(own.get(name, ""), f"x{k}") for k, name in enumerate(motion.names))
-    return replace(motion, names=tuple(name.replace(" ", "_") for name in found))  # BVH has no names of several words
+    new_names = (names.get(roles.get(name, ""), f"x{k}") for k, name in enumerate(motion.names))
+    return replace(motion, names=tuple(name.replace(" ", "_") for name in new_names))  # BVH allows no spaces in names
 
 
-def stacked(motion: Motion, rng: Random) -> Motion:
-    """The motion with the axes of every joint such that its bone points up: at zero all bones lie in one line."""
+def align_bones(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion with the axes of every joint such that its bone points up: at zero all bones lie in a line."""
     axes = np.empty((len(motion.names), 3, 3))
     for joint in range(len(motion.names)):
         bone = next((motion.offsets[k] for k, p in enumerate(motion.parents) if p == joint), motion.sites.get(joint))
         axes[joint] = np.eye(3)
         if bone is not None and np.linalg.norm(bone) > 0.0:
             axes[joint] = Rotation.align_vectors([bone / np.linalg.norm(bone)], [[0.0, 1.0, 0.0]])[0].as_matrix()
-    return with_axes(motion, axes)
+    return turn_axes(motion, axes)
 
 
-def _pose(lowered_deg: float, forward_deg: float, bent: float, apart: float) -> dict[str, Floats]:
-    """A pose at zero: arms from the T-pose down and forward, fingers bent, legs apart, degrees."""
+def _make_pose(lowered_deg: float, forward_deg: float, bent_deg: float, spread_deg: float) -> dict[str, Floats]:
+    """Returns a pose at zero: arms from the T-pose down and forward, fingers bent, legs spread, degrees."""
     pose = {}
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
         lowered = Rotation.from_euler("z", -sign * lowered_deg, degrees=True)
         pose[f"{side}Arm"] = (Rotation.from_euler("y", -sign * forward_deg, degrees=True) * lowered).as_matrix()
-        pose[f"{side}UpLeg"] = Rotation.from_euler("z", sign * apart, degrees=True).as_matrix()
+        pose[f"{side}UpLeg"] = Rotation.from_euler("z", sign * spread_deg, degrees=True).as_matrix()
         for finger in ("Index", "Middle", "Ring", "Pinky"):
-            for number in (1, 2, 3):
-                pose[f"{side}Hand{finger}{number}"] = Rotation.from_euler("z", -sign * bent, degrees=True).as_matrix()
+            for n in (1, 2, 3):
+                pose[f"{side}Hand{finger}{n}"] = Rotation.from_euler("z", -sign * bent_deg, degrees=True).as_matrix()
     return pose
 
 
 _RESTS = ((0.0, 0.0), (45.0, 0.0), (80.0, 0.0), (0.0, 85.0), (-80.0, 0.0), (30.0, 30.0))
-"""T, A, arms down, forward, up, and between: how far arms are lowered and turned forward, degrees."""
+"""T, A, arms down, forward, up, and between: angles by which arms are lowered and turned forward, degrees."""
 
 
-def other_rest(motion: Motion, rng: Random, apart: float = 0.0) -> Motion:
-    """The motion on a rig that shows one of these poses at zero, with fingers straight or bent."""
-    return with_rest(motion, _pose(*_RESTS[rng.integers(len(_RESTS))], rng.choice([0.0, 30.0, 60.0]), apart))
+def draw_rest(motion: Motion, rng: Random, spread_deg: float = 0.0) -> Motion:
+    """Returns the motion on a rig that shows one of these poses at zero, with fingers straight or bent."""
+    return change_rest_pose(
+        motion, _make_pose(*_RESTS[rng.integers(len(_RESTS))], rng.choice([0.0, 30.0, 60.0]), spread_deg)
+    )
 
 
-def straddling_rest(motion: Motion, rng: Random) -> Motion:
-    """The same with legs apart."""
-    return other_rest(motion, rng, apart=15.0)
+def draw_straddling_rest(motion: Motion, rng: Random) -> Motion:
+    """Returns the same with legs spread."""
+    return draw_rest(motion, rng, spread_deg=15.0)
 
 
-def near_axes(motion: Motion, rng: Random) -> Motion:
-    """The motion with the axes of every joint turned by up to 25 degrees."""
+def turn_axes_slightly(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion with the axes of every joint turned by up to 25 degrees."""
     axis = rng.normal(size=(len(motion.names), 3))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     angles = np.deg2rad(rng.uniform(2.0, 25.0)) * rng.uniform(0.3, 1.0, len(axis))
-    return with_axes(motion, Rotation.from_rotvec(angles[:, None] * axis).as_matrix())
+    return turn_axes(motion, Rotation.from_rotvec(angles[:, None] * axis).as_matrix())
 
 
-def any_axes(motion: Motion, rng: Random) -> Motion:
-    """The motion with the axes of every joint turned at random."""
-    return with_axes(motion, Rotation.random(len(motion.names), random_state=rng).as_matrix())
+def turn_axes_randomly(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion with the axes of every joint turned at random."""
+    return turn_axes(motion, Rotation.random(len(motion.names), random_state=rng).as_matrix())
 
 
-def several(motion: Motion, rng: Random) -> Motion:
-    """The motion with another pose at zero, unit, world and names."""
-    zero = (other_rest, straddling_rest, near_axes, any_axes, stacked)[rng.integers(5)]
-    for change in (zero, other_unit, other_world, renamed):
+def change_all(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion with another pose at zero, unit, world and names."""
+    new_rest = (draw_rest, draw_straddling_rest, turn_axes_slightly, turn_axes_randomly, align_bones)[rng.integers(5)]
+    for change in (new_rest, change_unit, change_world, rename_joints):
         motion = change(motion, rng)
     return motion
 
 
-def unchanged(motion: Motion, rng: Random) -> Motion:
-    """The motion itself."""
+def keep(motion: Motion, rng: Random) -> Motion:
+    """Returns the motion itself."""
     return motion

@@ -1,4 +1,4 @@
-"""A service on loopback for attacks, and what honest callers of it see meanwhile."""
+"""Runs a service on loopback for attacks, and measures its honest callers meanwhile."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ from websockets.exceptions import ConnectionClosed
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 WORDS = ("HELLO", "DEAF", "FRIEND", "THANK-YOU", "SIGN", "MY", "NAME")
 _N_PREFETCHED = 3
-"""Words that a stream's caller has sent before they are needed."""
+"""Number of words that a stream's caller sends before they are needed."""
 _FPS = 30.0
 
 
 @contextmanager
-def serving(*arguments: str, log: IO[str] | int = subprocess.DEVNULL) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """The address of a service, and its process, whose standard error goes to ``log``."""
+def start_service(
+    *arguments: str, log: IO[str] | int = subprocess.DEVNULL
+) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Starts a service; yields its address, and its process, whose standard error goes to ``log``."""
     process = subprocess.Popen(
         [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments],
         stdout=subprocess.PIPE,
@@ -49,12 +51,12 @@ def serving(*arguments: str, log: IO[str] | int = subprocess.DEVNULL) -> Iterato
 
 
 @dataclass
-class Seen:
-    """What honest callers saw.
+class CallerRecord:
+    """Measurements of honest callers.
 
-    health: seconds that each call of /healthz took; a call that failed counts as its time limit.
-    late: seconds that each paced frame came late, after the clock that the stream's earliest frame sets.
-    faults: what did not work.
+    health: seconds that each call of /healthz took; a failed call counts as its time limit.
+    late: delay of each paced frame, seconds by the clock that the stream's earliest frame sets.
+    faults: failures.
     """
 
     health: list[float] = field(default_factory=list)
@@ -62,7 +64,7 @@ class Seen:
     faults: list[str] = field(default_factory=list)
 
     def row(self) -> str:
-        """The worst and the 99th percentile, in words."""
+        """Returns the worst and the 99th percentile, in words."""
         late = sorted(self.late)
         p99 = late[int(0.99 * len(late))] if late else float("nan")
         worst = late[-1] if late else float("nan")
@@ -73,56 +75,58 @@ class Seen:
         )
 
 
-def stream_address(address: str) -> str:
-    """Where streams are opened."""
+def get_stream_address(address: str) -> str:
+    """Returns the address of streams."""
     return address.replace("http", "ws", 1) + "/v1/stream"
 
 
-async def watch_health(address: str, seen: Seen, until: float, every: float = 0.1, patience: float = 60.0) -> None:
-    """Ask /healthz, on a new connection each time, until a time of ``time.monotonic``."""
+async def watch_health(
+    address: str, record: CallerRecord, deadline: float, period: float = 0.1, time_limit: float = 60.0
+) -> None:
+    """Asks /healthz, on a new connection each time, until a time of ``time.monotonic``."""
     limits = httpx.Limits(max_keepalive_connections=0)
-    async with httpx.AsyncClient(base_url=address, timeout=patience, limits=limits) as client:
+    async with httpx.AsyncClient(base_url=address, timeout=time_limit, limits=limits) as client:
         while (await client.get("/healthz")).status_code == 503:  # its workers start
-            await asyncio.sleep(every)
-        while time.monotonic() < until:
+            await asyncio.sleep(period)
+        while time.monotonic() < deadline:
             start = time.monotonic()
             try:
                 answer = await client.get("/healthz")
                 if answer.status_code != 200:
-                    seen.faults.append(f"/healthz {answer.status_code}")
+                    record.faults.append(f"/healthz {answer.status_code}")
             except httpx.HTTPError as error:
-                seen.faults.append(f"/healthz {type(error).__name__}")
-            seen.health.append(time.monotonic() - start)
-            await asyncio.sleep(every)
+                record.faults.append(f"/healthz {type(error).__name__}")
+            record.health.append(time.monotonic() - start)
+            await asyncio.sleep(period)
 
 
-async def paced_stream(address: str, seen: Seen, until: float, offset: int = 0) -> None:
-    """Read a paced stream, sending words ahead, until a time of ``time.monotonic``."""
-    sent = offset
+async def play_paced_stream(address: str, record: CallerRecord, deadline: float, offset: int = 0) -> None:
+    """Reads a paced stream, sending words ahead, until a time of ``time.monotonic``."""
+    n_sent = offset
 
     async def send_word(socket: ClientConnection) -> None:
-        nonlocal sent
-        await socket.send(json.dumps({"type": "word", "gloss": WORDS[sent % len(WORDS)]}))
-        sent += 1
+        nonlocal n_sent
+        await socket.send(json.dumps({"type": "word", "gloss": WORDS[n_sent % len(WORDS)]}))
+        n_sent += 1
 
-    zeros: list[float] = []  # when each frame says that the stream began
+    starts: list[float] = []  # start of the stream by each frame
     try:
-        async with connect(stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
+        async with connect(get_stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
             await socket.send('{"type": "open", "paced": true}')
             for _ in range(_N_PREFETCHED):
                 await send_word(socket)
-            while time.monotonic() < until:
+            while time.monotonic() < deadline:
                 message = await asyncio.wait_for(socket.recv(), 60.0)
                 now = time.monotonic()
                 if isinstance(message, bytes):
-                    zeros.append(now - int.from_bytes(message[4:8], "little") / _FPS)
+                    starts.append(now - int.from_bytes(message[4:8], "little") / _FPS)
                     continue
-                told = json.loads(message)
-                if told["type"] == "error":
-                    seen.faults.append(told["error"])
-                if told.get("span", {}).get("kind") == "sign":
+                reply = json.loads(message)
+                if reply["type"] == "error":
+                    record.faults.append(reply["error"])
+                if reply.get("span", {}).get("kind") == "sign":
                     with suppress(ConnectionClosed):
                         await send_word(socket)
     except (ConnectionClosed, OSError, TimeoutError) as error:
-        seen.faults.append(f"a stream ended: {type(error).__name__}")
-    seen.late += [zero - min(zeros) for zero in zeros]
+        record.faults.append(f"a stream ended: {type(error).__name__}")
+    record.late += [start - min(starts) for start in starts]

@@ -1,7 +1,7 @@
-"""Clients that do not read, read slowly, hang up, or call at once: ``python attacks/slow_readers.py``.
+"""Attacks by clients that do not read, read slowly, hang up, or call at once: ``python attacks/slow_readers.py``.
 
-Each row is a service of its own with short limits. Prints a Markdown table; exit status 1 where a row is not as it has
-to be. Takes a minute.
+Each row has its own service with short limits. Prints a Markdown table; exit status 1 if a row is not as it must be.
+Takes a minute.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ import psutil
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from service_callers import WORDS, serving
+from service_callers import WORDS, start_service
 
 _LIMITS = ("idle_seconds=4", "body_seconds=9", "max_client_waiting=4", "max_waiting=8", "max_connections=100")
 _OPTIONS = [f"--limit={limit}" for limit in _LIMITS]
 _BODY = json.dumps({"glosses": list(WORDS) * 6, "formats": ["bvh", "glb"]}).encode()
-_ASK = b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-_ASK += b"Content-Length: %d\r\n\r\n" % len(_BODY) + _BODY
+_REQUEST = b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+_REQUEST += b"Content-Length: %d\r\n\r\n" % len(_BODY) + _BODY
 _PATIENCE_S = 30.0
 
 
-def _connected(address: str, source: str = "127.0.0.1") -> socket.socket:
-    """A connection whose end here takes up little by itself."""
+def _connect(address: str, source: str = "127.0.0.1") -> socket.socket:
+    """Opens a connection whose end here buffers little."""
     url, client = urlsplit(address), socket.socket()
     client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     client.bind((source, 0))
@@ -42,15 +42,15 @@ def _connected(address: str, source: str = "127.0.0.1") -> socket.socket:
     return client
 
 
-def _connection(address: str, source: str = "127.0.0.1") -> socket.socket:
-    """A connection that asks for an answer of some MB."""
-    client = _connected(address, source)
-    client.sendall(_ASK)
+def _ask(address: str, source: str = "127.0.0.1") -> socket.socket:
+    """Opens a connection that asks for an answer of some MB."""
+    client = _connect(address, source)
+    client.sendall(_REQUEST)
     return client
 
 
-def _until(is_done: Callable[[], bool], read: Callable[[], object], pause: float) -> float:
-    """Seconds until something is done; something is read at every pause."""
+def _wait_until(is_done: Callable[[], bool], read: Callable[[], object], pause: float) -> float:
+    """Returns the seconds until something is done; calls ``read`` at every pause."""
     start = time.monotonic()
     while time.monotonic() - start < _PATIENCE_S and not is_done():
         with suppress(OSError, ConnectionClosed, TimeoutError):
@@ -59,62 +59,66 @@ def _until(is_done: Callable[[], bool], read: Callable[[], object], pause: float
     return time.monotonic() - start
 
 
-def _until_closed(service: psutil.Process, client: socket.socket, read: Callable[[], object], pause: float) -> float:
-    """Seconds until the service lets go of a connection, of which something is read at every pause."""
+def _wait_until_closed(
+    service: psutil.Process, client: socket.socket, read: Callable[[], object], pause: float
+) -> float:
+    """Returns the seconds until the service closes a connection; calls ``read`` at every pause."""
     port = client.getsockname()[1]
 
     def is_closed() -> bool:
-        return not any(other.raddr and other.raddr.port == port for other in service.net_connections("tcp"))
+        return not any(
+            connection.raddr and connection.raddr.port == port for connection in service.net_connections("tcp")
+        )
 
-    return _until(is_closed, read, pause)
+    return _wait_until(is_closed, read, pause)
 
 
-def never_read(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
-    """An answer of which a byte is read."""
-    with _connection(address) as client:
+def leave_unread(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
+    """Reads one byte of an answer."""
+    with _ask(address) as client:
         client.recv(1)
-        seconds = _until_closed(service, client, lambda: None, 0.1)
+        seconds = _wait_until_closed(service, client, lambda: None, 0.1)
     return f"closed after {seconds:.1f} s", seconds < 10.0
 
 
-def trickled(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
-    """An answer of which 4 kB a second are read."""
-    with _connection(address) as client:
+def read_slowly(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
+    """Reads 4 kB of an answer a second."""
+    with _ask(address) as client:
         client.recv(1)
-        seconds = _until_closed(service, client, lambda: client.recv(2000), 0.5)
+        seconds = _wait_until_closed(service, client, lambda: client.recv(2000), 0.5)
     return f"closed after {seconds:.1f} s", 8.0 < seconds < 15.0
 
 
-def unread_share(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
-    """Twelve answers that are not read, in turn, on connections of one address."""
-    held, answers = [], list[bytes]()
+def leave_share_unread(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
+    """Leaves twelve answers unread, in turn, on connections of one address."""
+    clients, answers = [], list[bytes]()
     for _ in range(12):
-        held.append(_connection(address))
-        answers.append(held[-1].recv(12))
-    with _connection(address, "127.0.0.2") as other:
-        is_served = b" 200" in other.recv(12)
+        clients.append(_ask(address))
+        answers.append(clients[-1].recv(12))
+    with _ask(address, "127.0.0.2") as other_client:
+        is_served = b" 200" in other_client.recv(12)
     n = sum(b" 200" in answer for answer in answers)
-    for client in held:
+    for client in clients:
         client.close()
     return f"{n} of 12 answered; another address {'served' if is_served else 'refused'}", n <= 5 and is_served
 
 
-def slow_stream(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
-    """A stream of long words of which a message, some 0.2 s of motion, is read every second."""
-    uri, client = address.replace("http", "ws", 1) + "/v1/stream", _connected(address)
+def read_stream_slowly(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
+    """Reads a message, some 0.2 s of motion, of a stream of long words every second."""
+    uri, client = address.replace("http", "ws", 1) + "/v1/stream", _connect(address)
     with suppress(ConnectionClosed), connect(uri, sock=client, max_queue=1, compression=None) as stream:
         stream.send(json.dumps({"type": "open", "paced": False}))
         for _ in range(50):
             stream.send(json.dumps({"type": "word", "gloss": "fs-ABCDEFGHIJKLMNOP"}))
-        seconds = _until(
+        seconds = _wait_until(
             lambda: httpx.get(f"{address}/healthz").json()["streams"] == 0, lambda: stream.recv(timeout=1.0), 1.0
         )
         client.close()
     return f"its place is free after {seconds:.1f} s", seconds < _PATIENCE_S
 
 
-def hang_ups(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
-    """Sixty clients that hang up: before or in an answer, in a body or a form, in a stream's handshake or words."""
+def hang_up(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
+    """Hangs up sixty clients: before or in an answer, in a body or a form, in a stream's handshake or words."""
     url = urlsplit(address)
     upgrade = b"GET /v1/stream HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     upgrade += b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
@@ -122,7 +126,7 @@ def hang_ups(address: str, service: psutil.Process, log: Path) -> tuple[str, boo
     form += b"Content-Length: 9000\r\n\r\n--x\r\nContent-Disposition: form-data; name=files; filename=a.bvh\r\n\r\nHIER"
     for k in range(60):
         with socket.create_connection((url.hostname, url.port), timeout=_PATIENCE_S) as client:
-            client.sendall((_ASK, _ASK, _ASK[:-20], upgrade, upgrade, form)[k % 6])
+            client.sendall((_REQUEST, _REQUEST, _REQUEST[:-20], upgrade, upgrade, form)[k % 6])
             if k % 6 in (1, 4):
                 client.recv(1)
             if k % 6 == 4:
@@ -136,8 +140,8 @@ def hang_ups(address: str, service: psutil.Process, log: Path) -> tuple[str, boo
     return f"{len(lines)} lines in the log, {n_traces} tracebacks", n_traces == 0 and len(lines) <= 5
 
 
-def first_call(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
-    """The first sentence after the service has said that it is well, beside the second."""
+def time_first_call(address: str, service: psutil.Process, log: Path) -> tuple[str, bool]:
+    """Compares the first sentence after the service has said that it is well with the second."""
     with httpx.Client(base_url=address, timeout=60.0, trust_env=False) as client:
         while client.get("/healthz").status_code != 200:
             time.sleep(0.05)
@@ -151,28 +155,28 @@ def first_call(address: str, service: psutil.Process, log: Path) -> tuple[str, b
 
 
 ATTACKS: dict[str, Callable[[str, psutil.Process, Path], tuple[str, bool]]] = {
-    "an answer is never read": never_read,
-    "an answer is read at 4 kB a second": trickled,
-    "answers of one address are not read": unread_share,
-    "a stream is read more slowly than it plays": slow_stream,
-    "clients hang up": hang_ups,
-    "the first sentence after /healthz says well": first_call,
+    "an answer is never read": leave_unread,
+    "an answer is read at 4 kB a second": read_slowly,
+    "answers of one address are not read": leave_share_unread,
+    "a stream is read more slowly than it plays": read_stream_slowly,
+    "clients hang up": hang_up,
+    "the first sentence after /healthz says well": time_first_call,
 }
 
 
 def main() -> None:
-    """Print a row for each attack; exit status 1 where one was not met."""
+    """Prints a row for each attack; exit status 1 if one was not met."""
     print("| attack | seen | |\n| --- | --- | --- |")
     n_bad = 0
     for name in sys.argv[1:] or ATTACKS:
         with tempfile.NamedTemporaryFile("w+") as log:
-            options = [] if ATTACKS[name] is first_call else _OPTIONS
-            with serving(*options, "--workers=1", log=log) as (address, process):
-                if ATTACKS[name] is not first_call:
+            options = [] if ATTACKS[name] is time_first_call else _OPTIONS
+            with start_service(*options, "--workers=1", log=log) as (address, process):
+                if ATTACKS[name] is not time_first_call:
                     with httpx.Client(base_url=address, timeout=60.0, trust_env=False) as client:
                         client.post("/v1/sentence", json={"glosses": list(WORDS[:2])})
-                seen, is_met = ATTACKS[name](address, psutil.Process(process.pid), Path(log.name))
-        print(f"| {name} | {seen} | {'' if is_met else 'NOT MET'} |", flush=True)
+                result, is_met = ATTACKS[name](address, psutil.Process(process.pid), Path(log.name))
+        print(f"| {name} | {result} | {'' if is_met else 'NOT MET'} |", flush=True)
         n_bad += not is_met
     sys.exit(n_bad > 0)
 

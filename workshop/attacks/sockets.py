@@ -1,10 +1,10 @@
-"""What leaves the machine, and what is written beside the folders given: ``python attacks/sockets.py [NAME ...]``.
+"""Finds what leaves the machine or is written outside the given folders: ``python attacks/sockets.py [NAME ...]``.
 
-Every command runs in a network of its own, which has loopback alone. There the kernel counts what would leave, native
-code's too, and a recorder answers name look-ups with an address that leads nowhere, so that whoever asked goes on to
-connect. The disk is an overlay: whatever is written outside the working folder and ``/dev`` is found in its upper
-layer. Where a system permits neither, an audit hook in every Python process and the home folder stand in for them; the
-last column says so. The row "control" imports onnxruntime as a stranger does, which shows that the watch works.
+Every command runs in its own network, which has loopback alone. There the kernel counts what would leave, also by
+native code, and a recorder answers name look-ups with an unreachable address, so that the caller goes on to connect.
+The disk is an overlay: files written outside the working folder and ``/dev`` are in its upper layer. If a system
+permits neither, an audit hook in every Python process and the home folder replace them; the last column says so. The
+row "control" imports onnxruntime without the telemetry switch, which shows that the watch works.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from pathlib import Path
 import httpx
 from websockets.sync.client import connect
 
-from service_callers import WORDS, serving
+from service_callers import WORDS, start_service
 from signsplice.lexicon import open_shipped_lexicon
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,11 +37,11 @@ SOURCES = tuple(ROOT / part / "src" for part in ("", "workshop", "research"))
 _PROGRAM = (sys.executable, "-m", "signsplice")
 _SWITCH = "ORT_DISABLE_TELEMETRY"
 _ADDRESS = "198.51.100.7"
-"""What look-ups are answered with: an address of the range for documentation."""
+"""Answer to look-ups: an address of the range for documentation."""
 _LINGER_S = 12.0
-"""How long a process goes on that has imported onnxruntime: its look-ups begin after 5 to 9 s."""
+"""Time that a process goes on after it has imported onnxruntime, s: its look-ups begin after 5 to 9 s."""
 _WATCHED = "SIGNSPLICE_WATCHED"
-"""Environment variable: where a hook writes, and the working folder. With ``_BY`` added: by what is watched."""
+"""Environment variable: the hook's log, and the working folder. With ``_BY`` added: the means of watching."""
 _HOOK = """
 import os, sys
 _log, _given = os.environ["SIGNSPLICE_WATCHED"].split(os.pathsep)
@@ -72,15 +72,15 @@ sys.addaudithook(_audit)
 
 
 @dataclass
-class Seen:
-    """What a command did beside its work.
+class SideEffects:
+    """Side effects of a command.
 
     status: its exit status.
-    sockets: attempts to reach an address that is not loopback.
+    sockets: number of attempts to reach an address that is not loopback.
     names: names looked up.
     files: files outside the working folder.
-    how: by what it was watched.
-    errors: the last of its standard error.
+    how: means by which it was watched.
+    errors: the end of its standard error.
     """
 
     status: int = 0
@@ -92,54 +92,54 @@ class Seen:
 
     @property
     def is_clean(self) -> bool:
-        """Whether nothing was sent, asked or left."""
+        """Whether nothing was sent, looked up or left."""
         return not (self.sockets or self.names or self.files)
 
     def row(self) -> str:
-        """Exit status, sockets, look-ups and foreign files, as cells of a table."""
+        """Returns exit status, sockets, look-ups and foreign files, as cells of a table."""
         names = f"{len(self.names)} ({', '.join(sorted(set(self.names)))})" if self.names else "none"
         files = f"{len(self.files)} ({', '.join(self.files[:3])})" if self.files else "none"
         return f"{self.status} | {self.sockets or 'none'} | {names} | {files} | {self.how}"
 
 
-# --- commands: each gets its inputs in the working folder, and may write there
+# --- commands: each has its inputs in the working folder, and may write there
 
 
-def _signsplice(*calls: str) -> list[list[str]]:
+def _make_calls(*calls: str) -> list[list[str]]:
     return [[*_PROGRAM, *call.split()] for call in calls]
 
 
-def python(code: str) -> list[str]:
-    """A call of Python."""
+def make_python_call(code: str) -> list[str]:
+    """Returns a call of Python."""
     return [sys.executable, "-c", code]
 
 
 COMMANDS: dict[str, list[list[str]]] = {
-    "control": [python(f"import onnxruntime, time; time.sleep({_LINGER_S})")],
-    "import": [python("import signsplice as ss; ss.splice([ss.load('a.bvh'), ss.load('b.bvh')])")],
-    "splice": _signsplice("splice a.bvh b.bvh -o splice.glb --report splice.json"),
+    "control": [make_python_call(f"import onnxruntime, time; time.sleep({_LINGER_S})")],
+    "import": [make_python_call("import signsplice as ss; ss.splice([ss.load('a.bvh'), ss.load('b.bvh')])")],
+    "splice": _make_calls("splice a.bvh b.bvh -o splice.glb --report splice.json"),
     "sentence": [[*_PROGRAM, "sentence", "HELLO I SIGN", "-o", "sentence.bvh"]],
     "serve": [[sys.executable, str(Path(__file__)), "--requests"]],
-    "bulk": _signsplice(
+    "bulk": _make_calls(
         "bulk recipes -o recipes.csv --count 4 --words 2:3", "bulk sentences recipes.csv -o rows --workers 2"
     ),
-    "train": _signsplice(
+    "train": _make_calls(
         "synth endless -o signing --signers 2 --words 4 --seams 4 --processes 2",
         "train cutter --signing signing --out bundle --scale smoke --steps 2 --device cpu",
         "train transition --signing signing --out bundle --scale smoke --steps 2 --device cpu",
         "export bundle -o small",
     ),
-    "bulk on Ray": _signsplice(
+    "bulk on Ray": _make_calls(
         "bulk recipes -o recipes.csv --count 4 --words 2:3",
         "bulk sentences recipes.csv -o rows --ray local --workers 1",
     ),
 }
-"""Calls by the name of their row."""
+"""Name of a row -> its calls."""
 
 
-def _ask_a_service() -> None:
-    """Start a service, call every route that works, and let it wait a while."""
-    with serving() as (address, _):
+def _call_service() -> None:
+    """Starts a service, calls every route that works, and lets it wait a while."""
+    with start_service() as (address, _):
         with httpx.Client(base_url=address, timeout=300.0, trust_env=False) as client:
             while client.get("/healthz").status_code == 503:
                 time.sleep(0.1)
@@ -162,58 +162,62 @@ def _ask_a_service() -> None:
 # --- the watch
 
 
-def watched(calls: Sequence[Sequence[str]], work: Path, switch: str | None = None) -> Seen:
-    """What calls do beside their work, which is in the folder ``work``. ``switch``: the telemetry's own, if set."""
+def watch_calls(calls: Sequence[Sequence[str]], work: Path, switch: str | None = None) -> SideEffects:
+    """Returns the side effects of calls, which work in the folder ``work``. ``switch``: value of the telemetry's own
+    variable, if set.
+    """
     for name in ("home", "tmp", "hook"):
         (work / ".watch" / name).mkdir(parents=True, exist_ok=True)
     (work / ".watch" / "hook" / "sitecustomize.py").write_text(_HOOK)
     script = [sys.executable, str(Path(__file__)), "--watch", str(work), json.dumps([list(call) for call in calls])]
     environment = {key: value for key, value in os.environ.items() if key != _SWITCH}
     environment |= {"PYTHONDONTWRITEBYTECODE": "1"} | ({} if switch is None else {_SWITCH: switch})
-    own_user = [] if os.geteuid() == 0 else ["--map-root-user"]
-    for kinds, how in ((["--net", "--mount"], "network, disk"), ([], "audit hook, home")):
-        prefix = ["unshare", *own_user, *kinds] if kinds else []
-        if prefix and not _runs([*prefix, "true"]):
+    user_options = [] if os.geteuid() == 0 else ["--map-root-user"]
+    for namespaces, means in ((["--net", "--mount"], "network, disk"), ([], "audit hook, home")):
+        prefix = ["unshare", *user_options, *namespaces] if namespaces else []
+        if prefix and not _can_run([*prefix, "true"]):
             continue
-        run = subprocess.run([*prefix, *script, how], env=environment, capture_output=True, text=True, check=False)
-        if run.returncode:
-            raise RuntimeError(run.stderr[-2000:])
-        return Seen(**json.loads(run.stdout.splitlines()[-1]))
+        process = subprocess.run(
+            [*prefix, *script, means], env=environment, capture_output=True, text=True, check=False
+        )
+        if process.returncode:
+            raise RuntimeError(process.stderr[-2000:])
+        return SideEffects(**json.loads(process.stdout.splitlines()[-1]))
     raise AssertionError
 
 
-def _runs(call: list[str]) -> bool:
+def _can_run(call: list[str]) -> bool:
     return shutil.which(call[0]) is not None and not subprocess.run(call, capture_output=True, check=False).returncode
 
 
-def _watch(work: Path, calls: list[list[str]], how: str) -> Seen:
-    """Run calls and watch them, in the namespaces that ``watched`` made."""
-    seen, own, names = Seen(how=how), work / ".watch", list[str]()
-    top: Path | None = None
-    if how.startswith("network"):
+def _watch(work: Path, calls: list[list[str]], means: str) -> SideEffects:
+    """Runs calls and watches them, in the namespaces that ``watch_calls`` made."""
+    effects, watch_folder, names = SideEffects(how=means), work / ".watch", list[str]()
+    root: Path | None = None
+    if means.startswith("network"):
         _open_loopback()
-        _answer_names(names, own)
-        top = _overlaid(own, work)
-        seen.how = "network, disk" if top else "network, home"
+        _answer_names(names, watch_folder)
+        root = _mount_overlay(watch_folder, work)
+        effects.how = "network, disk" if root else "network, home"
     environment = os.environ | {
-        "HOME": str(own / "home"),
-        "TMPDIR": str(own / "tmp"),
-        "PYTHONPATH": os.pathsep.join(map(str, (own / "hook", *SOURCES))),
-        _WATCHED + "_BY": seen.how,
-        _WATCHED: f"{own / 'log'}{os.pathsep}{work}",
+        "HOME": str(watch_folder / "home"),
+        "TMPDIR": str(watch_folder / "tmp"),
+        "PYTHONPATH": os.pathsep.join(map(str, (watch_folder / "hook", *SOURCES))),
+        _WATCHED + "_BY": effects.how,
+        _WATCHED: f"{watch_folder / 'log'}{os.pathsep}{work}",
         "OMP_NUM_THREADS": "1",
     }
     for name in ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME"):
         environment.pop(name, None)
-    before = _no_routes()
+    before = _count_unroutable()
 
     def enter() -> None:
-        if top is not None:
-            os.chroot(top)
+        if root is not None:
+            os.chroot(root)
         os.chdir(work)
 
     for call in calls:
-        run = subprocess.run(
+        process = subprocess.run(
             call,
             env=environment,
             preexec_fn=enter,
@@ -222,26 +226,29 @@ def _watch(work: Path, calls: list[list[str]], how: str) -> Seen:
             stdin=subprocess.DEVNULL,
             check=False,
         )
-        seen.status, seen.errors = run.returncode, run.stderr[-2000:]
-        if run.returncode:
+        effects.status, effects.errors = process.returncode, process.stderr[-2000:]
+        if process.returncode:
             break
     time.sleep(0.5)
-    seen.sockets, seen.names = _no_routes() - before, names
-    files = {path for name in ("home", "tmp") for path in (own / name).rglob("*") if not path.is_dir()}
-    seen.files = [str(path).replace(f"{own}/home", "~").replace(f"{own}/tmp", "$TMPDIR") for path in sorted(files)]
-    if top is not None:
-        upper = top.parent / "upper"
-        seen.files += [f"/{path.relative_to(upper)}" for path in sorted(upper.rglob("*")) if not path.is_dir()]
+    effects.sockets, effects.names = _count_unroutable() - before, names
+    files = {path for name in ("home", "tmp") for path in (watch_folder / name).rglob("*") if not path.is_dir()}
+    effects.files = [
+        str(path).replace(f"{watch_folder}/home", "~").replace(f"{watch_folder}/tmp", "$TMPDIR")
+        for path in sorted(files)
+    ]
+    if root is not None:
+        upper = root.parent / "upper"
+        effects.files += [f"/{path.relative_to(upper)}" for path in sorted(upper.rglob("*")) if not path.is_dir()]
     with suppress(FileNotFoundError):
-        for line in (own / "log").read_text().splitlines():
-            kind, _, what = line.partition(" ")
-            if kind == "file" and what not in seen.files and Path(what).exists():
-                seen.files.append(what)
-            elif kind == "name" and what not in seen.names:
-                seen.names.append(what)
-            elif kind == "socket" and top is None and not how.startswith("network"):
-                seen.sockets += 1
-    return seen
+        for line in (watch_folder / "log").read_text().splitlines():
+            kind, _, value = line.partition(" ")
+            if kind == "file" and value not in effects.files and Path(value).exists():
+                effects.files.append(value)
+            elif kind == "name" and value not in effects.names:
+                effects.names.append(value)
+            elif kind == "socket" and root is None and not means.startswith("network"):
+                effects.sockets += 1
+    return effects
 
 
 def _open_loopback() -> None:
@@ -250,23 +257,23 @@ def _open_loopback() -> None:
         fcntl.ioctl(any_socket, 0x8914, up)  # SIOCSIFFLAGS
 
 
-def _answer_names(names: list[str], own: Path) -> None:
-    """Answer every look-up with ``_ADDRESS`` and note its name."""
-    (own / "resolv.conf").write_text("nameserver 127.0.0.1\noptions timeout:1 attempts:2\n")
-    subprocess.run(["mount", "--bind", str(own / "resolv.conf"), "/etc/resolv.conf"], check=True)
+def _answer_names(names: list[str], watch_folder: Path) -> None:
+    """Answers every look-up with ``_ADDRESS`` and records its name."""
+    (watch_folder / "resolv.conf").write_text("nameserver 127.0.0.1\noptions timeout:1 attempts:2\n")
+    subprocess.run(["mount", "--bind", str(watch_folder / "resolv.conf"), "/etc/resolv.conf"], check=True)
     server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     server.bind(("127.0.0.1", 53))
 
     def answer() -> None:
         while True:
             query, client = server.recvfrom(4096)
-            labels, at = [], 12
-            while query[at]:
-                labels.append(query[at + 1 : at + 1 + query[at]].decode("latin-1"))
-                at += 1 + query[at]
+            labels, position = [], 12
+            while query[position]:
+                labels.append(query[position + 1 : position + 1 + query[position]].decode("latin-1"))
+                position += 1 + query[position]
             names.append(".".join(labels))
-            question = query[12 : at + 5]
-            is_v4 = query[at + 1 : at + 3] == b"\0\1"
+            question = query[12 : position + 5]
+            is_v4 = query[position + 1 : position + 3] == b"\0\1"
             head = query[:2] + b"\x81\x80\0\1" + (b"\0\1" if is_v4 else b"\0\0") + bytes(4)
             record = b"\xc0\x0c\0\1\0\1\0\0\0\1\0\4" + socket.inet_aton(_ADDRESS) if is_v4 else b""
             server.sendto(head + question + record, client)
@@ -274,11 +281,11 @@ def _answer_names(names: list[str], own: Path) -> None:
     threading.Thread(target=answer, daemon=True).start()
 
 
-def _overlaid(own: Path, work: Path) -> Path | None:
-    """A root folder above this one in which whatever is written goes into the folder ``upper`` beside it; the working
-    folder and the devices are this system's own. None where no such thing can be mounted.
+def _mount_overlay(watch_folder: Path, work: Path) -> Path | None:
+    """Mounts and returns a root folder over this one, whose writes go into the folder ``upper`` beside it; the working
+    folder and the devices are this system's own. Returns None if it cannot be mounted.
     """
-    layers = own / "layers"
+    layers = watch_folder / "layers"
     layers.mkdir()
 
     def mount(*arguments: str) -> None:
@@ -292,36 +299,36 @@ def _overlaid(own: Path, work: Path) -> Path | None:
         mount("-t", "overlay", "overlay", "-o", options, str(layers / "top"))
         for folder in ("/proc", "/sys", "/dev", str(work)):
             mount("--rbind", folder, f"{layers / 'top'}{folder}")
-        mount("--bind", str(own / "resolv.conf"), f"{layers / 'top'}/etc/resolv.conf")
+        mount("--bind", str(watch_folder / "resolv.conf"), f"{layers / 'top'}/etc/resolv.conf")
     except subprocess.CalledProcessError:
         return None
     return layers / "top"
 
 
-def _no_routes() -> int:
-    """How often something in this network wanted to reach an address to which no way leads."""
-    four = [line.split()[1:] for line in Path("/proc/net/snmp").read_text().splitlines() if line.startswith("Ip: ")]
-    n = int(dict(zip(*four, strict=True))["OutNoRoutes"])
+def _count_unroutable() -> int:
+    """Returns how often something in this network tried to reach an address without a route."""
+    lines = [line.split()[1:] for line in Path("/proc/net/snmp").read_text().splitlines() if line.startswith("Ip: ")]
+    n_attempts = int(dict(zip(*lines, strict=True))["OutNoRoutes"])
     with suppress(FileNotFoundError):  # no IPv6
-        six = re.search(r"^Ip6OutNoRoutes\s+(\d+)", Path("/proc/net/snmp6").read_text(), re.MULTILINE)
-        n += int(six[1]) if six else 0
-    return n
+        match = re.search(r"^Ip6OutNoRoutes\s+(\d+)", Path("/proc/net/snmp6").read_text(), re.MULTILINE)
+        n_attempts += int(match[1]) if match else 0
+    return n_attempts
 
 
-def tried(name: str, folder: Path, switch: str | None = None) -> Seen:
-    """A row of ``COMMANDS``, in an empty folder. ``switch``: as of ``watched``."""
+def run_row(name: str, folder: Path, switch: str | None = None) -> SideEffects:
+    """Runs a row of ``COMMANDS``, in an empty folder. ``switch``: as in ``watch_calls``."""
     from signsplice.formats import save
 
     with open_shipped_lexicon() as words:
         for file, gloss in (("a.bvh", "HELLO"), ("b.bvh", "SIGN"), ("a.glb", "HELLO")):
             save(words.clip(gloss), folder / file)
-    return watched(COMMANDS[name], folder, switch)
+    return watch_calls(COMMANDS[name], folder, switch)
 
 
 def main() -> None:
-    """Try the commands named, or all; print a row for each. Exit status 1 where something went out or was left."""
+    """Runs the commands named, or all; prints a row for each. Exit status 1 if something was sent or left."""
     if sys.argv[1:2] == ["--requests"]:
-        _ask_a_service()
+        _call_service()
         return
     if sys.argv[1:2] == ["--watch"]:
         print(json.dumps(asdict(_watch(Path(sys.argv[2]), json.loads(sys.argv[3]), sys.argv[4]))))
@@ -331,11 +338,11 @@ def main() -> None:
     n_bad = 0
     for name in sys.argv[1:] or COMMANDS:
         with tempfile.TemporaryDirectory(prefix="ss-", ignore_cleanup_errors=True) as folder:
-            seen = tried(name, Path(folder))
-        print(f"| {name} | {seen.row()} |", flush=True)
-        n_bad += name != "control" and not (seen.is_clean and seen.status == 0)
-        if seen.status:
-            print(seen.errors, file=sys.stderr)
+            effects = run_row(name, Path(folder))
+        print(f"| {name} | {effects.row()} |", flush=True)
+        n_bad += name != "control" and not (effects.is_clean and effects.status == 0)
+        if effects.status:
+            print(effects.errors, file=sys.stderr)
     sys.exit(n_bad > 0)
 
 

@@ -1,5 +1,5 @@
-"""How often a stream, which sees two words at a time, cuts otherwise than a splice of the whole sentence, and whether
-transitions are the same to the last bit where it cuts alike.
+"""Counts how often a stream, which sees two words at a time, cuts differently from a splice of the whole sentence, and
+checks that transitions are the same to the last bit if the cuts are the same.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ SEED = 18
 
 @dataclass
 class Count:
-    """What was seen so far.
+    """Counts so far.
 
-    sentences, seams: how many there were.
-    sentences_otherwise, seams_otherwise: how many of them the stream cut at other frames.
-    transitions: how many were between the same frames of the same words.
-    different: how many of those differ in any bit.
-    largest_shift: frames between the two choices of a cut, at most.
+    sentences, seams: number of each.
+    sentences_otherwise, seams_otherwise: number of those that the stream cut at other frames.
+    transitions: number between the same frames of the same words.
+    different: number of those that differ in any bit.
+    largest_shift: greatest distance between the two choices of a cut, frames.
     """
 
     sentences: int = 0
@@ -39,12 +39,12 @@ class Count:
     largest_shift: int = 0
 
     def add(self, words: list[Clip], options: ss.SpliceOptions) -> None:
-        """Splice and stream a sentence, and compare."""
-        whole = ss.splice(words, options)
-        pieces = list(ss.stream(words, options))
-        frames = [whole.clip[slice(*span.output)] for span in whole.spans]
-        together = [Piece(clip, span) for clip, span in zip(frames, whole.spans, strict=True)]
-        signs = list(zip(_kept(together), _kept(pieces), strict=True))
+        """Splices and streams a sentence, and compares."""
+        spliced = ss.splice(words, options)
+        stream_pieces = list(ss.stream(words, options))
+        clips = [spliced.clip[slice(*span.output)] for span in spliced.spans]
+        splice_pieces = [Piece(clip, span) for clip, span in zip(clips, spliced.spans, strict=True)]
+        signs = list(zip(_list_kept_spans(splice_pieces), _list_kept_spans(stream_pieces), strict=True))
         shifts = [max(abs(a[1] - b[1]), abs(c[0] - d[0])) for (a, b), (c, d) in pairwise(signs)]
         self.sentences += 1
         self.seams += len(shifts)
@@ -55,24 +55,24 @@ class Count:
             same_words = signs[k][0] == signs[k][1]
             if shift == 0 and same_words:
                 self.transitions += 1
-                pair = (_transition(together, k), _transition(pieces, k))
+                pair = (_extract_transition(splice_pieces, k), _extract_transition(stream_pieces, k))
                 self.different += not np.array_equal(*pair)
 
 
-def _kept(pieces: list[Piece]) -> list[tuple[int, int]]:
-    """The frames [start, stop) that are kept of each word."""
+def _list_kept_spans(pieces: list[Piece]) -> list[tuple[int, int]]:
+    """Returns the frames [start, stop) that are kept of each word."""
     return [piece.span.source for piece in pieces if piece.span.source is not None]
 
 
-def _transition(pieces: list[Piece], seam: int) -> NDArray[np.float64]:
-    """Rotations of the frames after sign number ``seam`` and before the next."""
-    at = [k for k, piece in enumerate(pieces) if piece.span.source is not None]
-    made = [piece.clip.local_rotations for piece in pieces[at[seam] + 1 : at[seam + 1]]]
-    return np.concatenate(made) if made else np.empty(0)
+def _extract_transition(pieces: list[Piece], seam: int) -> NDArray[np.float64]:
+    """Returns the rotations of the frames after sign number ``seam`` and before the next."""
+    signs = [k for k, piece in enumerate(pieces) if piece.span.source is not None]
+    rotations = [piece.clip.local_rotations for piece in pieces[signs[seam] + 1 : signs[seam + 1]]]
+    return np.concatenate(rotations) if rotations else np.empty(0)
 
 
 def main() -> None:
-    """Print the table's rows."""
+    """Prints the table's rows."""
     lexicon = open_shipped_lexicon()
     glosses = [gloss for gloss in lexicon.glosses if not gloss.startswith("fs-")]
     for cutter in ("learned", "learned-fluent"):

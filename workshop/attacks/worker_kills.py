@@ -1,8 +1,8 @@
-"""Kills of stream workers, and a stop of the service, with clients connected: `python attacks/worker_kills.py [N]`.
+"""Kills stream workers, and stops the service, with clients connected: `python attacks/worker_kills.py [N]`.
 
-Each of N rounds (20) opens three streams, idle, paced and unpaced, and kills their worker with SIGKILL: once, or
-once more while the next one starts, or while clients wait for that start. It measures when each client is told,
-whether the slots are given back, and whether a new stream works. Linux only. Prints rows of a Markdown table.
+Each of N rounds (20) opens three streams, idle, paced and unpaced, and kills their worker with SIGKILL: once, or once
+more while the next one starts, or while clients wait for that start. Measures when each client is told, whether the
+slots are given back, and whether a new stream works. Linux only. Prints rows of a Markdown table.
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ import psutil
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from service_callers import serving, stream_address
+from service_callers import get_stream_address, start_service
 
 _PATIENCE_S = 30.0
 _MODES = ("once", "twice in a row", "while clients wait for the next one")
 
 
-def _workers(pid: int) -> list[psutil.Process]:
-    """The worker processes of a service, oldest first."""
+def _list_workers(pid: int) -> list[psutil.Process]:
+    """Returns the worker processes of a service, oldest first."""
     workers = []
     for child in psutil.Process(pid).children():
-        with suppress(psutil.Error):  # it has just ended
+        with suppress(psutil.Error):  # the process has just ended
             if any("spawn_main" in part for part in child.cmdline()):
                 workers.append((child.create_time(), child))
-    return [child for _, child in sorted(workers, key=lambda pair: pair[0])]
+    return [child for _, child in sorted(workers, key=lambda entry: entry[0])]
 
 
-async def _open(address: str, paced: bool, n_words: int) -> ClientConnection:
-    socket = await connect(stream_address(address), compression=None, max_size=None, ping_interval=None)
+async def _open_stream(address: str, paced: bool, n_words: int) -> ClientConnection:
+    socket = await connect(get_stream_address(address), compression=None, max_size=None, ping_interval=None)
     await socket.send(json.dumps({"type": "open", "paced": paced}))
     for _ in range(n_words):
         await socket.send('{"type": "word", "gloss": "THANK-YOU"}')
     return socket
 
 
-async def _until_frames(socket: ClientConnection) -> None:
+async def _wait_for_frames(socket: ClientConnection) -> None:
     while not isinstance(await asyncio.wait_for(socket.recv(), 60.0), bytes):
         pass
 
 
-async def _told_after(socket: ClientConnection, since: float) -> tuple[float, str]:
-    """Seconds until a client has an error and the stream is closed; and the error."""
+async def _wait_for_error(socket: ClientConnection, start: float) -> tuple[float, str]:
+    """Returns the seconds until a client has an error and the stream is closed, and the error."""
     error = "no word"
     try:
         while True:
@@ -61,72 +61,76 @@ async def _told_after(socket: ClientConnection, since: float) -> tuple[float, st
                 error = json.loads(message)["error"]
     except ConnectionClosed as closed:
         code = closed.rcvd.code if closed.rcvd else "none"
-        return time.monotonic() - since, f"{error} (close {code})"
+        return time.monotonic() - start, f"{error} (close {code})"
     except TimeoutError:
         return _PATIENCE_S, "nothing"
 
 
-async def _n_streams(client: httpx.AsyncClient) -> int:
+async def _count_streams(client: httpx.AsyncClient) -> int:
     return int((await client.get("/healthz")).json()["streams"])
 
 
-async def _kill_next(pid: int, known: set[int]) -> None:
-    """Kill the worker that replaces one, as soon as it is there."""
+async def _kill_next(pid: int, known_pids: set[int]) -> None:
+    """Kills the worker that replaces one, as soon as it is there."""
     deadline = time.monotonic() + _PATIENCE_S
     while time.monotonic() < deadline:
-        for worker in _workers(pid):
-            if worker.pid not in known:
+        for worker in _list_workers(pid):
+            if worker.pid not in known_pids:
                 worker.kill()
-                known.add(worker.pid)
+                known_pids.add(worker.pid)
                 return
         await asyncio.sleep(0.02)
 
 
-async def _round(address: str, pid: int, request_pid: int, mode: str, client: httpx.AsyncClient) -> list[float]:
-    """Seconds until each client was told. Raises ``AssertionError`` where a new stream does not work."""
-    sockets = [await _open(address, False, 0), await _open(address, True, 8), await _open(address, False, 3)]
+async def _run_round(address: str, pid: int, request_pid: int, mode: str, client: httpx.AsyncClient) -> list[float]:
+    """Returns the seconds until each client was told. Raises ``AssertionError`` if a new stream does not work."""
+    sockets = [
+        await _open_stream(address, False, 0),
+        await _open_stream(address, True, 8),
+        await _open_stream(address, False, 3),
+    ]
     for socket in sockets[1:]:
-        await _until_frames(socket)
-    known = {worker.pid for worker in _workers(pid)}
-    since = time.monotonic()
-    for stream_pid in known - {request_pid}:
+        await _wait_for_frames(socket)
+    known_pids = {worker.pid for worker in _list_workers(pid)}
+    start = time.monotonic()
+    for stream_pid in known_pids - {request_pid}:
         os.kill(stream_pid, signal.SIGKILL)
     if mode != _MODES[0]:
-        killing = asyncio.create_task(_kill_next(pid, known))
-        if mode == _MODES[2]:  # a client for whose stream the killed process was to be started
-            sockets.append(await _open(address, False, 3))
-        await killing
-    told = await asyncio.gather(*(_told_after(socket, since) for socket in sockets[:3]))
-    for seconds, what in told:
-        print(f"  {mode}: told after {seconds:.2f} s: {what}", file=sys.stderr)
-    new = sockets[3] if len(sockets) > 3 else await _open(address, False, 3)
-    await _until_frames(new)
-    await new.close()
-    return [seconds for seconds, _ in told]
+        kill_task = asyncio.create_task(_kill_next(pid, known_pids))
+        if mode == _MODES[2]:  # a client whose stream waits for the killed process
+            sockets.append(await _open_stream(address, False, 3))
+        await kill_task
+    errors = await asyncio.gather(*(_wait_for_error(socket, start) for socket in sockets[:3]))
+    for seconds, error in errors:
+        print(f"  {mode}: told after {seconds:.2f} s: {error}", file=sys.stderr)
+    new_socket = sockets[3] if len(sockets) > 3 else await _open_stream(address, False, 3)
+    await _wait_for_frames(new_socket)
+    await new_socket.close()
+    return [seconds for seconds, _ in errors]
 
 
-async def _kills(address: str, process: subprocess.Popen[str], n: int) -> str:
+async def _kill_busy(address: str, process: subprocess.Popen[str], n: int) -> str:
     seconds: list[float] = []
     async with httpx.AsyncClient(base_url=address, timeout=60.0) as client:
         await client.get("/healthz")  # answered once workers start
-        request_worker, _ = _workers(process.pid)
+        request_worker, _ = _list_workers(process.pid)
         for k in range(n):
-            seconds += await _round(address, process.pid, request_worker.pid, _MODES[k % len(_MODES)], client)
+            seconds += await _run_round(address, process.pid, request_worker.pid, _MODES[k % len(_MODES)], client)
         deadline = time.monotonic() + 5.0
-        while (lost := await _n_streams(client)) and time.monotonic() < deadline:
+        while (n_lost := await _count_streams(client)) and time.monotonic() < deadline:
             await asyncio.sleep(0.1)
-        late = sum(value > 2.0 for value in seconds)
+        n_late = sum(value > 2.0 for value in seconds)
         return (
-            f"{lost} slots lost; {len(seconds)} clients told after {max(seconds):.2f} s at most, "
-            f"{late} of them later than 2 s; a new stream worked after each"
+            f"{n_lost} slots lost; {len(seconds)} clients told after {max(seconds):.2f} s at most, "
+            f"{n_late} of them later than 2 s; a new stream worked after each"
         )
 
 
-async def _idle_kills(address: str, process: subprocess.Popen[str], n: int) -> str:
+async def _kill_idle(address: str, process: subprocess.Popen[str], n: int) -> str:
     answers: Counter[int] = Counter()
     async with httpx.AsyncClient(base_url=address, timeout=60.0) as client:
         for _ in range(n):
-            for worker in _workers(process.pid):
+            for worker in _list_workers(process.pid):
                 worker.kill()
             answer = await client.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]})
             answers[answer.status_code] += 1
@@ -135,22 +139,22 @@ async def _idle_kills(address: str, process: subprocess.Popen[str], n: int) -> s
     return f"answers to the next request: {dict(answers)}"
 
 
-async def _stop(address: str, process: subprocess.Popen[str]) -> str:
-    """What clients get when the service is stopped while it works for them."""
-    sockets = [await _open(address, False, 0), await _open(address, True, 8)]
-    await _until_frames(sockets[1])
+async def _stop_service(address: str, process: subprocess.Popen[str]) -> str:
+    """Returns what clients get when the service is stopped while it works for them."""
+    sockets = [await _open_stream(address, False, 0), await _open_stream(address, True, 8)]
+    await _wait_for_frames(sockets[1])
     async with httpx.AsyncClient(base_url=address, timeout=60.0) as client:
         body = {"glosses": ["THANK-YOU"] * 60, "formats": ["bvh"], "sign_speed": 0.5}
         requests = [asyncio.create_task(client.post("/v1/sentence", json=body)) for _ in range(6)]
         await asyncio.sleep(1.0)
-        since = time.monotonic()
+        start = time.monotonic()
         process.send_signal(signal.SIGTERM)
-        told = await asyncio.gather(*(_told_after(socket, since) for socket in sockets))
+        stream_errors = await asyncio.gather(*(_wait_for_error(socket, start) for socket in sockets))
         try:
             await httpx.AsyncClient(base_url=address).get("/healthz")
-            new = "was answered"
+            new_connection = "was answered"
         except httpx.ConnectError:
-            new = "was refused"
+            new_connection = "was refused"
         answers: Counter[str] = Counter()
         for answer in await asyncio.gather(*requests, return_exceptions=True):
             if isinstance(answer, BaseException):
@@ -159,37 +163,37 @@ async def _stop(address: str, process: subprocess.Popen[str]) -> str:
                 kind = answer.headers.get("content-type", "").partition(";")[0]
                 error = f" {answer.json()['error']!r}" if answer.status_code != 200 and "json" in kind else ""
                 answers[f"{answer.status_code} {kind}{error}"] += 1
-        answered = time.monotonic() - since
+        answered_s = time.monotonic() - start
         await asyncio.to_thread(process.wait, 60.0)
-        ended = time.monotonic() - since
-    requests_got = ", ".join(f"{n} times {what}" for what, n in answers.items())
-    streams_got = ", ".join(f"{what} after {seconds:.2f} s" for seconds, what in told)
+        ended_s = time.monotonic() - start
+    request_outcomes = ", ".join(f"{n} times {outcome}" for outcome, n in answers.items())
+    stream_outcomes = ", ".join(f"{outcome} after {seconds:.2f} s" for seconds, outcome in stream_errors)
     return (
-        f"requests: {requests_got}, after {answered:.1f} s at most; streams: {streams_got}; a new connection {new}; "
-        f"the service ended after {ended:.1f} s"
+        f"requests: {request_outcomes}, after {answered_s:.1f} s at most; streams: {stream_outcomes}; a new "
+        f"connection {new_connection}; the service ended after {ended_s:.1f} s"
     )
 
 
-def _orphans(address: str, process: subprocess.Popen[str]) -> str:
-    """Whether workers, one of them at work, end with a service that is killed."""
+def _count_orphans(address: str, process: subprocess.Popen[str]) -> str:
+    """Returns whether workers, one of them at work, end with a service that is killed."""
 
     async def start_work() -> None:
-        socket = await _open(address, False, 3)
-        await _until_frames(socket)
+        socket = await _open_stream(address, False, 3)
+        await _wait_for_frames(socket)
         body = {"glosses": ["THANK-YOU"] * 100, "formats": ["glb"]}
         with suppress(httpx.ReadTimeout):
             await httpx.AsyncClient(base_url=address, timeout=0.5).post("/v1/sentence", json=body)
 
     asyncio.run(start_work())
-    workers = _workers(process.pid)
-    since = time.monotonic()
+    workers = _list_workers(process.pid)
+    start = time.monotonic()
     process.kill()
-    while (left := _n_alive(workers)) and time.monotonic() - since < 10.0:
+    while (n_left := _count_alive(workers)) and time.monotonic() - start < 10.0:
         time.sleep(0.02)
-    return f"{len(workers)} workers, {left} of them left after {time.monotonic() - since:.2f} s"
+    return f"{len(workers)} workers, {n_left} of them left after {time.monotonic() - start:.2f} s"
 
 
-def _n_alive(processes: list[psutil.Process]) -> int:
+def _count_alive(processes: list[psutil.Process]) -> int:
     n = 0
     for process in processes:
         with suppress(psutil.NoSuchProcess):
@@ -198,16 +202,16 @@ def _n_alive(processes: list[psutil.Process]) -> int:
 
 
 def main(n: int) -> None:
-    """Print a row for each attack."""
+    """Prints a row for each attack."""
     print("| attack | seen |\n| --- | --- |")
-    with serving("--workers", "1") as (address, process):
-        print(f"| {n} rounds of kills of a worker with open streams | {asyncio.run(_kills(address, process, n))} |")
-        print(f"| {n // 2} kills of idle workers | {asyncio.run(_idle_kills(address, process, n // 2))} |")
-    with serving("--workers", "1") as (address, process):
-        print(f"| kill -9 of the service while it works | {_orphans(address, process)} |")
+    with start_service("--workers", "1") as (address, process):
+        print(f"| {n} rounds of kills of a worker with open streams | {asyncio.run(_kill_busy(address, process, n))} |")
+        print(f"| {n // 2} kills of idle workers | {asyncio.run(_kill_idle(address, process, n // 2))} |")
+    with start_service("--workers", "1") as (address, process):
+        print(f"| kill -9 of the service while it works | {_count_orphans(address, process)} |")
     for limit in ("60", "2"):
-        with serving("--workers", "1", "--limit", f"drain_seconds={limit}") as (address, process):
-            print(f"| SIGTERM, drain_seconds={limit} | {asyncio.run(_stop(address, process))} |", flush=True)
+        with start_service("--workers", "1", "--limit", f"drain_seconds={limit}") as (address, process):
+            print(f"| SIGTERM, drain_seconds={limit} | {asyncio.run(_stop_service(address, process))} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""The pictures of docs/face.md and docs/formats.md, and the film of the README, drawn by the package itself.
+"""Draws the pictures of docs/face.md and docs/formats.md, and the film of the README, with the package itself.
 
     python workshop/runs/face_sheets.py docs/images
 
-Call it again when ``figure.py`` beside it has changed the head. It needs Pillow, and for faces in other programs what
-``npm ci`` installs in viewer/, and ``CHROMIUM=FILE`` in the environment.
+Run it again after ``figure.py`` has changed the head. It needs Pillow, and for faces in other programs the packages
+that ``npm ci`` installs in viewer/, and ``CHROMIUM=FILE`` in the environment.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from PIL import Image, ImageSequence
 
 from signsplice import read_avatar, retarget, save
 from signsplice.lexicon import open_shipped_lexicon
-from signsplice.lexicon.sentence import brows, parse, pauses, starts
+from signsplice.lexicon.sentence import parse
 from signsplice.motion import Clip, copy_unchecked, resample
 from signsplice.motion.face import ARKIT_CHANNELS, VISEMES, Face
 from signsplice.render import film
@@ -31,11 +31,12 @@ from signsplice.rig.info import rig_info
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.faces import LIDS, RULES
 from signsplice.splicing.result import SpliceResult
+from signsplice.splicing.word import words_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE, COLUMNS, COLOURS = 120, 9, 128
 REACH, ABOVE = 0.072, 0.044
-"""Half of what is shown of a head, and its middle above the head's joint, statures."""
+"""Half of the shown height of a head, and the middle's height above the head's joint, statures."""
 _BOTH = ("Left", "Right")
 FACES: Mapping[str, Mapping[str, float]] = {
     "at rest": {},
@@ -49,22 +50,22 @@ FACES: Mapping[str, Mapping[str, float]] = {
 }
 
 
-def heads(clip: Clip, view: str = "front", reach: float = REACH) -> Scene:
-    """A clip's head, where it is in the first frame."""
+def make_head_scene(clip: Clip, view: str = "front", reach: float = REACH) -> Scene:
+    """Returns a scene of a clip's head, at its place in the first frame."""
     scene = make_scene(clip, view)
-    at = scene.positions[0, rig_info(clip.skeleton).roles.joints["head"]] - scene.origin
-    x, y, _ = (at @ scene.axes.T / scene.height).tolist()
+    head_position = scene.positions[0, rig_info(clip.skeleton).roles.joints["head"]] - scene.origin
+    x, y, _ = (head_position @ scene.axes.T / scene.height).tolist()
     return replace(scene, window=(x - reach, x + reach, y + ABOVE - reach, y + ABOVE + reach))
 
 
-def with_shapes(shapes: Sequence[Mapping[str, float]]) -> Clip:
-    """A still signer with a face in each frame."""
-    clip = _held(open_shipped_lexicon().clip("NAME"), len(shapes))
+def make_still_signer(shapes: Sequence[Mapping[str, float]]) -> Clip:
+    """Returns a clip of a still signer with a face in each frame."""
+    clip = _repeat_first_frame(open_shipped_lexicon().clip("NAME"), len(shapes))
     weights = np.array([[shape.get(name, 0.0) for name in ARKIT_CHANNELS] for shape in shapes])
     return copy_unchecked(clip, face=Face(ARKIT_CHANNELS, weights))
 
 
-def _held(clip: Clip, n_frames: int) -> Clip:
+def _repeat_first_frame(clip: Clip, n_frames: int) -> Clip:
     first = clip[:1]
     return replace(
         first,
@@ -76,48 +77,46 @@ def _held(clip: Clip, n_frames: int) -> Clip:
 def write_shapes(
     shapes: Mapping[str, Mapping[str, float]], path: Path, columns: int = COLUMNS, size: int = SIZE
 ) -> None:
-    """A page of faces, each with its name."""
-    scene = heads(with_shapes(list(shapes.values())))
+    """Writes a page of faces, each with its name."""
+    scene = make_head_scene(make_still_signer(list(shapes.values())))
     cells = [(draw(scene, frame, size, size), name) for frame, name in enumerate(shapes)]
     write_cells(cells, path, columns, COLOURS)
 
 
-def spliced(line: str) -> SpliceResult:
-    """A sentence with its face by rule."""
-    with open_shipped_lexicon() as words:
-        units = parse(line, words)
-        clips = [words.clip(gloss) for unit in units for gloss in unit.glosses]
-    return splice(clips, SpliceOptions(face_rules=RULES), starts(units), pauses(units), brows(units))
+def splice_line(line: str) -> SpliceResult:
+    """Returns a sentence with its face by rule."""
+    with open_shipped_lexicon() as lexicon:
+        return splice(words_of(parse(line, lexicon), lexicon.clip), SpliceOptions(face_rules=RULES))
 
 
-def sentence(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
-    """A sentence, and frames to show of it: each sign, each transition and every blink."""
-    result = spliced(line)
+def choose_frames(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
+    """Returns a sentence, and frames to show of it: each sign, each transition and every blink."""
+    result = splice_line(line)
     lids = result.clip.face.of(LIDS)[:, 0] if result.clip.face is not None else np.zeros(len(result.clip))
-    shown = {sum(span.output) // 2: span.name or "transition" for span in result.spans}
-    shown |= {k: "blink" for k in range(1, len(lids) - 1) if lids[k] == 1.0 > lids[k - 1]}
-    return result.clip, sorted(shown.items())
+    shown_frames = {sum(span.output) // 2: span.name or "transition" for span in result.spans}
+    shown_frames |= {k: "blink" for k in range(1, len(lids) - 1) if lids[k] == 1.0 > lids[k - 1]}
+    return result.clip, sorted(shown_frames.items())
 
 
 def write_sentences(lines: Sequence[str], path: Path, columns: int = 8, size: int = 170) -> None:
-    """A row of frames for each sentence, its signer from the front, and the face below."""
+    """Writes a row of frames for each sentence, the signer from the front, and the face below."""
     cells: list[tuple[Pixels, str]] = []
     for line in lines:
-        clip, shown = sentence(line)
-        whole = make_scene(clip)
+        clip, shown = choose_frames(line)
+        signer_scene = make_scene(clip)
         for frame, name in shown[:columns]:
-            head = heads(clip[frame : frame + 1])
-            picture = np.concatenate([draw(whole, frame, size, size), draw(head, 0, size, size)])
+            head = make_head_scene(clip[frame : frame + 1])
+            picture = np.concatenate([draw(signer_scene, frame, size, size), draw(head, 0, size, size)])
             cells.append((picture, f"{name}, {frame / clip.fps:.1f} s"))
         cells += [(np.full_like(cells[0][0], PAPER), "")] * (columns - len(shown))
     write_cells(cells, path, columns, COLOURS)
 
 
 def write_film(line: str, path: Path, fps: float = 10.0, n_colours: int = 32) -> None:
-    """A small film of a sentence for the README."""
-    result = spliced(line)
+    """Writes a small film of a sentence for the README."""
+    result = splice_line(line)
     rate = fps / result.clip.fps
-    marks = [film.Mark(s.kind, s.name or "", *(round(at * rate) for at in s.output)) for s in result.spans]
+    marks = [film.Mark(s.kind, s.name or "", *(round(frame * rate) for frame in s.output)) for s in result.spans]
     film.write_pictures(resample(result.clip, fps), path, marks, size=(240, 320))
     pages = Image.open(path)
     frames = [page.convert("RGB") for page in ImageSequence.Iterator(pages)]
@@ -135,20 +134,24 @@ PLAYED: Sequence[Mapping[str, float]] = (
 
 
 def write_players(path: Path) -> None:
-    """The same faces on the figure and on avatars, as three.js and three-vrm play them; needs node and Chromium."""
+    """Writes the same faces on the figure and on avatars, as three.js and three-vrm play them; needs node and
+    Chromium.
+    """
     sys.path.insert(0, str(ROOT / "tests"))
     import face_avatars
 
-    clip = with_shapes(PLAYED)
+    clip = make_still_signer(PLAYED)
     with TemporaryDirectory() as name:
         folder = Path(name)
         save(clip, folder / "figure.glb")
         pairs = {"figure, .glb": (folder / "figure.glb", "-")}
         for kind in face_avatars.KINDS:
             avatar = face_avatars.write(folder, kind)
-            out = folder / f"{avatar.stem}-out{'.glb' if kind == 'arkit.glb' else '.vrma'}"
-            save(retarget(clip, read_avatar(avatar)).clip, out)
-            pairs[f"{kind}, {out.suffix}"] = (out, "-") if kind == "arkit.glb" else (avatar, out)
+            output_file = folder / f"{avatar.stem}-out{'.glb' if kind == 'arkit.glb' else '.vrma'}"
+            save(retarget(clip, read_avatar(avatar)).clip, output_file)
+            pairs[f"{kind}, {output_file.suffix}"] = (
+                (output_file, "-") if kind == "arkit.glb" else (avatar, output_file)
+            )
         files = [str(file) for pair in pairs.values() for file in pair]
         command = ["node", str(ROOT / "viewer/checks/faces.mjs"), name, "30", str(len(PLAYED)), *files]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
@@ -162,9 +165,9 @@ def write_players(path: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    """Write every page."""
-    together = {"mouthClose": {"mouthClose": 0.6, "jawOpen": 0.6}}  # it closes the lips of an open jaw
-    write_shapes({name: {name: 1.0} for name in ARKIT_CHANNELS} | together, folder / "face-shapes.png")
+    """Writes every page."""
+    closed_mouth = {"mouthClose": {"mouthClose": 0.6, "jawOpen": 0.6}}  # mouthClose closes the lips of an open jaw
+    write_shapes({name: {name: 1.0} for name in ARKIT_CHANNELS} | closed_mouth, folder / "face-shapes.png")
     write_shapes(VISEMES, folder / "face-visemes.png", 8)
     write_shapes(FACES, folder / "figure-face.png", 4, 180)
     write_sentences(("YOU LIKE COFFEE?", "YOU WHERE LIVE?"), folder / "face-questions.png")

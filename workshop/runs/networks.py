@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""What the networks are worth beside rules: workshop/docs/measured/networks.md.
+"""Compares the networks with rules: workshop/docs/measured/networks.md.
 
     python workshop/runs/networks.py [TAKE.bvh]
 
@@ -31,7 +31,7 @@ from signsplice_workshop.corpora.rekeying import DRAWINGS, rekey_clip
 from signsplice_workshop.measure import motion_scores, seams
 from signsplice_workshop.measure.hands import wrist_positions
 from signsplice_workshop.measure.hidden_frames import LENGTHS, SHOWN
-from signsplice_workshop.measure.measures import markdown, row_of
+from signsplice_workshop.measure.measures import format_table, make_row
 
 PAGE = Path(__file__).parents[1] / "docs" / "measured" / "networks.md"
 _BLOCK, _DRAWS = 8, 1000
@@ -39,9 +39,9 @@ _STRIDE = 4
 N_PAIRS = 500
 
 
-def hide(clips: Sequence[Clip], transitions: Sequence[Transition], n_frames: int) -> FloatArray:
-    """Scores (transitions, gaps, 5) of gaps of ``n_frames``: errors of hands, fingers and trunk, thousandths of the
-    arm's length; mean jerk of the wrists; path of the wrists over the true one.
+def score_hidden_frames(clips: Sequence[Clip], transitions: Sequence[Transition], n_frames: int) -> FloatArray:
+    """Returns scores (transitions, gaps, 5) of gaps of ``n_frames``: errors of hands, fingers and trunk, thousandths of
+    the arm's length; mean jerk of the wrists; path of the wrists over the true one.
     """
     gaps, windows = [], []
     for clip in clips:
@@ -53,9 +53,9 @@ def hide(clips: Sequence[Clip], transitions: Sequence[Transition], n_frames: int
     rows = []
     for transition in transitions:
         scores = []
-        for window, gap, new in zip(windows, gaps, transition.fill(gaps), strict=True):
-            errors = motion_scores.group_errors(new, window[SHOWN:-SHOWN])
-            paths = [wrist_positions(clip) for clip in (concatenate([gap.before, new, gap.after]), window)]
+        for window, gap, generated in zip(windows, gaps, transition.fill(gaps), strict=True):
+            errors = motion_scores.group_errors(generated, window[SHOWN:-SHOWN])
+            paths = [wrist_positions(clip) for clip in (concatenate([gap.before, generated, gap.after]), window)]
             inner = [path[SHOWN - 1 : 1 - SHOWN] for path in paths]
             jerk = np.linalg.norm(np.diff(paths[0][4:-4], n=3, axis=0), axis=-1).mean()
             lengths = [np.linalg.norm(np.diff(path, axis=0), axis=-1).sum() for path in inner]
@@ -64,8 +64,8 @@ def hide(clips: Sequence[Clip], transitions: Sequence[Transition], n_frames: int
     return np.array(rows)
 
 
-def ratio(scores: FloatArray, base: FloatArray) -> str:
-    """Mean of scores (n,) over that of a base (n,), with its 95 % interval."""
+def format_ratio(scores: FloatArray, base: FloatArray) -> str:
+    """Returns the mean of scores (n,) over that of a base (n,), with its 95 % interval."""
     rng = np.random.default_rng(0)
     blocks = np.array_split(np.arange(len(scores)), max(1, len(scores) // _BLOCK))
     sums = np.array([[scores[rows].sum(), base[rows].sum()] for rows in blocks])
@@ -75,33 +75,37 @@ def ratio(scores: FloatArray, base: FloatArray) -> str:
 
 
 _ROWS = (("learned", "hands", 0, 0), ("", "jerk", 0, 3), ("quintic", "hands", 2, 0), ("", "jerk", 2, 3))
-"""Method, score, row and column of the scores of ``hide``."""
+"""Method, score, row and column of the scores of ``score_hidden_frames``."""
 
 
-def table_of(name: str, clips: Sequence[Clip], transitions: Sequence[Transition]) -> list[list[str]]:
-    """Rows of the first transition, and of the third, over the second, by score; of the hands with intervals."""
-    by_length = {n: hide(clips, transitions, n) for n in LENGTHS}
+def make_rows(name: str, clips: Sequence[Clip], transitions: Sequence[Transition]) -> list[list[str]]:
+    """Returns rows of the first transition, and of the third, over the second, by score; of the hands with
+    intervals.
+    """
+    by_length = {n: score_hidden_frames(clips, transitions, n) for n in LENGTHS}
     keyed = float(np.mean([judge_keyedness(clip).is_keyed for clip in clips]))
     rows = []
     for method, score, row, column in _ROWS:
         pairs = [(scores[row, :, column], scores[1, :, column]) for scores in by_length.values()]
-        cells = [ratio(*pair) if (row, column) == (0, 0) else f"{pair[0].sum() / pair[1].sum():.2f}" for pair in pairs]
+        cells = [
+            format_ratio(*pair) if (row, column) == (0, 0) else f"{pair[0].sum() / pair[1].sum():.2f}" for pair in pairs
+        ]
         rows.append([f"{name}, {keyed:.0%} judged keyed" if not rows else "", method, score, *cells])
     paths = [f"{np.median(scores[0, :, 4]):.2f}" for scores in by_length.values()]
     return [*rows, ["", "learned", "path over the true one", *paths]]
 
 
-def words_of(seed: int, rest: str) -> list[Clip]:
-    """Twelve pseudo-signs by a signer in a rest pose."""
+def make_words(seed: int, rest: str) -> list[Clip]:
+    """Returns eight pseudo-signs by a signer in a rest pose."""
     signer = replace(STANDARD if seed == 0 else draw_signer(seed), rest=rest)
-    return [planner.synthesize_word(pseudo.sign(8_000 + 100 * seed + k), signer).clip for k in range(8)]
+    return [planner.synthesize_word(pseudo.draw_sign(8_000 + 100 * seed + k), signer).clip for k in range(8)]
 
 
-def seam_lines() -> list[str]:
-    """A table of the seams of ``N_PAIRS`` pairs of words that ship, by cutter and transition."""
+def make_seam_lines() -> list[str]:
+    """Returns a table of the seams of ``N_PAIRS`` pairs of words that ship, by cutter and transition."""
     pairs = seams.word_pairs(N_PAIRS)
     rows = [
-        row_of(
+        make_row(
             seams.MEASURES,
             [
                 seams.measure_spliced(before, after, SpliceOptions(*names, avoid_collisions=False))
@@ -115,7 +119,7 @@ def seam_lines() -> list[str]:
 
 
 def main(take: str | None = None) -> None:
-    """Write the page, or print it where the take is missing."""
+    """Writes the page, or only prints the table without a take."""
     learned = choose().transition
     transitions = [learned, find_transition("hermite"), find_transition("quintic")]
     rows: list[list[str]] = []
@@ -123,19 +127,19 @@ def main(take: str | None = None) -> None:
         clip = ss.load(take)
         last = clip[2 * len(clip) // 3 :]
         for part, motion in (("whole take", clip), ("its last third", last)):
-            rows += table_of(f"{part}, 30 fps", [motion], transitions)
-            rows += table_of(f"{part}, 24 fps", [resample(motion, 24.0)], transitions)
+            rows += make_rows(f"{part}, 30 fps", [motion], transitions)
+            rows += make_rows(f"{part}, 24 fps", [resample(motion, 24.0)], transitions)
         rng = np.random.default_rng(5)
         for kind in DRAWINGS:
-            drawn = [rekey_clip(last, every, kind, rng) for every in (3, 6, 12)]
-            rows += table_of(f"last third, {kind}", drawn, transitions)
+            drawn = [rekey_clip(last, key_distance, kind, rng) for key_distance in (3, 6, 12)]
+            rows += make_rows(f"last third, {kind}", drawn, transitions)
     for seed, name in ((0, "standard signer"), (11, "signer 11"), (12, "signer 12")):
         for rest in RESTS if seed == 0 else islice(RESTS, 1):
-            rows += table_of(f"words, {name}, {rest}", words_of(seed, rest), transitions)
-    lines = markdown(("motion", "method", "over Hermite", *LENGTHS), rows)
+            rows += make_rows(f"words, {name}, {rest}", make_words(seed, rest), transitions)
+    lines = format_table(("motion", "method", "over Hermite", *LENGTHS), rows)
     print("\n".join(lines))
     if take is not None:
-        PAGE.write_text("\n".join([*HEAD, *seam_lines(), "", *HIDDEN, *lines, ""]), encoding="utf-8")
+        PAGE.write_text("\n".join([*HEAD, *make_seam_lines(), "", *HIDDEN, *lines, ""]), encoding="utf-8")
 
 
 HEAD = [

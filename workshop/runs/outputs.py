@@ -1,6 +1,6 @@
-"""Makes some 150 outputs of an installation by every door, and lists name, size and SHA-256 of each of their files.
+"""Makes some 150 outputs of an installation by every interface, and lists name, size and SHA-256 of their files.
 
-The list proves that a refactoring leaves what comes out of the product the same, bit for bit:
+The list proves that a refactoring leaves the product's outputs the same, bit for bit:
 
     python workshop/runs/outputs.py make --python .venv/bin/python -o OLD            # some minutes on one core
     PYTHONPATH=src:workshop/src:research/src python workshop/runs/outputs.py make --python .venv/bin/python -o NEW \
@@ -10,7 +10,7 @@ The list proves that a refactoring leaves what comes out of the product the same
 
 ``make`` runs the calls of outputs.txt, which lies beside this file, and public Python names with that interpreter, most
 of them in one process, in the folder that it makes. Each call leaves its files and NAME.txt: exit status, standard
-output and error. ``normalised`` takes out what varies, in place, so that ``diff -r OLD NEW`` shows what differs. Bits
+output and error. ``normalise`` removes varying parts, in place, so that ``diff -r OLD NEW`` shows the differences. Bits
 depend on the processor: compare lists of one kind of processor. ``--system`` finds the paper's systems by an entry
 point, for which the distribution has to be installed.
 """
@@ -52,7 +52,7 @@ HOMES = {
     "Word": ("signsplice.splicing.word:Word",),
     "splice_many": ("signsplice.splicing.bulk_splice:splice_many", "signsplice:splice_many"),
 }
-"""Where documented names lie that ``import signsplice`` does not have; the first module that has the name is used."""
+"""Modules of documented names that ``import signsplice`` does not have; the first module with the name is used."""
 WORDS = ("HELLO", "DEAF", "NAME", "SIGN", "THANK-YOU", "I", "MOTHER", "BOOK", "FRIEND", "fs-A", "fs-N")
 PAPER_FILES = ("results.json", "frames.npz", "search.json")
 VALUES = {
@@ -78,30 +78,32 @@ OPTIONS: tuple[dict[str, Any], ...] = (
 """Sentences and options of the calls in Python."""
 
 
-def normalised(name: str, content: bytes, places: dict[str, str]) -> bytes:
-    """A file's bytes without what honestly varies between two runs of the same code, or with its version's number."""
-    if name.endswith(".parquet"):  # its metadata hold the job's hash, which holds the package's version: rows alone
+def normalise(name: str, content: bytes, places: dict[str, str]) -> bytes:
+    """Returns a file's bytes without parts that vary between two runs of the same code, or with the version's
+    number.
+    """
+    if name.endswith(".parquet"):  # only rows: the metadata contain the job's hash, and that the package's version
         import pyarrow.parquet as pq
 
         rows = pq.read_table(io.BytesIO(content)).to_pylist()
         return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows).encode()
     if not name.endswith((".json", ".txt", ".csv", ".md")):
-        return content  # motion, networks, pictures and archives count as they are
+        return content  # motion, networks, pictures and archives stay as they are
     text = content.decode()
-    for place, word in places.items():  # folders of this machine: where the package and the checkout lie
+    for place, word in places.items():  # folders of this machine: package and checkout
         text = text.replace(place, word)
     text = re.sub(r'"timing_ms": ?\{[^}]*\}', '"timing_ms": {}', text)  # milliseconds that a splice took
     if name.startswith("evaluate/bodies"):  # time of a fit, as JSON and as the last two columns of a table
         text = re.sub(r'"(milliseconds|time_ratio)": [^,\n]+', r'"\1": 0', text)
         text = re.sub(r"(?m)( \| [\d.-]+){2} \|$", " | | |", text)
-    if name.endswith("job.json"):  # names of the package's version, the libraries' and the processor
+    if name.endswith("job.json"):  # versions of package and libraries, and the processor
         text = re.sub(r'"(signsplice|processor)": "[^"]*"', r'"\1": ""', text)
         text = re.sub(r'"made_with": \{[^}]*\}', '"made_with": {}', text)
     return text.encode()
 
 
-def found(name: str) -> Any:
-    """A name of ``HOMES``."""
+def import_name(name: str) -> Any:
+    """Imports a name of ``HOMES``."""
     for home in HOMES[name]:
         module, _, attribute = home.partition(":")
         with contextlib.suppress(ImportError, AttributeError):
@@ -109,8 +111,8 @@ def found(name: str) -> Any:
     raise ImportError(f"{name} is in none of {', '.join(HOMES[name])}")
 
 
-def calls() -> Iterator[tuple[str, list[str], bool]]:
-    """Name, words, and whether it has a process of its own, of every call of the command line, in order."""
+def read_calls() -> Iterator[tuple[str, list[str], bool]]:
+    """Yields name, words, and whether it has its own process, of every call of the command line, in order."""
     for row in (HERE / "outputs.txt").read_text().splitlines():
         if row.startswith("#"):
             continue
@@ -125,7 +127,7 @@ def calls() -> Iterator[tuple[str, list[str], bool]]:
 
 
 class Maker:
-    """Makes the outputs in the present folder.
+    """Makes the outputs in the current folder.
 
     moved: commands that moved, as (["paper"], ["-m", "signsplice_paper"]).
     """
@@ -136,48 +138,52 @@ class Maker:
         self.seconds: dict[str, float] = {}
 
     def make(self) -> None:
-        """Make everything."""
-        self.timed("in/clips", self.inputs)
-        self.timed("in/avatars", self.avatars)
-        for door in (python_splices, python_streams, python_bodies):
-            self.timed(f"python/{door.__name__}", door)
-        for name, words, alone in calls():
-            self.timed(name, self.call, words, alone)
-        self.timed("serve/answers", serve)
+        """Makes everything."""
+        self.run_timed("in/clips", self.write_inputs)
+        self.run_timed("in/avatars", self.write_avatars)
+        for write_outputs in (python_splices, python_streams, python_bodies):
+            self.run_timed(f"python/{write_outputs.__name__}", write_outputs)
+        for name, words, own_process in read_calls():
+            self.run_timed(name, self.call, words, own_process)
+        self.run_timed("serve/answers", serve)
 
-    def timed(self, name: str, make: Callable[..., object], *arguments: Any) -> None:
-        """Make one thing of the list; what it raises is its output, so that the others are made all the same."""
-        began = time.perf_counter()
+    def run_timed(self, name: str, make: Callable[..., object], *arguments: Any) -> None:
+        """Makes one output of the list; an exception is stored as its output, so that the others are made all the
+        same.
+        """
+        start = time.perf_counter()
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         try:
             make(name, *arguments)
         except Exception as error:
             Path(f"{name}.failed.txt").write_text("".join(traceback.format_exception_only(error)))
-        self.seconds[name] = time.perf_counter() - began
+        self.seconds[name] = time.perf_counter() - start
 
-    def call(self, name: str, words: list[str], alone: bool = False) -> str:
-        """Run a call and write what it said to NAME.txt; its standard output."""
+    def call(self, name: str, words: list[str], own_process: bool = False) -> str:
+        """Runs a call, writes its status and output to NAME.txt, and returns its standard output."""
         words = [word.replace("CHECKOUT", self.checkout).replace("BUNDLES", self.bundles) for word in words]
         moved = next((new + words[len(old) :] for old, new in self.moved if words[: len(old)] == old), words)
         module, arguments = (moved[1], moved[2:]) if moved[0] == "-m" else ("signsplice", moved)
-        if alone:
+        if own_process:
             words = [sys.executable, "-m", module, *arguments]
-            run = subprocess.run(words, capture_output=True, text=True, check=False)
-            status, out, err = f"{run.returncode}", run.stdout, run.stderr
+            process = subprocess.run(words, capture_output=True, text=True, check=False)
+            status, output, errors = f"{process.returncode}", process.stdout, process.stderr
         else:
-            status, out, err = in_this_process(module, arguments)
-        Path(f"{name}.txt").write_text(f"status {status}\n{out}{err}")
-        return out
+            status, output, errors = run_here(module, arguments)
+        Path(f"{name}.txt").write_text(f"status {status}\n{output}{errors}")
+        return output
 
-    def inputs(self, name: str) -> None:
-        """Words that ship, and the same on other rigs, in other units, at other rates, with stray frames, broken."""
+    def write_inputs(self, name: str) -> None:
+        """Writes words that ship, and the same on other rigs, in other units, at other rates, with stray frames,
+        broken.
+        """
         import numpy as np
 
         import signsplice as ss
 
         for folder in ("in/words", "in/broken", "synth/images", "paper/out"):
             Path(folder).mkdir(parents=True)
-        words = found("shipped")()
+        words = import_name("shipped")()
         clips = {gloss: words.clip(gloss) for gloss in WORDS}
         for gloss, clip in clips.items():
             ss.save(clip, f"in/{gloss}.bvh")
@@ -209,8 +215,8 @@ class Maker:
         for file in PAPER_FILES:
             shutil.copy(Path(self.paper) / file, "paper/out")
 
-    def avatars(self, name: str) -> None:
-        """Avatars by the tests' helper of the checkout: VRM 1.0, VRM 0.x and a plain .glb."""
+    def write_avatars(self, name: str) -> None:
+        """Writes avatars by the tests' helper of the checkout: VRM 1.0, VRM 0.x and a plain .glb."""
         sys.path.append(f"{self.checkout}/tests")
         helper = importlib.import_module("avatars")
         forms = {"broad.vrm": ("broad", "1.0"), "narrow.vrm": ("narrow", "0.x"), "big.glb": ("big head", "")}
@@ -219,104 +225,103 @@ class Maker:
             helper.write(Path("in") / file, avatar, helper.tubes(avatar), form)
 
 
-def in_this_process(module: str, arguments: list[str]) -> tuple[str, str, str]:
-    """Exit status, standard output and error of ``python -m MODULE ARGUMENTS``, without its start."""
-    out, err, status, before = io.StringIO(), io.StringIO(), "0", sys.argv
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+def run_here(module: str, arguments: list[str]) -> tuple[str, str, str]:
+    """Returns exit status, standard output and error of ``python -m MODULE ARGUMENTS``, without its start."""
+    output, errors, status, old_arguments = io.StringIO(), io.StringIO(), "0", sys.argv
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
         try:
             sys.argv = [module, *arguments]
             runpy.run_module(module, run_name="__main__", alter_sys=True)
         except SystemExit as stop:
             status = f"{stop.code or 0}"
         finally:
-            sys.argv = before
-    return status, out.getvalue(), err.getvalue()
+            sys.argv = old_arguments
+    return status, output.getvalue(), errors.getvalue()
 
 
-def of_motion(clip: Any) -> str:
-    """Hash of a clip's numbers."""
+def hash_motion(clip: Any) -> str:
+    """Returns the hash of a clip's numbers."""
     arrays = (clip.local_rotations, clip.root_positions, *(() if clip.translations is None else (clip.translations,)))
     return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
 
 
-def written(name: str, result: Any) -> None:
-    """Write the report of what a splice returned, and the hash of its clip."""
-    Path(f"{name}.json").write_text(json.dumps([found("describe")(result), of_motion(result.clip)], indent=1))
+def write_result(name: str, result: Any) -> None:
+    """Writes the report of a splice's result, and the hash of its clip."""
+    Path(f"{name}.json").write_text(json.dumps([import_name("describe")(result), hash_motion(result.clip)], indent=1))
 
 
-def glossed(text: str) -> list[Any]:
-    """The words of a typed line, each with whether it begins another spelled word; none is held at a mark."""
-    words = found("shipped")()
-    tokens = found("parse")(text, words)
-    return [found("Word")(words.clip(gloss), k == 0) for token in tokens for k, gloss in enumerate(token.glosses)]
+def read_words(text: str) -> list[Any]:
+    """Returns the words of a typed line, each with whether it begins another spelled word; none is held at a mark."""
+    words = import_name("shipped")()
+    tokens = import_name("parse")(text, words)
+    return [import_name("Word")(words.clip(gloss), k == 0) for token in tokens for k, gloss in enumerate(token.glosses)]
 
 
 def python_splices(name: str) -> None:
-    """``splice``, many sentences at once, and ``inbetween``."""
+    """Writes outputs of ``splice``, of many sentences at once, and of ``inbetween``."""
     import signsplice as ss
 
     for n, options in enumerate(OPTIONS):
-        chosen, sentences = ss.SpliceOptions(**options), [glossed(line) for line in LINES]
-        written(f"python/splice-{n}", ss.splice(sentences[n % 4], chosen))
-        for row, result in enumerate(found("splice_many")(sentences, chosen)):
-            written(f"python/many-{n}-{row}", result)
-    written("python/inbetween", ss.inbetween(ss.load("in/NAME.bvh"), [(20, 26), (40, 48)]))
+        chosen, sentences = ss.SpliceOptions(**options), [read_words(line) for line in LINES]
+        write_result(f"python/splice-{n}", ss.splice(sentences[n % 4], chosen))
+        for row, result in enumerate(import_name("splice_many")(sentences, chosen)):
+            write_result(f"python/many-{n}-{row}", result)
+    write_result("python/inbetween", ss.inbetween(ss.load("in/NAME.bvh"), [(20, 26), (40, 48)]))
 
 
 def python_streams(name: str) -> None:
-    """The pieces of streams, and of words that arrive: spans, seams, warnings and hashes of the frames."""
+    """Writes the pieces of streams, and of words that arrive: spans, seams, warnings and hashes of the frames."""
     import signsplice as ss
 
     def write(file: str, pieces: list[Any]) -> None:
         rows = (
-            [asdict(one.span), one.seam and asdict(one.seam), one.warnings, len(one.clip), of_motion(one.clip)]
-            for one in pieces
+            [asdict(p.span), p.seam and asdict(p.seam), p.warnings, len(p.clip), hash_motion(p.clip)] for p in pieces
         )
         Path(f"python/{file}.txt").write_text("".join(json.dumps(row, default=list) + "\n" for row in rows))
 
     for n, options in enumerate(OPTIONS):
         for row, text in enumerate(LINES):
-            write(f"stream-{n}-{row}", list(ss.stream(glossed(text), ss.SpliceOptions(**options))))
-    stream = found("Stream")()
-    pieces = [piece for gloss in LINES[0].split() for piece in stream.push(found("shipped")().clip(gloss))]
+            write(f"stream-{n}-{row}", list(ss.stream(read_words(text), ss.SpliceOptions(**options))))
+    stream = import_name("Stream")()
+    pieces = [piece for gloss in LINES[0].split() for piece in stream.push(import_name("shipped")().clip(gloss))]
     write("stream-pushed", pieces + stream.end())
 
 
 def python_bodies(name: str) -> None:
-    """``retarget`` onto a clip, a skeleton and an avatar; what ``read_avatar`` warns of."""
+    """Writes outputs of ``retarget`` onto a clip, a skeleton and an avatar, and the warnings of ``read_avatar``."""
     import signsplice as ss
 
-    onto, avatar = ss.load("in/long-arms.bvh"), ss.read_avatar("in/narrow.vrm")
-    bodies = (("clip", "NAME", onto), ("skeleton", "MOTHER", onto.skeleton), ("avatar", "BOOK", avatar))
+    target, avatar = ss.load("in/long-arms.bvh"), ss.read_avatar("in/narrow.vrm")
+    bodies = (("clip", "NAME", target), ("skeleton", "MOTHER", target.skeleton), ("avatar", "BOOK", avatar))
     for file, source, body in bodies:
-        done = ss.retarget(ss.load(f"in/{source}.bvh"), body)
-        lines = [of_motion(done.clip), *done.warnings, *avatar.warnings]
-        lines += [json.dumps(asdict(contact), default=list) for contact in done.contacts]
+        fitted = ss.retarget(ss.load(f"in/{source}.bvh"), body)
+        lines = [hash_motion(fitted.clip), *fitted.warnings, *avatar.warnings]
+        lines += [json.dumps(asdict(contact), default=list) for contact in fitted.contacts]
         Path(f"python/retarget-{file}.txt").write_text("\n".join(lines) + "\n")
 
 
 def serve(name: str) -> None:
-    """Answers of the service, a process of its own, and the messages of a stream."""
+    """Writes answers of the service, in its own process, and the messages of a stream."""
     words = [sys.executable, "-m", "signsplice", "serve", "--workers", "1", "--port", "0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as service:
         assert service.stdout is not None
         try:
             line = service.stdout.readline()
             address = line[line.index("http://") :].split()[0].rstrip("/")
-            answers(address)
-            streamed(address)
+            write_answers(address)
+            write_stream(address)
         finally:
             service.send_signal(signal.SIGINT)
 
 
-def answers(address: str) -> None:
-    """Write the answers of the service at an address, and the files in them."""
+def write_answers(address: str) -> None:
+    """Writes the answers of the service at an address, and the files in them."""
     part = '--0\r\nContent-Disposition: form-data; name="{}"\r\n\r\n{}\r\n'
     files = {file: Path(f"in/{file}").read_text() for file in ("I.bvh", "metres.bvh")}
     parts = [part.format(f'files"; filename="{file}', text) for file, text in files.items()]
     parts += [part.format("options", '{"formats": ["bvh", "glb"], "tempo": "natural"}'), "--0--\r\n"]
     sentence = {"glosses": ["HELLO", "fs-ANNA", "I LOVE YOU"], "formats": ["bvh", "glb", "vrma"], "tempo": "natural"}
-    asked = {
+    requests = {
         "sentence": ("/v1/sentence", json.dumps(sentence), "application/json"),
         "file": ("/v1/sentence?file=bvh", '{"glosses": ["HELLO", "DEAF"]}', "application/json"),
         "unknown": ("/v1/sentence", '{"glosses": ["HELO"], "spell": false}', "application/json"),
@@ -324,32 +329,32 @@ def answers(address: str) -> None:
         "lexicon": ("/v1/lexicon?search=GO&limit=20", "", ""),
         "methods": ("/v1/methods", "", ""),
     }
-    for what, (route, body, kind) in asked.items():
+    for name, (route, body, kind) in requests.items():
         request = urllib.request.Request(address + route, body.encode() or None, {"Content-Type": kind} if kind else {})
         try:
             with urllib.request.urlopen(request, timeout=120) as reply:
                 content = reply.read()
         except urllib.error.HTTPError as error:
             content = error.read()
-        Path(f"serve/{what}.json").write_bytes(content)
-        for suffix, file in json.loads(content).get("files", {}).items() if what in ("sentence", "splice") else ():
-            Path(f"serve/{what}.{suffix}").write_bytes(base64.b64decode(file or ""))
+        Path(f"serve/{name}.json").write_bytes(content)
+        for suffix, file in json.loads(content).get("files", {}).items() if name in ("sentence", "splice") else ():
+            Path(f"serve/{name}.{suffix}").write_bytes(base64.b64decode(file or ""))
 
 
-def streamed(address: str) -> None:
-    """Write the messages of the service's stream."""
+def write_stream(address: str) -> None:
+    """Writes the messages of the service's stream."""
     from websockets.sync.client import connect
 
     words = [{"type": "word", "gloss": gloss} for gloss in ("HELLO", "fs-ANNA", "DEAF")]
     with connect(address.replace("http", "ws", 1) + "/v1/stream", max_size=None) as stream:
-        for message in ({"type": "open", "paced": False}, *words, {"type": "end"}):
-            stream.send(json.dumps(message))
-        told = [one if isinstance(one, str) else f"{len(one)} {hashlib.sha256(one).hexdigest()}" for one in stream]
-    Path("serve/stream.txt").write_text("\n".join(told) + "\n")
+        for request in ({"type": "open", "paced": False}, *words, {"type": "end"}):
+            stream.send(json.dumps(request))
+        lines = [m if isinstance(m, str) else f"{len(m)} {hashlib.sha256(m).hexdigest()}" for m in stream]
+    Path("serve/stream.txt").write_text("\n".join(lines) + "\n")
 
 
-def machine() -> str:
-    """The kind of processor and the libraries, for the list's first line."""
+def describe_machine() -> str:
+    """Returns the kind of processor and the libraries, for the list's first line."""
     info = Path("/proc/cpuinfo")
     rows = dict(re.findall(r"^([\w ]+?)\s*: (.*)$", info.read_text(), re.MULTILINE)) if info.exists() else {}
     kind = ", ".join(f"{key} {rows[key]}" for key in ("model name", "cpu family", "model") if key in rows)
@@ -357,16 +362,20 @@ def machine() -> str:
     return f"{kind or 'processor unknown'}; Python {sys.version.split()[0]}, {libraries}"
 
 
-def inside(given: argparse.Namespace) -> int:
-    """``make`` in the interpreter whose installation makes the outputs, in the folder."""
-    maker = Maker(given.checkout, given.paper, given.bundles, given.moved)
+def make_inside(options: argparse.Namespace) -> int:
+    """Runs ``make`` in the interpreter whose installation makes the outputs, in the folder."""
+    maker = Maker(options.checkout, options.paper, options.bundles, options.moved)
     maker.make()
     import signsplice
 
-    places = {str(Path(signsplice.__file__).parent): "PACKAGE", given.bundles: "BUNDLES", given.checkout: "CHECKOUT"}
-    lines = [f"# {machine()}; name, bytes, sha256"]
+    places = {
+        str(Path(signsplice.__file__).parent): "PACKAGE",
+        options.bundles: "BUNDLES",
+        options.checkout: "CHECKOUT",
+    }
+    lines = [f"# {describe_machine()}; name, bytes, sha256"]
     for path in sorted(path for path in Path().rglob("*") if path.is_file()):
-        content = normalised(path.as_posix(), path.read_bytes(), places)
+        content = normalise(path.as_posix(), path.read_bytes(), places)
         path.write_bytes(content)
         lines.append(f"{path.as_posix()}\t{len(content)}\t{hashlib.sha256(content).hexdigest()}")
     Path("outputs.tsv").write_text("\n".join(lines) + "\n")
@@ -376,37 +385,39 @@ def inside(given: argparse.Namespace) -> int:
     return 0
 
 
-def make(given: argparse.Namespace) -> int:
-    """Make the folder of outputs with the interpreter that is named."""
-    folder, checkout = Path(given.output).resolve(), Path(given.checkout).resolve()
+def make(options: argparse.Namespace) -> int:
+    """Makes the folder of outputs with the interpreter that is named."""
+    folder, checkout = Path(options.output).resolve(), Path(options.checkout).resolve()
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):
         sys.exit(f"error: {folder}: is not empty")
-    paper = Path(given.paper or checkout / "docs" / "paper").resolve()
-    bundles = Path(given.bundles or checkout / "docs" / "paper" / "bundles").resolve()
+    paper = Path(options.paper or checkout / "docs" / "paper").resolve()
+    bundles = Path(options.bundles or checkout / "docs" / "paper" / "bundles").resolve()
     paths = [str(Path(path).resolve()) for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
     env = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0", "PYTHONPATH": os.pathsep.join(paths)}
-    python = os.path.abspath(shutil.which(given.python) or given.python)
-    words = [python, __file__, "inside", checkout, paper, bundles, *given.moved]
+    python = os.path.abspath(shutil.which(options.python) or options.python)
+    words = [python, __file__, "inside", checkout, paper, bundles, *options.moved]
     return subprocess.run([str(word) for word in words], cwd=folder, env=env, check=False).returncode
 
 
-def compare(given: argparse.Namespace) -> int:
-    """Print what differs between two lists; 1 if anything does."""
-    (first, *before), (second, *after) = (Path(file).read_text().splitlines() for file in (given.old, given.new))
+def compare(options: argparse.Namespace) -> int:
+    """Prints the differences between two lists; returns 1 if there are any."""
+    (first, *old_rows), (second, *new_rows) = (
+        Path(file).read_text().splitlines() for file in (options.old, options.new)
+    )
     if first != second:
         print(f"made by {first}\n    and {second}")
-    old, new = ({row.split("\t")[0]: row.split("\t")[1:] for row in rows} for rows in (before, after))
+    old, new = ({row.split("\t")[0]: row.split("\t")[1:] for row in rows} for rows in (old_rows, new_rows))
     changed = [name for name in sorted({*old, *new}) if old.get(name) != new.get(name)]
     for name in changed:
-        what = "missing" if name not in new else "new" if name not in old else "differs"
-        print(f"{what:8} {name}: {' -> '.join(rows[name][0] for rows in (old, new) if name in rows)} bytes")
+        change = "missing" if name not in new else "new" if name not in old else "differs"
+        print(f"{change:8} {name}: {' -> '.join(rows[name][0] for rows in (old, new) if name in rows)} bytes")
     print(f"{len(old)} and {len(new)} files, {len({*old, *new}) - len(changed)} of them the same")
     return int(bool(changed))
 
 
 def main() -> int:
-    """Run the command that is named; its exit status."""
+    """Runs the command that is named; returns its exit status."""
     parser = argparse.ArgumentParser()
     commands = parser.add_subparsers(required=True)
     maker = commands.add_parser("make", help="make a folder of outputs and its list, outputs.tsv")
@@ -415,8 +426,8 @@ def main() -> int:
     maker.add_argument("--checkout", default=str(HERE.parents[1]), help="sources, with tests/avatars.py and docs/paper")
     maker.add_argument("--paper", help="folder of the paper's results.json (CHECKOUT/docs/paper)")
     maker.add_argument("--bundles", help="folder of the paper's trained systems (CHECKOUT/docs/paper/bundles)")
-    moved = "a command that moved, as 'paper=-m signsplice_paper'; may be given again, the first that fits counts"
-    maker.add_argument("--command", dest="moved", action="append", default=[], metavar="OLD=NEW", help=moved)
+    moved_help = "a command that moved, as 'paper=-m signsplice_paper'; repeatable, the first match counts"
+    maker.add_argument("--command", dest="moved", action="append", default=[], metavar="OLD=NEW", help=moved_help)
     maker.set_defaults(run=make)
     comparer = commands.add_parser("compare", help="print what differs between two lists")
     comparer.add_argument("old", metavar="OLD.tsv")
@@ -426,9 +437,9 @@ def main() -> int:
     for argument in ("checkout", "paper", "bundles"):
         inner.add_argument(argument)
     inner.add_argument("moved", nargs="*")
-    inner.set_defaults(run=inside)
-    given = parser.parse_args()
-    return int(given.run(given))
+    inner.set_defaults(run=make_inside)
+    options = parser.parse_args()
+    return int(options.run(options))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""How large and how tangled a source tree is: files, code lines, command options, and the path of one splice.
+"""Measures the size and the coupling of a source tree: files, code lines, command options, and the path of one splice.
 
     PYTHONPATH=src python workshop/runs/structure.py [ROOT ...]
 
-Prints one column for each root of a checkout (default: this one); the tree's own sources are run in a process of their
-own with the interpreter that runs this script. A change of file: of two calls in a row of the package's functions, the
-second is of another file. They are counted while ``splice`` joins two words that ship; what comes before (imports,
-opening the networks) does not count.
+Prints one column for each root of a checkout (default: this one); the tree's own sources run in their own process with
+the interpreter that runs this script. A change of file: of two successive calls of the package's functions, the second
+is in another file. They are counted while ``splice`` joins two words that ship, without imports and the opening of the
+networks.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ CLASSICAL = "cutter='pose-velocity', transition='hermite', duration='tempo'"
 SPLICES = {"default": "", "classical": CLASSICAL}
 
 
-def code_lines(source: str) -> int:
-    """Lines of code without blank lines, comments and docstrings."""
+def count_code_lines(source: str) -> int:
+    """Returns the number of lines of code without blank lines, comments and docstrings."""
     tree = ast.parse(source)
     lines = {number for number, line in enumerate(source.splitlines(), 1) if line.strip()}
     lines -= {number for number, line in enumerate(source.splitlines(), 1) if line.lstrip().startswith("#")}
@@ -34,20 +34,23 @@ def code_lines(source: str) -> int:
     return len(lines)
 
 
-def click_decorators(tree: ast.AST) -> int:
-    """Decorators that come from click: options, arguments, commands and groups."""
-    found = 0
+def count_click_decorators(tree: ast.AST) -> int:
+    """Returns the number of decorators that come from click: options, arguments, commands and groups."""
+    n_decorators = 0
     for node in ast.walk(tree):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            names = [ast.unparse(one.func if isinstance(one, ast.Call) else one) for one in node.decorator_list]
+            names = [
+                ast.unparse(decorator.func if isinstance(decorator, ast.Call) else decorator)
+                for decorator in node.decorator_list
+            ]
             words = ("option", "argument", "command", "group", "version_option", "pass_context")
-            found += sum(name.rpartition(".")[2] in words for name in names)
-    return found
+            n_decorators += sum(name.rpartition(".")[2] in words for name in names)
+    return n_decorators
 
 
-def foreign_writes(tree: ast.AST) -> list[str]:
-    """Assignments to an attribute of anything but ``self`` and ``cls``."""
-    found = []
+def list_foreign_writes(tree: ast.AST) -> list[str]:
+    """Returns the assignments to an attribute of anything but ``self`` and ``cls``."""
+    writes = []
     for node in ast.walk(tree):
         targets: list[ast.expr] = []
         if isinstance(node, ast.Assign):
@@ -59,53 +62,53 @@ def foreign_writes(tree: ast.AST) -> list[str]:
                 if isinstance(part, ast.Attribute) and isinstance(part.ctx, ast.Store):
                     text = ast.unparse(part)
                     if text.split(".")[0] not in ("self", "cls"):
-                        found.append(text)
-    return found
+                        writes.append(text)
+    return writes
 
 
-def function_lengths(tree: ast.AST) -> list[int]:
-    """Lines from the first to the last of every function, docstring included."""
+def measure_functions(tree: ast.AST) -> list[int]:
+    """Returns the lines from the first to the last of every function, docstring included."""
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
     return [(node.end_lineno or node.lineno) - node.lineno + 1 for node in ast.walk(tree) if isinstance(node, kinds)]
 
 
 def measure_tree(source: Path) -> dict[str, object]:
-    """Size of the package below ``source`` (the folder signsplice)."""
+    """Returns the size of the package below ``source`` (the folder signsplice)."""
     files = sorted(source.rglob("*.py"))
     trees = {path: ast.parse(path.read_text()) for path in files}
     splicing = [path for path in files if "splicing" in path.relative_to(source).parts[:-1]]
-    sizes = {path: code_lines(path.read_text()) for path in files}
-    lengths = sorted(length for tree in trees.values() for length in function_lengths(tree))
+    sizes = {path: count_code_lines(path.read_text()) for path in files}
+    lengths = sorted(length for tree in trees.values() for length in measure_functions(tree))
     sentence = next((path for path in files if path.match("splicing/sentence.py")), None)
     return {
         "files": len(files),
         "code lines": sum(sizes.values()),
-        "click decorators": sum(map(click_decorators, trees.values())),
-        "writes to other objects": sum(len(foreign_writes(tree)) for tree in trees.values()),
+        "click decorators": sum(map(count_click_decorators, trees.values())),
+        "writes to other objects": sum(len(list_foreign_writes(tree)) for tree in trees.values()),
         "median function, lines": lengths[len(lengths) // 2],
         "longest function, lines": lengths[-1],
         "splicing: files": len(splicing),
         "splicing: code lines": sum(sizes[path] for path in splicing),
-        "splicing: writes to other objects": sum(len(foreign_writes(trees[path])) for path in splicing),
+        "splicing: writes to other objects": sum(len(list_foreign_writes(trees[path])) for path in splicing),
         "splicing: longest file, lines": max(len(path.read_text().splitlines()) for path in splicing),
-        "splicing: longest function, lines": max(max(function_lengths(trees[path]), default=0) for path in splicing),
+        "splicing: longest function, lines": max(max(measure_functions(trees[path]), default=0) for path in splicing),
         "sentence.py: code lines": sizes[sentence] if sentence else 0,
     }
 
 
-def visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]], set[str]]:
-    """Calls into each file of the package, changes from file to file, and the public classes of the splicing room whose
-    methods run or of which objects are made, while two words are joined.
+def count_visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]], set[str]]:
+    """Returns the calls into each file of the package, the changes from file to file, and the public classes of
+    splicing whose methods run or of which objects are made, while two words are joined.
     """
     import signsplice as ss
     from signsplice.lexicon import open_shipped_lexicon
 
     folder = str(Path(ss.__file__).parent) + os.sep
     with open_shipped_lexicon() as lexicon:
-        warm = [lexicon.clip("MOTHER"), lexicon.clip("HOUSE")]
+        warm_up_words = [lexicon.clip("MOTHER"), lexicon.clip("HOUSE")]
         words = [lexicon.clip("I"), lexicon.clip("SIGN")]
-    wanted = eval(f"ss.SpliceOptions({options})")
-    ss.splice(warm, wanted)
+    chosen_options = eval(f"ss.SpliceOptions({options})")
+    ss.splice(warm_up_words, chosen_options)
     calls: Counter[str] = Counter()
     changes: Counter[tuple[str, str]] = Counter()
     types: set[str] = set()
@@ -126,28 +129,28 @@ def visits(options: str) -> tuple[Counter[str], Counter[tuple[str, str]], set[st
 
     sys.setprofile(watch)
     try:
-        ss.splice(words, wanted)
+        ss.splice(words, chosen_options)
     finally:
         sys.setprofile(None)
     return calls, changes, {name for name in types if not name.startswith("_")}
 
 
 def measure_splices() -> dict[str, object]:
-    """Files and changes of file of a splice of two words, by kind of methods."""
-    out: dict[str, object] = {}
+    """Returns files and changes of file of a splice of two words, by kind of methods."""
+    columns: dict[str, object] = {}
     for name, options in SPLICES.items():
-        calls, changes, types = visits(options)
-        out[f"splice, {name}: files"] = len(calls)
-        out[f"splice, {name}: changes of file"] = sum(changes.values())
-        out[f"splice, {name}: types of splicing"] = len(types)
+        calls, changes, types = count_visits(options)
+        columns[f"splice, {name}: files"] = len(calls)
+        columns[f"splice, {name}: changes of file"] = sum(changes.values())
+        columns[f"splice, {name}: types of splicing"] = len(types)
         if os.environ.get("DETAIL"):
             print(name, *calls.most_common(), *sorted(types), sep="\n  ", file=sys.stderr)
             print(*changes.most_common(60), sep="\n  ", file=sys.stderr)
-    return out
+    return columns
 
 
-def measured(root: Path) -> dict[str, object]:
-    """The whole column of one checkout."""
+def measure_checkout(root: Path) -> dict[str, object]:
+    """Returns the whole column of one checkout."""
     env = {**os.environ, "PYTHONPATH": str(root / "src"), "OMP_NUM_THREADS": "1"}
     run = subprocess.run(
         [sys.executable, __file__, "--splices"], env=env, stdout=subprocess.PIPE, text=True, check=True
@@ -156,12 +159,12 @@ def measured(root: Path) -> dict[str, object]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Prints the table."""
     if sys.argv[1:] == ["--splices"]:
         print(json.dumps(measure_splices()))
         return
     roots = [Path(name).resolve() for name in sys.argv[1:]] or [Path(__file__).resolve().parents[2]]
-    columns = [measured(root) for root in roots]
+    columns = [measure_checkout(root) for root in roots]
     print("| what | " + " | ".join(str(root) for root in roots) + " |")
     print("| --- |" + " --- |" * len(roots))
     for what in columns[0]:

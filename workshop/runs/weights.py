@@ -5,9 +5,9 @@
     networks  the cutter on one core, the transition on the other
     ship      both in the bundle that ships
 
-Every part writes what it made into the folder of results: bundles with 16-bit weights, the logs of their trainings, and
-a record of times and hashes. A part whose record is there is not made again, so that the work can go on in another
-checkout: commit the folder between parts. The signing is never stored; it is made again.
+Every part writes its results into the folder of results: bundles with 16-bit weights, the logs of their trainings, and
+a record of times and hashes. A part with a record is not made again, so that the work can go on in another checkout:
+commit the folder between parts. The signing is never stored; it is made again.
 
     python workshop/runs/weights.py                    all parts, into out/weights and workshop/weights
     python workshop/runs/weights.py networks ship      these, with the signing of the record
@@ -40,10 +40,10 @@ NETWORKS = ("cutter", "transition")
 
 @dataclass(frozen=True)
 class Run:
-    """Where a run works and how large it is.
+    """Folders and size of a run.
 
     work: folder for signing and checkpoints, which need not last.
-    results: folder of what the parts made.
+    results: folder of the results of the parts.
     shipped: the bundle to write.
     smoke: whether everything has toy size.
     """
@@ -60,7 +60,7 @@ class Run:
 
 
 def make_signing(run: Run) -> dict[str, Any]:
-    """Make the signing that is not there yet; returns the hash of all of it."""
+    """Makes the signing that is missing; returns the hash of all of it."""
     n_signers, n_words, n_seams = (3, 6, 6) if run.smoke else (60, 250, 300)
     signing = ["--signers", str(n_signers), "--words", str(n_words), "--seams", str(n_seams)]
     call_all(["synth", "endless", *signing, "-o", str(run.signing)])
@@ -71,7 +71,7 @@ def make_signing(run: Run) -> dict[str, Any]:
 
 
 def make_networks(run: Run) -> dict[str, Any]:
-    """Train both networks from random weights."""
+    """Trains both networks from random weights; returns their hashes."""
     scale = "smoke" if run.smoke else "ship"
     options = ("--signing", str(run.signing), "--scale", scale)
     call_all(*(["train", name, *options, "--out", str(run.work / name)] for name in NETWORKS))
@@ -84,7 +84,7 @@ def make_networks(run: Run) -> dict[str, Any]:
 
 
 def make_shipped(run: Run) -> dict[str, Any]:
-    """Write both networks into the bundle that ships."""
+    """Writes both networks into the bundle that ships; returns its hash."""
     parts = {name: read_config(run.results / name) for name in NETWORKS}
     facts = {key: value for key, value in parts["cutter"].stored.items() if key not in ("version", "files")}
     facts["networks"] = {name: config.stored["networks"][name] for name, config in parts.items()}
@@ -95,7 +95,7 @@ def make_shipped(run: Run) -> dict[str, Any]:
 
 
 def hash_graphs(bundle: Path) -> str:
-    """The hash of a bundle's graphs."""
+    """Returns the hash of a bundle's graphs."""
     return hashlib.sha256("".join(read_config(bundle).files.values()).encode()).hexdigest()
 
 
@@ -105,7 +105,7 @@ PARTS: dict[str, Callable[[Run], dict[str, Any]]] = {
 
 
 def call_all(*commands: Sequence[str]) -> None:
-    """Run commands of signsplice side by side, each on one thread. Exits where one fails, and ends the others."""
+    """Runs commands of signsplice side by side, each on one thread. Exits if one fails, and ends the others."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     running = []
     for words in commands:
@@ -125,47 +125,50 @@ def call_all(*commands: Sequence[str]) -> None:
 
 
 def make_part(run: Run, name: str) -> None:
-    """Make a part and write its record; compare the hashes with those of an earlier record, where there is one."""
+    """Makes a part and writes its record; compares the hashes with those of an earlier record, if there is one."""
     record = run.results / f"{name}.json"
-    earlier = json.loads(record.read_text(encoding="utf-8"))["made"] if record.exists() else None
-    if earlier is not None and name != "signing":
+    recorded = json.loads(record.read_text(encoding="utf-8"))["made"] if record.exists() else None
+    if recorded is not None and name != "signing":
         print(f"{name}: is there already ({record}); remove it to make this part again")
         return
-    began, before = time.perf_counter(), _processor_seconds()
-    made = PARTS[name](run)
-    if earlier is not None and made != earlier:
-        raise SystemExit(f"{name}: {made} is not what {record} says, {earlier}: the signer has changed; start anew")
-    if earlier is None:
-        minutes = {"minutes": time.perf_counter() - began, "processor_minutes": _processor_seconds() - before}
-        facts = {"made": made, **{key: round(seconds / 60.0, 1) for key, seconds in minutes.items()}}
+    start, start_processor_s = time.perf_counter(), _measure_processor_seconds()
+    hashes = PARTS[name](run)
+    if recorded is not None and hashes != recorded:
+        raise SystemExit(f"{name}: {hashes} is not what {record} says, {recorded}: the signer has changed; start anew")
+    if recorded is None:
+        minutes = {
+            "minutes": time.perf_counter() - start,
+            "processor_minutes": _measure_processor_seconds() - start_processor_s,
+        }
+        facts = {"made": hashes, **{key: round(seconds / 60.0, 1) for key, seconds in minutes.items()}}
         record.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
-    print(f"{name}: {made}")
+    print(f"{name}: {hashes}")
 
 
-def _processor_seconds() -> float:
+def _measure_processor_seconds() -> float:
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make the parts that are asked for."""
+    """Makes the parts that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"some of {', '.join(PARTS)}  [default: all]")
     parser.add_argument("-o", "--out", type=Path, help="folder to work in  [default: out/weights]")
     parser.add_argument("--smoke", action="store_true", help="at toy size, with results and bundle in the same folder")
-    given = parser.parse_args(arguments)
-    unknown = [name for name in given.parts if name not in PARTS]
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.parts if name not in PARTS]
     if unknown:
         parser.error(f"no part {unknown[0]!r}, expected some of {', '.join(PARTS)}")
-    if given.smoke and given.out is None:
+    if options.smoke and options.out is None:
         parser.error("--smoke needs -o DIR")
     os.chdir(ROOT)
-    work = given.out or Path("out/weights")
-    results, shipped = (work / "results", work / "bundle") if given.smoke else (Path("workshop/weights"), WEIGHTS)
-    run = Run(work, results, shipped, given.smoke)
+    work = options.out or Path("out/weights")
+    results, shipped = (work / "results", work / "bundle") if options.smoke else (Path("workshop/weights"), WEIGHTS)
+    run = Run(work, results, shipped, options.smoke)
     results.mkdir(parents=True, exist_ok=True)
-    for name in given.parts or PARTS:
-        if name == "networks" and "signing" not in (given.parts or PARTS):
+    for name in options.parts or PARTS:
+        if name == "networks" and "signing" not in (options.parts or PARTS):
             make_part(run, "signing")
         make_part(run, name)
 

@@ -58,7 +58,7 @@ def test_pairs_are_those_of_the_library_and_of_one_process(folder: Path, tmp_pat
     assert len(made) == 9 + 2
     glosses = [row["gloss"] for row in made.head["words"]][:3]
     assert glosses[2] == "PSEUDO-400000"
-    signs = (*(sign(gloss) for gloss in glosses[:2]), pseudo.sign(400_000))
+    signs = (*(sign(gloss) for gloss in glosses[:2]), pseudo.draw_sign(400_000))
     recipe = Recipe(signs, seed=4, n_other=2, truth="word")
     assert made.head["hash"] == recipe.hash
     write_pairs(recipe, tmp_path / "pairs", processes=1)

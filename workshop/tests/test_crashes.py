@@ -93,12 +93,12 @@ WRITERS: dict[str, Callable[[Path, int], None]] = {
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Motion is computed once, and parts are small: what is tested is how they are written."""
-    monkeypatch.setattr(pairs, "_word", word)
+    monkeypatch.setattr(pairs, "_synthesize_word", word)
     monkeypatch.setattr(truth, "splice", true_splice)
-    monkeypatch.setattr(training_data, "part", lambda plan, number: {"turns": np.full(3, plan.seed + number)})
+    monkeypatch.setattr(training_data, "make_part", lambda plan, number: {"turns": np.full(3, plan.seed + number)})
 
 
-word = lru_cache(pairs._word)
+word = lru_cache(pairs._synthesize_word)
 true_splice = lru_cache(truth.splice)
 
 

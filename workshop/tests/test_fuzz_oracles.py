@@ -57,7 +57,7 @@ def test_a_word_of_another_motion_is_named(tmp_path: Path) -> None:
     words, _ = target.exercise(content, tmp_path)
     assert target.judge(content, words)
     with pytest.raises(WrongMotionError, match="word HELLO has another motion"):
-        fuzz_oracles.of_lexicon({"HELLO": [fuzz_seeds.clip(1)]}, words)
+        fuzz_oracles.judge_lexicon({"HELLO": [fuzz_seeds.make_clip(1)]}, words)
 
 
 def test_another_rest_pose_of_an_avatar_is_named(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ RULES: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_file_that_breaks_a_rule_must_be_refused(rule: str) -> None:
-    content = fuzz_seeds.gltf_seeds()[3]
+    content = fuzz_seeds.make_gltf_seeds()[3]
     fuzz_gltf_rules.check(content, range(5))
     document = json.loads(content)
     RULES[rule][0](document)

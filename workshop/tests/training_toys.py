@@ -21,7 +21,7 @@ from signsplice_workshop.train.loop import LoopConfig, train
 from signsplice_workshop.train.prefetch import Dataset, Rows
 from signsplice_workshop.train.processes import Processes
 from signsplice_workshop.train.tasks import BridgeTask, Task
-from signsplice_workshop.train.training import FILES, ProductTraining, build, dataset
+from signsplice_workshop.train.training import FILES, ProductTraining, build, open_dataset
 
 GLOSSES = ("HELLO", "DEAF", "SIGN", "YOU", "SEE")
 ALONE = Processes(0, 1, torch.device("cpu"))
@@ -70,7 +70,7 @@ def product_toy(network: str = "cutter") -> tuple[Task, Dataset, Dataset]:
     """One of the product's networks with fresh weights, what it learns from, and what it is validated on."""
     config = ProductTraining(network, "smoke", batch=4)
     paths = sorted(Path(os.environ.get("TOY_SIGNING") or signing(2, 3, 3, 8)).glob("*.npz"))
-    examples, valid = dataset(config, paths), dataset(config, paths, 2)
+    examples, valid = open_dataset(config, paths), open_dataset(config, paths, 2)
     if isinstance(examples, CutDataset):  # the processes' parts of a batch have unequal numbers of pairs with truth
         examples.signers[0][0].true_cuts[1:] = -1
     torch.manual_seed(0)

@@ -26,7 +26,7 @@ WAIT_S = 400.0
 
 def losses(folder: Path) -> dict[int, float]:
     """The losses in a training's log by step."""
-    return {line["step"]: line["loss"] for line in records.lines(folder / records.LOG_FILE) if "loss" in line}
+    return {line["step"]: line["loss"] for line in records.read_lines(folder / records.LOG_FILE) if "loss" in line}
 
 
 def free_port() -> str:

@@ -1,6 +1,7 @@
-"""The bias of the tokens, by one rule for all systems: as much as it takes to find both in nearly all validation pairs.
+"""The bias of the tokens' logits, chosen by one rule for all systems: the least one with which nearly all validation
+pairs emit both tokens.
 
-It needs no training, and moves no position.
+It needs no training, and changes no predicted position.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ EMITTED = 0.999
 """Fraction of validation pairs for which both tokens must be emitted."""
 
 
-def of_margins(missing: FloatArray) -> float:
-    """The bias, from what each pair's tokens lack to be emitted (B,): the larger of both."""
-    return max(0.0, float(np.quantile(missing, EMITTED, method="higher")) + 1e-3)
+def choose_bias(shortfalls: FloatArray) -> float:
+    """Returns the bias of the tokens' logits.
+
+    shortfalls: what each pair's tokens lack to be emitted (B,), the larger of both.
+    """
+    return max(0.0, float(np.quantile(shortfalls, EMITTED, method="higher")) + 1e-3)

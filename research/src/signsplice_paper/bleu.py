@@ -42,23 +42,23 @@ TOLERANCE = 1e-4
 TOLERANCES = (2e-5, TOLERANCE, 3e-4)
 
 
-def signature(tolerance: float | str, compared: str) -> str:
-    """The recipe of the paper's BLEU in one line; ``tolerance`` is a number or a word for several."""
+def format_signature(tolerance: float | str, compared: str) -> str:
+    """Returns the recipe of the paper's BLEU in one line; ``tolerance`` is a number or a word for several."""
     return (
-        f"bleu|n:1..{ORDERS}|{compared}|equal:msd<={_limit(tolerance)}|found/predicted|no-clip|one-n|no-brevity-penalty"
-        "|mean:pairs|none-predicted:0|none-true:left-out"
+        f"bleu|n:1..{ORDERS}|{compared}|equal:msd<={_format_tolerance(tolerance)}|found/predicted|no-clip|one-n"
+        "|no-brevity-penalty|mean:pairs|none-predicted:0|none-true:left-out"
     )
 
 
-def papineni_signature(tolerance: float | str, compared: str) -> str:
-    """The recipe of Papineni's BLEU in one line."""
+def format_papineni_signature(tolerance: float | str, compared: str) -> str:
+    """Returns the recipe of Papineni's BLEU in one line."""
     return (
-        f"papineni|n:1..{ORDERS}|{compared}|equal:msd<={_limit(tolerance)}|clip:maximum-matching|corpus-level"
-        "|geometric-mean|brevity-penalty"
+        f"papineni|n:1..{ORDERS}|{compared}|equal:msd<={_format_tolerance(tolerance)}|clip:maximum-matching"
+        "|corpus-level|geometric-mean|brevity-penalty"
     )
 
 
-def _limit(tolerance: float | str) -> str:
+def _format_tolerance(tolerance: float | str) -> str:
     return f"{tolerance:g}" if isinstance(tolerance, float) else tolerance
 
 
@@ -66,7 +66,7 @@ def _limit(tolerance: float | str) -> str:
 class NGrams:
     """The counts of one pair.
 
-    - found: number of predicted n-grams that equal a true one, for n = 1..4
+    - hits: number of predicted n-grams that equal a true one, for n = 1..4
     - matched: size of the maximum matching, for n = 1..4
     - predicted: number of predicted n-grams, for n = 1..4
     - true: number of true n-grams, for n = 1..4
@@ -74,7 +74,7 @@ class NGrams:
     - n_true: number of true frames
     """
 
-    found: tuple[int, ...]
+    hits: tuple[int, ...]
     matched: tuple[int, ...]
     predicted: tuple[int, ...]
     true: tuple[int, ...]
@@ -86,7 +86,7 @@ class NGrams:
 class Bleu:
     """Papineni's BLEU of a corpus of pairs.
 
-    - bleu: BLEU-1 to BLEU-4, NaN where undefined
+    - bleu: BLEU-1 to BLEU-4, NaN if undefined
     - precisions: clipped precision of n-grams, for n = 1..4
     - brevity: brevity penalty, at most 1
     """
@@ -96,55 +96,57 @@ class Bleu:
     brevity: float
 
 
-def distances(predicted: FloatArray, true: FloatArray) -> FloatArray:
-    """Mean squared differences (n, m) between all frames (n, K) and (m, K)."""
+def compute_frame_distances(predicted: FloatArray, true: FloatArray) -> FloatArray:
+    """Returns the mean squared differences (n, m) between all frames (n, K) and (m, K)."""
     return np.asarray(((predicted[:, None] - true[None]) ** 2).mean(axis=-1))
 
 
-def count(predicted: FloatArray, true: FloatArray, tolerances: Sequence[float] = TOLERANCES) -> dict[float, NGrams]:
-    """The n-gram counts of predicted (n, K) and true (m, K) frames, by tolerance."""
+def count_ngrams(
+    predicted: FloatArray, true: FloatArray, tolerances: Sequence[float] = TOLERANCES
+) -> dict[float, NGrams]:
+    """Returns the n-gram counts of predicted (n, K) and true (m, K) frames, by tolerance."""
     n, m = len(predicted), len(true)
-    errors = distances(predicted, true) if n and m else np.zeros((n, m))
+    errors = compute_frame_distances(predicted, true) if n and m else np.zeros((n, m))
     n_predicted = tuple(max(0, n - k) for k in range(ORDERS))
     n_true = tuple(max(0, m - k) for k in range(ORDERS))
-    out = {}
+    counts = {}
     for tolerance in tolerances:
-        equal = [equal_ngrams(errors <= tolerance, k + 1) for k in range(ORDERS)]
-        found = tuple(int(pairs.any(axis=1).sum()) for pairs in equal)
-        out[tolerance] = NGrams(found, tuple(map(_matching_size, equal)), n_predicted, n_true, n, m)
-    return out
+        equal = [compare_ngrams(errors <= tolerance, k + 1) for k in range(ORDERS)]
+        hits = tuple(int(pairs.any(axis=1).sum()) for pairs in equal)
+        counts[tolerance] = NGrams(hits, tuple(map(_compute_matching_size, equal)), n_predicted, n_true, n, m)
+    return counts
 
 
-def equal_ngrams(equal: Bool, n: int) -> Bool:
-    """Which n-grams are equal (N - n + 1, M - n + 1), given which frames are equal (N, M)."""
+def compare_ngrams(equal: Bool, n: int) -> Bool:
+    """Returns which n-grams are equal (N - n + 1, M - n + 1), given which frames are equal (N, M)."""
     rows, columns = (max(0, size - n + 1) for size in equal.shape)
-    out = np.ones((rows, columns), bool)
+    matches = np.ones((rows, columns), bool)
     for k in range(n):
-        out &= equal[k : k + rows, k : k + columns]
-    return out
+        matches &= equal[k : k + rows, k : k + columns]
+    return matches
 
 
-def _matching_size(pairs: Bool) -> int:
-    """Size of a maximum matching between equal predicted and true n-grams."""
+def _compute_matching_size(pairs: Bool) -> int:
+    """Returns the size of a maximum matching between equal predicted and true n-grams."""
     if not pairs.any():
         return 0
     partners = maximum_bipartite_matching(csr_array(pairs.astype(np.int8)), perm_type="column")
     return int((partners >= 0).sum())
 
 
-def mean(pairs: Sequence[NGrams]) -> tuple[float, ...]:
-    """The paper's BLEU-1 to BLEU-4: the mean over pairs of the fraction of predicted n-grams that are found; NaN where
-    no pair has a true n-gram.
+def compute_mean_bleu(pairs: Sequence[NGrams]) -> tuple[float, ...]:
+    """Returns the paper's BLEU-1 to BLEU-4: the mean over pairs of the fraction of predicted n-grams that are found;
+    NaN if no pair has a true n-gram.
     """
-    out = []
+    scores = []
     for n in range(ORDERS):
-        shares = [p.found[n] / p.predicted[n] if p.predicted[n] else 0.0 for p in pairs if p.true[n]]
-        out.append(float(np.mean(shares)) if shares else float("nan"))
-    return tuple(out)
+        precisions = [p.hits[n] / p.predicted[n] if p.predicted[n] else 0.0 for p in pairs if p.true[n]]
+        scores.append(float(np.mean(precisions)) if precisions else float("nan"))
+    return tuple(scores)
 
 
-def corpus(pairs: Sequence[NGrams]) -> Bleu:
-    """Papineni's BLEU of a corpus of pairs.
+def compute_papineni_bleu(pairs: Sequence[NGrams]) -> Bleu:
+    """Returns Papineni's BLEU of a corpus of pairs.
 
     An order n with true n-grams but no predicted ones has precision 0. An order without either has precision NaN, and
     so has BLEU from that order on.
@@ -155,17 +157,19 @@ def corpus(pairs: Sequence[NGrams]) -> Bleu:
     precisions = tuple(
         float(a / b) if b else (0.0 if c else float("nan")) for a, b, c in zip(matched, predicted, true, strict=True)
     )
-    brevity = _brevity(sum(p.n_predicted for p in pairs), sum(p.n_true for p in pairs))
-    return Bleu(tuple(brevity * _geometric(precisions[: n + 1]) for n in range(ORDERS)), precisions, brevity)
+    brevity = _compute_brevity_penalty(sum(p.n_predicted for p in pairs), sum(p.n_true for p in pairs))
+    return Bleu(
+        tuple(brevity * _compute_geometric_mean(precisions[: n + 1]) for n in range(ORDERS)), precisions, brevity
+    )
 
 
-def _brevity(n_predicted: int, n_true: int) -> float:
+def _compute_brevity_penalty(n_predicted: int, n_true: int) -> float:
     if n_predicted >= n_true:
         return 1.0
     return math.exp(1.0 - n_true / n_predicted) if n_predicted else 0.0
 
 
-def _geometric(values: Sequence[float]) -> float:
+def _compute_geometric_mean(values: Sequence[float]) -> float:
     if any(math.isnan(value) for value in values):
         return float("nan")
     if min(values) <= 0.0:

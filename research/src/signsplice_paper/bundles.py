@@ -1,4 +1,6 @@
-"""Bundles of the paper's systems: finding them, and what their rows and curves take from them."""
+"""Bundles of the paper's systems: reads the bundles of a folder, and takes the facts of result rows and curves from
+them.
+"""
 
 from __future__ import annotations
 
@@ -9,27 +11,27 @@ from signsplice.errors import InputError
 from signsplice.formats.reading import read_bytes
 from signsplice.splicing.bundle import BUNDLE_FILE, bundle_sha256
 from signsplice_paper import published
-from signsplice_paper.configs import PaperConfig, config_of
+from signsplice_paper.configs import PaperConfig, parse_config
 from signsplice_paper.results import ResultRow
 
 
 def read_all(bundles: Path) -> list[PaperConfig]:
-    """The configurations of all bundles in a folder, sorted by name.
+    """Returns the configurations of all bundles in a folder, sorted by name.
 
     Bundles of other versions are included; opening one raises ``InputError``. So does reading an invalid bundle.json.
     """
-    return [_read(path) for path in sorted(bundles.glob(f"*/{BUNDLE_FILE}"))] if bundles.is_dir() else []
+    return [_read_bundle_config(path) for path in sorted(bundles.glob(f"*/{BUNDLE_FILE}"))] if bundles.is_dir() else []
 
 
-def _read(path: Path) -> PaperConfig:
+def _read_bundle_config(path: Path) -> PaperConfig:
     try:
-        return config_of(json.loads(read_bytes(path)), path)
+        return parse_config(json.loads(read_bytes(path)), path)
     except ValueError as error:
         raise InputError(f"{path}: is no JSON ({error})") from error
 
 
-def result_row(config: PaperConfig) -> ResultRow:
-    """A bundle's row without split and scores. Raises ``InputError`` if bundle.json lacks a field."""
+def make_result_row(config: PaperConfig) -> ResultRow:
+    """Returns a bundle's row without split and scores. Raises ``InputError`` if bundle.json lacks a field."""
     fields = ("system", "scale", "optimiser", "seed", "steps", "corpus")
     config.require(*fields)
     values = {name: getattr(config, name) for name in fields}
@@ -42,16 +44,16 @@ def result_row(config: PaperConfig) -> ResultRow:
         fr=config.fr,
         n_parameters=config.n_parameters,
         token_bias=bias,
-        condition=_condition(config),
-        bundle=short_hash(config),
+        condition=_find_condition(config),
+        bundle=compute_short_hash(config),
     )
 
 
-def _condition(config: PaperConfig) -> str:
+def _find_condition(config: PaperConfig) -> str:
     is_plain = any(part.get("plain_loss") for part in config.stored.get("parts", {}).values())
     return published.AS_PRINTED if is_plain else published.EQUAL
 
 
-def short_hash(config: PaperConfig) -> str:
-    """The first twelve hex digits of a bundle's sha256."""
+def compute_short_hash(config: PaperConfig) -> str:
+    """Returns the first twelve hex digits of a bundle's sha256."""
     return bundle_sha256(config.path.parent)[:12]

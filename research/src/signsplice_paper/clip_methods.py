@@ -1,11 +1,11 @@
 """Methods that splice the words' own clips, as rows next to the paper's systems: classical ones, and this project's
 networks.
 
-They work on rotations. Forward kinematics turns their frames into numbers, and that time counts as theirs. A
-method either chooses the length of a transition itself or is given the true one, because the paper's Accuracy and MSE
-mostly measure the length where it is off. Rows state what they were given. All choose the length by the rule
-``tempo``. The networks that ship never saw a word or a signer of the corpus; other bundles may have been trained on the
-training part of a split. They cut as the corpus does, which shortens signs (``learned-fluent``).
+They work on rotations. Forward kinematics turns their frames into numbers, and that time counts as theirs. A method
+either chooses the length of a transition itself or is given the true one, because the paper's Accuracy and MSE mostly
+measure the length if it is wrong. Rows state what they were given. All choose the length by the rule ``tempo``. The
+networks that ship never saw a word or a signer of the corpus; other bundles may have been trained on the training part
+of a split. They cut as the corpus does, which shortens signs (``learned-fluent``).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class ClipMethod:
 
     - cutter: name of the cutter, or ``TRUE_POSITIONS``
     - transition: name of the transition
-    - given: what the method is given of the truth, one of ``GIVEN``
+    - given: the part of the truth that the method is given, one of ``GIVEN``
     - bundle: folder of the learned parts, None for the bundle that ships
 
     Raises ``InputError`` for unknown names, and for learned parts whose bundle cannot be read.
@@ -84,11 +84,11 @@ class ClipMethod:
         return choose(cutter, self.transition, TravelDuration(RUNNING_S), self.bundle)
 
     def splice(self, before: Clip, after: Clip, truth: Cut, n_true: int) -> tuple[Cut, Clip]:
-        """The splice position and the transition between two words' clips.
+        """Returns the cut and the transition between two words' clips.
 
-        truth, n_true: the true position and number of transition frames; used only as far as ``given`` allows.
+        truth, n_true: the true cut and number of transition frames; used only as far as ``given`` allows.
         """
-        # What was computed of these words for another pair must not shorten the measured time.
+        # Results cached for these words by another pair must not shorten the measured time.
         for clip in (before, after):
             clip.derived.clear()
         if isinstance(self.parts.cutter, LearnedCutter):
@@ -101,37 +101,37 @@ class ClipMethod:
 
 
 class ClipAnswers:
-    """A method on a corpus: a callable from a pair's number to its prediction."""
+    """Predictions of a method on a corpus; a callable from a pair's number to its prediction."""
 
     def __init__(self, pairs: Pairs, method: ClipMethod) -> None:
         self.pairs, self.method = pairs, method
         self._clips: dict[int, Clip] = {}
 
     def __call__(self, number: int) -> Prediction:
-        """The prediction for a pair."""
+        """Returns the prediction for a pair."""
         p, q, pre, post, _, count = self.pairs.index[number].tolist()
-        cut, made = self.method.splice(self._clip(p), self._clip(q), Cut(pre, post), count)
-        return prediction_of(self.pairs, p, cut, made)
+        cut, transition = self.method.splice(self._load_clip(p), self._load_clip(q), Cut(pre, post), count)
+        return make_prediction(self.pairs, p, cut, transition)
 
     def prepare(self, numbers: Sequence[int]) -> None:
-        """Read the words of these pairs, so that reading is not timed."""
+        """Reads the words of these pairs in advance, so that reading is not timed."""
         for p in sorted(set(self.pairs.index[list(numbers), :2].ravel().tolist())):
-            self._clip(p)
+            self._load_clip(p)
 
-    def _clip(self, word: int) -> Clip:
+    def _load_clip(self, word: int) -> Clip:
         if word not in self._clips:
             self._clips[word] = self.pairs.word_clip(word)
         return self._clips[word]
 
 
-def prediction_of(pairs: Pairs, word: int, cut: Cut, made: Clip) -> Prediction:
-    """The prediction that a transition after a word is, given as a clip."""
-    return Prediction(cut.pre, cut.post, pairs.space(word).numbers(made), rotations=made.local_rotations)
+def make_prediction(pairs: Pairs, word: int, cut: Cut, transition: Clip) -> Prediction:
+    """Returns the prediction of a cut and of a transition, given as a clip, after a word."""
+    return Prediction(cut.pre, cut.post, pairs.space(word).to_numbers(transition), rotations=transition.local_rotations)
 
 
-def methods_to_compare() -> list[ClipMethod]:
-    """Methods beside the paper's systems: a classical one given nothing, one given the truth but its frames, and this
-    project's networks.
+def list_methods() -> list[ClipMethod]:
+    """Returns the methods to compare with the paper's systems: a classical one given nothing, one given the truth but
+    its frames, and this project's networks.
     """
     rows = [("pose-velocity", "hermite", "nothing"), (TRUE_POSITIONS, "hermite", "positions and length")]
     rows += [(FLUENT, LEARNED, "nothing"), (TRUE_POSITIONS, LEARNED, "positions and length")]

@@ -19,10 +19,10 @@ class RunConfig:
     """How the networks of a system are run.
 
     positions: the graph that finds the splice positions, "spsn" or "encoder".
-    frames: what makes the frames, "generator".
+    frames: the part that generates the frames, "generator".
     concurrent: whether the generator can make all frames in one pass.
     n_fed: numbers of a frame that the decoder is fed: all.
-    most_frames: most frames that it makes.
+    most_frames: largest number of generated frames.
     token_bias: added to the logits of both tokens.
     marked: whether the encoder is given the splice positions as marks on the whole X.
     """
@@ -61,7 +61,7 @@ class PaperConfig(BundleConfig):
     space: NumberSpace | None = None
 
     def require(self, *names: str) -> None:
-        """Raise ``InputError`` where bundle.json lacks one of these keys."""
+        """Raises ``InputError`` if bundle.json lacks one of these keys."""
         for name in names:
             if name not in self.stored:
                 raise InputError(f"{self.path}: has no {name!r}; export the system anew")
@@ -71,26 +71,26 @@ _PLAIN = ("scale", "optimiser", "split", "corpus", "seed", "steps", "fps", "fr",
 
 
 def read_config(folder: Path) -> PaperConfig:
-    """bundle.json of a folder. Raises ``InputError`` where it is missing, broken, or of another version."""
-    read = bundle.read_config(folder)
-    return config_of(read.stored, read.path)
+    """Returns bundle.json of a folder. Raises ``InputError`` if it is missing, broken, or of another version."""
+    config = bundle.read_config(folder)
+    return parse_config(config.stored, config.path)
 
 
-def config_of(stored: Mapping[str, Any], path: Path) -> PaperConfig:
-    """The configuration that JSON values hold. Raises ``InputError`` where one has the wrong form."""
-    read = bundle.config_of(stored, path)
+def parse_config(stored: Mapping[str, Any], path: Path) -> PaperConfig:
+    """Returns the configuration in JSON values. Raises ``InputError`` if a value has the wrong form."""
+    base = bundle.config_of(stored, path)
     runs, space = stored.get("runs"), stored.get("space")
     with config_errors(path):
         check_fields(stored, PaperConfig, *_PLAIN)
-        values: dict[str, Any] = {field.name: getattr(read, field.name) for field in fields(read)}
+        values: dict[str, Any] = {field.name: getattr(base, field.name) for field in fields(base)}
         return PaperConfig(
             **(values | {name: stored.get(name) for name in _PLAIN}),
-            runs=None if runs is None else _run(runs),
+            runs=None if runs is None else _parse_run(runs),
             space=None if space is None else read_space(space),
         )
 
 
-def _run(runs: Mapping[str, Any]) -> RunConfig:
+def _parse_run(runs: Mapping[str, Any]) -> RunConfig:
     kinds = get_type_hints(RunConfig)
     for name, value in runs.items():
         check_type(value, kinds.get(name, Any), f"runs: {name}")

@@ -35,7 +35,7 @@ class Curve:
     - optimiser: adamw or sgd
     - fr: frames that Culling keeps on each side, None without Culling
     - seed: the training's seed
-    - points: the numbers of each point, named by ``columns``; None where one is not known
+    - points: the numbers of each point, named by ``columns``; None if unknown
     - columns: ``COLUMNS``
     - bundle: first digits of the bundle's sha256
     - corpus: hash of the corpus
@@ -60,26 +60,28 @@ class Curve:
         return (self.system, self.split, self.scale, self.optimiser, self.fr, self.seed)
 
     def column(self, name: str) -> list[float | None]:
-        """One number of every point."""
-        at = self.columns.index(name)
-        return [point[at] for point in self.points]
+        """Returns one number of every point."""
+        index = self.columns.index(name)
+        return [point[index] for point in self.points]
 
 
-def difference(curve: Curve, accuracy: float) -> float:
-    """How far the last point is from an Accuracy on the same pairs; infinite for a curve without points."""
+def measure_difference(curve: Curve, accuracy: float) -> float:
+    """Returns the difference between the last point's Accuracy and an Accuracy on the same pairs; infinite for a curve
+    without points.
+    """
     last = curve.column("accuracy")[-1] if curve.points else None
     return float("inf") if last is None else abs(last - accuracy)
 
 
-def from_json(stored: Mapping[str, Any]) -> Curve:
-    """The curve that ``asdict`` stored. Raises ``TypeError`` or ``KeyError`` for anything else."""
+def parse_curve(stored: Mapping[str, Any]) -> Curve:
+    """Returns the curve that ``asdict`` stored. Raises ``TypeError`` or ``KeyError`` for anything else."""
     if tuple(stored["columns"]) != COLUMNS or any(len(point) != len(COLUMNS) for point in stored["points"]):
         raise KeyError("columns")
     return Curve(**{**stored, "points": [tuple(point) for point in stored["points"]], "columns": COLUMNS})
 
 
 def save(curve: Curve, folder: Path) -> Path:
-    """Write curve.json into a bundle's folder, atomically; its path."""
+    """Writes curve.json into a bundle's folder, atomically, and returns its path."""
     path = folder / FILE
     with replacing(path) as temporary:
         temporary.write_text(json.dumps({"version": VERSION, **asdict(curve)}) + "\n", encoding="utf-8")
@@ -87,8 +89,8 @@ def save(curve: Curve, folder: Path) -> Path:
 
 
 def load(folder: Path, bundle: str) -> Curve | None:
-    """The curve in a bundle's folder, None if there is none or it is of an earlier bundle. Raises ``InputError`` for a
-    file of another kind.
+    """Returns the curve in a bundle's folder, None if there is none or it is of an earlier bundle. Raises
+    ``InputError`` for a file of another kind.
     """
     path = folder / FILE
     if not path.is_file():
@@ -97,7 +99,7 @@ def load(folder: Path, bundle: str) -> Curve | None:
     try:
         if stored.pop("version") != VERSION:
             raise KeyError("version")
-        curve = from_json(stored)
+        curve = parse_curve(stored)
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path}: is no validation curve ({error}); remove it, `signsplice-paper curves`") from error
     return curve if curve.bundle == bundle else None

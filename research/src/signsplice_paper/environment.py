@@ -1,4 +1,4 @@
-"""What ran and where: commit, versions and machine, stored with every row."""
+"""The environment of a result, stored with every row: commit, versions and machine."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ COPIED_FROM = "SIGNSPLICE_COMMIT"
 PACKAGES = ("signsplice", "numpy", "scipy", "onnxruntime")
 
 
-def environment() -> dict[str, Any]:
-    """The ``commit``, ``versions`` and ``machine`` of a row."""
-    return {"commit": commit(), "versions": versions(), "machine": machine()}
+def read_environment() -> dict[str, Any]:
+    """Returns the ``commit``, ``versions`` and ``machine`` of a row."""
+    return {"commit": read_commit(), "versions": read_versions(), "machine": describe_machine()}
 
 
-def commit(folder: Path | None = None) -> str:
-    """The git revision of this code: 12 hex digits, and "+" if its tracked files differ from the revision.
+def read_commit(folder: Path | None = None) -> str:
+    """Returns the git revision of this code: 12 hex digits, and "+" if its tracked files differ from the revision.
 
     Files outside the package, such as results that are being written, do not count. Without a repository it is the
     variable ``SIGNSPLICE_COMMIT``, for copies of the files alone, or empty.
     """
-    where = folder or Path(__file__).resolve().parents[1]
+    directory = folder or Path(__file__).resolve().parents[1]
     calls = (["rev-parse", "HEAD"], ["status", "--porcelain", "--untracked-files=no", "--", "."], ["ls-files", "."])
     try:
         revision, changes, tracked = (
-            subprocess.run(["git", *call], cwd=where, capture_output=True, text=True, check=True, timeout=20).stdout
+            subprocess.run(["git", *call], cwd=directory, capture_output=True, text=True, check=True, timeout=20).stdout
             for call in calls
         )
     except (OSError, subprocess.SubprocessError):
@@ -41,19 +41,19 @@ def commit(folder: Path | None = None) -> str:
     return revision[:N_HEX] + ("+" if changes.strip() else "")
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that affect results."""
-    found = {"python": platform.python_version()}
+def read_versions() -> dict[str, str]:
+    """Returns the versions of Python and of the packages that affect results."""
+    versions = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
-def machine() -> str:
-    """The processor and its number of cores; times of different machines cannot be compared."""
+def describe_machine() -> str:
+    """Returns the processor and its number of cores; times of different machines cannot be compared."""
     name = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""Judging: every bundle of a folder and every method on clips, on every split that allows it."""
+"""Judging: scores every bundle of a folder and every method on clips, on every split that allows it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from signsplice_paper import (
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
 from signsplice_paper.configs import PaperConfig
 from signsplice_paper.curve import Curve
-from signsplice_paper.environment import environment
+from signsplice_paper.environment import read_environment
 from signsplice_paper.kept_frames import KeptFrames
 from signsplice_paper.mean_transition import NAME as MEAN_TRANSITION
 from signsplice_paper.mean_transition import MeanAnswers
@@ -37,36 +37,36 @@ ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] 
 """Title -> a context that yields a callback (done, total), or None."""
 Scores = dict[str, float]
 MoreScores = Callable[[str], Scores]
-"""A split -> scores on other pairs of it than the test part."""
+"""A split -> scores on pairs of it outside the test part."""
 Opener = Callable[[Path], Any]
 """A bundle's folder -> the system."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What judging one method or bundle adds.
+    """The results of judging one method or bundle.
 
     - rows: new rows, one for each split
     - curves: the bundle's training curve, if any
-    - kept: the frames for figures 6 and 7, with those of this method or bundle
+    - figure_pairs: the frames for figures 6 and 7, with those of this method or bundle
     """
 
     rows: tuple[ResultRow, ...]
     curves: tuple[Curve, ...]
-    kept: tuple[KeptFrames, ...]
+    figure_pairs: tuple[KeptFrames, ...]
 
 
 @dataclass(frozen=True)
 class Judge:
-    """How to judge, and what is known already.
+    """How to judge, and the results so far.
 
     - pairs: the corpus
     - known: earlier results; rows of the same bundle, protocol and metrics are not judged again
     - progress: makes a progress bar
     - opener: opens a bundle
     - limit: largest number of pairs of a split, None for all
-    - splits: those that are judged, all if none is named
-    - again: whether to judge known rows again
+    - splits: the judged splits, all if none is named
+    - rejudge: whether to judge known rows again
     - judged_in: commit, versions and machine, read once: a later commit is not that of the code in memory
     """
 
@@ -75,70 +75,72 @@ class Judge:
     progress: ProgressBar
     opener: Opener = open_bundle
     limit: int | None = None
-    again: bool = False
+    rejudge: bool = False
     splits: tuple[str, ...] = ()
-    judged_in: Mapping[str, Any] = field(default_factory=environment)
+    judged_in: Mapping[str, Any] = field(default_factory=read_environment)
 
-    def protocols(self) -> list[Protocol]:
-        """The test part of every split that has pairs in it. Raises ``InputError`` if none has."""
-        known = [split for split in protocol.SPLITS if split in self.pairs.head["splits"]]
-        splits = [split for split in known if self.pairs.split(split, "test")]
+    def choose_protocols(self) -> list[Protocol]:
+        """Returns the test part of every split that has pairs in it. Raises ``InputError`` if none has."""
+        known_splits = [split for split in protocol.SPLITS if split in self.pairs.head["splits"]]
+        splits = [split for split in known_splits if self.pairs.split(split, "test")]
         if not splits:
             raise InputError(f"{self.pairs.folder}: no pair to test in any split; make a corpus of more words")
         return [protocol.choose(self.pairs, split, limit=self.limit) for split in splits]
 
-    def judgements(
-        self, methods: Iterable[ClipMethod], configs: Sequence[PaperConfig], kept: Sequence[KeptFrames]
+    def judge_all(
+        self, methods: Iterable[ClipMethod], configs: Sequence[PaperConfig], figure_pairs: Sequence[KeptFrames]
     ) -> Iterator[Judgement]:
-        """Judge the mean transition, methods on clips and baselines, if there are methods, then bundles; one judgement
-        each. ``kept``: frames of earlier calls.
+        """Judges the mean transition, methods on clips and baselines, if there are methods, then bundles; yields one
+        judgement each. ``figure_pairs``: frames of earlier calls.
         """
-        protocols = self.protocols()
-        frames = kept_frames.merge(kept, kept_frames.choose(self.pairs, protocols[0]))
+        protocols = self.choose_protocols()
+        current_pairs = kept_frames.merge(figure_pairs, kept_frames.choose(self.pairs, protocols[0]))
         protocols = [p for p in protocols if not self.splits or p.split in self.splits]
         yield self.judge_mean(protocols)
         methods = list(methods)
         if methods:
             yield self.judge_baselines(protocols, configs)
         for method in methods:
-            judgement = self.judge_method(method, protocols, frames)
-            frames = list(judgement.kept)
+            judgement = self.judge_method(method, protocols, current_pairs)
+            current_pairs = list(judgement.figure_pairs)
             yield judgement
         for config in configs:
-            judgement = self.judge_bundle(config, protocols, frames)
-            frames = list(judgement.kept)
+            judgement = self.judge_bundle(config, protocols, current_pairs)
+            current_pairs = list(judgement.figure_pairs)
             yield judgement
 
     def judge_mean(self, protocols: Sequence[Protocol]) -> Judgement:
-        """Judge the mean transition of every split's training part."""
+        """Judges the mean transition of every split's training part."""
         row, rows = ResultRow(MEAN_TRANSITION, "", MEAN), []
         for p in protocols:
             if self.pairs.split(p.split, "train"):
-                rows += self._rows(row, "", MeanAnswers(self.pairs, p.split), [p], [])[0]
+                rows += self._judge_rows(row, "", MeanAnswers(self.pairs, p.split), [p], [])[0]
         return Judgement(tuple(rows), (), ())
 
-    def judge_method(self, method: ClipMethod, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
-        """Judge a method on clips, whose networks never saw a corpus of pairs."""
+    def judge_method(
+        self, method: ClipMethod, protocols: Sequence[Protocol], figure_pairs: list[KeptFrames]
+    ) -> Judgement:
+        """Judges a method on clips, whose networks never saw a corpus of pairs."""
         answer = ClipAnswers(self.pairs, method)
         bundle = method.parts.bundle
         scale = SHIPPED if method.learned else CLASSICAL
         row = ResultRow(method.name, "", scale, given=method.given, bundle=bundle and bundle[:12])
-        shown = (method.name, method.given) in kept_frames.SHOWN_METHODS
-        label = kept_frames.label(method.name, scale, "", method.given) if shown else ""
-        rows, kept = self._rows(row, label, answer, protocols, kept, answer.prepare)
-        return Judgement(tuple(rows), (), tuple(kept))
+        is_shown = (method.name, method.given) in kept_frames.SHOWN_METHODS
+        label = kept_frames.make_label(method.name, scale, "", method.given) if is_shown else ""
+        rows, figure_pairs = self._judge_rows(row, label, answer, protocols, figure_pairs, answer.prepare)
+        return Judgement(tuple(rows), (), tuple(figure_pairs))
 
     def judge_baselines(self, protocols: Sequence[Protocol], configs: Sequence[PaperConfig]) -> Judgement:
-        """Judge the truth, this project's default, and ridge regression at the commonest and mean cuts, at the true
-        ones, and at those of LPT+, where ``configs`` have it.
+        """Judges the truth, this project's default, and ridge regression at the commonest and mean cuts, at the true
+        cuts, and at those of LPT+, if ``configs`` have it.
         """
-        improved = [config for config in configs if config.system == published.LPT_PLUS and not config.seed]
+        lpt_plus_configs = [config for config in configs if config.system == published.LPT_PLUS and not config.seed]
         rows: list[ResultRow] = []
         for p in protocols:
             truth = ResultRow("truth", "", CLASSICAL, given="positions and length")
-            rows += self._rows(truth, "", baselines.TrueAnswers(self.pairs), [p], [])[0]
+            rows += self._judge_rows(truth, "", baselines.TrueAnswers(self.pairs), [p], [])[0]
             default = ResultRow("signsplice", "", SHIPPED)
-            rows += self._rows(default, "", baselines.DefaultAnswers(self.pairs), [p], [])[0]
+            rows += self._judge_rows(default, "", baselines.DefaultAnswers(self.pairs), [p], [])[0]
             if not self.pairs.split(p.split, "train"):
                 continue
             ridge = baselines.Ridge(self.pairs, p.split)
@@ -147,88 +149,96 @@ class Judge:
                 "mean-cut": position_baselines.WordCuts(self.pairs, p.split, commonest=False),
                 "true-positions": lambda number: tuple(self.pairs.index[number, 2:4].tolist()),
             }
-            for config in improved:
+            for config in lpt_plus_configs:
                 if config.corpus == p.corpus and protocol.may_judge(config.stored, self.pairs, p):
-                    cuts["lpt-plus-positions"] = _LazySystem(self, config.path.parent).positions
+                    cuts["lpt-plus-positions"] = _LazySystem(self, config.path.parent).predict_positions
             for name, positions in cuts.items():
-                given = "positions" if name == "true-positions" else "nothing"
-                row = ResultRow(f"{name}+ridge", "", FITTED, given=given, n_parameters=ridge.n_parameters)
-                rows += self._rows(row, "", baselines.RidgeAnswers(ridge, positions), [p], [])[0]
+                given_truth = "positions" if name == "true-positions" else "nothing"
+                row = ResultRow(f"{name}+ridge", "", FITTED, given=given_truth, n_parameters=ridge.n_parameters)
+                rows += self._judge_rows(row, "", baselines.RidgeAnswers(ridge, positions), [p], [])[0]
         return Judgement(tuple(rows), (), ())
 
-    def judge_bundle(self, config: PaperConfig, protocols: Sequence[Protocol], kept: list[KeptFrames]) -> Judgement:
-        """Judge a bundle. Raises ``InputError`` if no protocol allows it."""
+    def judge_bundle(
+        self, config: PaperConfig, protocols: Sequence[Protocol], figure_pairs: list[KeptFrames]
+    ) -> Judgement:
+        """Judges a bundle. Raises ``InputError`` if no protocol allows it."""
         folder = config.path.parent
         allowed = [p for p in protocols if protocol.may_judge(config.stored, self.pairs, p)]
         if not allowed:
             protocol.check_allowed(config.stored, self.pairs, protocols[0], folder.name)
-        row = bundles.result_row(config)
-        elsewhere = row.corpus != allowed[0].corpus
-        row = replace(row, taught=row.corpus if elsewhere else "")
-        shown = row.fr in (None, published.BEST_FR) and not row.seed and not elsewhere  # figures 6 and 7 show seed 0
-        label = kept_frames.label(row.system, row.scale, row.optimiser) if shown else ""
+        row = bundles.make_result_row(config)
+        is_other_corpus = row.corpus != allowed[0].corpus
+        row = replace(row, taught=row.corpus if is_other_corpus else "")
+        # Figures 6 and 7 show seed 0.
+        is_shown = row.fr in (None, published.BEST_FR) and not row.seed and not is_other_corpus
+        label = kept_frames.make_label(row.system, row.scale, row.optimiser) if is_shown else ""
         system = _LazySystem(self, folder)
-        more = None if elsewhere else partial(self._other_pairs, system)
-        rows, kept = self._rows(row, label, system, allowed, kept, more=more)
-        known = curve.load(folder, row.bundle or "")
-        return Judgement(tuple(rows), () if known is None else (known,), tuple(kept))
+        score_others = None if is_other_corpus else partial(self._score_other_pairs, system)
+        rows, figure_pairs = self._judge_rows(row, label, system, allowed, figure_pairs, score_others=score_others)
+        stored_curve = curve.load(folder, row.bundle or "")
+        return Judgement(tuple(rows), () if stored_curve is None else (stored_curve,), tuple(figure_pairs))
 
-    def _rows(
+    def _judge_rows(
         self,
-        like: ResultRow,
+        template: ResultRow,
         label: str,
         answer: Answer,
         protocols: Sequence[Protocol],
-        kept: list[KeptFrames],
+        figure_pairs: list[KeptFrames],
         prepare: Callable[[Sequence[int]], None] | None = None,
-        more: MoreScores | None = None,
+        score_others: MoreScores | None = None,
     ) -> tuple[list[ResultRow], list[KeptFrames]]:
-        """New rows on some protocols, and the kept frames with those for the random split under ``label``, if any.
-        ``more``: scores on other pairs of a split.
+        """Returns new rows on some protocols, and the figure pairs with the frames for the random split under
+        ``label``, if it is given. ``score_others``: scores on other pairs of a split.
         """
         rows = []
         shared = {
             **self.judged_in,
-            "metrics_id": results.signature_id(),
+            "metrics_id": results.hash_signatures(),
             "truth": self.pairs.head.get("truth", "partner"),
         }
         for p in protocols:
-            row = replace(like, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **shared)
-            old = None if self.again else self._old(like, p)
-            if old is not None and all(not label or label in pair.made for pair in kept):
+            row = replace(template, split=p.split, part=p.part, corpus=p.corpus, protocol=p.signature, **shared)
+            known_row = None if self.rejudge else self._find_known_row(template, p)
+            if known_row is not None and all(not label or label in pair.made for pair in figure_pairs):
                 continue
             if prepare is not None:
                 prepare(p.numbers)
-            with self.progress(f"{like.system}, {p.split}") as advance:
+            with self.progress(f"{template.system}, {p.split}") as advance:
                 judged = protocol.judge(answer, self.pairs, p, advance)
-            scores = judged.scores | ({} if more is None else more(p.split))
-            rows.append(replace(row, scores=results.finite(scores), n_pairs=judged.n_pairs))
+            scores = judged.scores | ({} if score_others is None else score_others(p.split))
+            rows.append(replace(row, scores=results.replace_nonfinite(scores), n_pairs=judged.n_pairs))
             if p.split == "random" and label:
-                kept = kept_frames.with_answers(kept, label, answer, self.pairs)
-        return rows, kept
+                figure_pairs = kept_frames.add_answers(figure_pairs, label, answer, self.pairs)
+        return rows, figure_pairs
 
-    def _other_pairs(self, answer: Any, split: str) -> Scores:
-        """``paa_train`` and ``accuracy_valid`` of a system on a split."""
-        taught, valid = pair_samples.sample(self.pairs, split, "train"), pair_samples.validation(self.pairs, split)
+    def _score_other_pairs(self, answer: Any, split: str) -> Scores:
+        """Returns ``paa_train`` and ``accuracy_valid`` of a system on a split."""
+        training, validation = (
+            pair_samples.sample(self.pairs, split, "train"),
+            pair_samples.sample_validation(self.pairs, split),
+        )
         if isinstance(answer, ClipAnswers):
-            answer.prepare([*taught, *valid])
-        found = answer.positions if isinstance(answer, _LazySystem) else lambda k: (answer(k).pre, answer(k).post)
+            answer.prepare([*training, *validation])
+        positions_of = (
+            answer.predict_positions if isinstance(answer, _LazySystem) else lambda k: (answer(k).pre, answer(k).post)
+        )
         return {
-            "paa_train": protocol.paa(found, self.pairs, taught),
-            "accuracy_valid": protocol.accuracy(answer, self.pairs, valid),
+            "paa_train": protocol.compute_paa(positions_of, self.pairs, training),
+            "accuracy_valid": protocol.compute_accuracy(answer, self.pairs, validation),
         }
 
-    def _old(self, like: ResultRow, p: Protocol) -> ResultRow | None:
-        """The known row that was judged on the same bundle by the same protocol and metrics."""
-        row = replace(like, split=p.split, part=p.part)
-        old = next((known for known in self.known.rows if known.key == row.key), None)
-        if old is None or (old.protocol, old.metrics_id) != (p.signature, results.signature_id()):
+    def _find_known_row(self, template: ResultRow, p: Protocol) -> ResultRow | None:
+        """Returns the known row that was judged on the same bundle by the same protocol and metrics."""
+        row = replace(template, split=p.split, part=p.part)
+        known_row = next((known for known in self.known.rows if known.key == row.key), None)
+        if known_row is None or (known_row.protocol, known_row.metrics_id) != (p.signature, results.hash_signatures()):
             return None
-        return old if old.bundle == row.bundle else None
+        return known_row if known_row.bundle == row.bundle else None
 
 
 class _LazySystem:
-    """The answers of a bundle, which is opened for the first pair."""
+    """The predictions of a bundle, which is opened for the first pair."""
 
     def __init__(self, judge: Judge, folder: Path) -> None:
         self.judge, self.folder = judge, folder
@@ -239,8 +249,8 @@ class _LazySystem:
         return self.judge.opener(self.folder)
 
     def __call__(self, number: int) -> Any:
-        return protocol.answers(self.judge.pairs, self.system)(number)
+        return protocol.make_answer(self.judge.pairs, self.system)(number)
 
-    def positions(self, number: int) -> protocol.Positions:
-        """The positions alone."""
-        return protocol.positions(self.judge.pairs, self.system)(number)
+    def predict_positions(self, number: int) -> protocol.Positions:
+        """Returns the positions alone."""
+        return protocol.make_position_answer(self.judge.pairs, self.system)(number)

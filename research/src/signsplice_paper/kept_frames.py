@@ -1,5 +1,5 @@
-"""frames.npz: the transition frames that every system made for a few pairs, for figures 6 and 7, and how their numbers
-are drawn.
+"""frames.npz: the transition frames of every system for a few pairs, for figures 6 and 7, and how to draw their
+numbers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion import FloatArray
 from signsplice.signer.signer import stream
 from signsplice_paper.protocol import Answer, Protocol
-from signsplice_paper.stick_figure import StickFigure, read_stick_figure, stick_figure, synthetic
+from signsplice_paper.stick_figure import StickFigure, make_stick_figure, make_synthetic_figure, read_stick_figure
 from signsplice_workshop.corpora.pairs import Pairs
 
 FILE = "frames.npz"
@@ -28,7 +28,7 @@ SHORTEST = 6
 
 HERMITE, PRODUCT = ("true-positions+hermite", "positions and length"), ("learned-fluent+learned", "nothing")
 SHOWN_METHODS = (HERMITE, PRODUCT)
-"""Methods on clips that are shown next to the systems: name, and what they are given."""
+"""Methods on clips that are shown next to the systems: name, and the truth that they are given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class KeptFrames:
     - before: the frame before the transition (1, 159)
     - after: the frame after the transition (1, 159)
     - truth: the true transition (n, 159)
-    - made: transitions (m, 159) by the ``label`` of the row that made them
-    - edges: the frames (2, 159) between which each was made, at the positions that its system found, by ``label``
+    - made: transitions (m, 159) by the ``make_label`` of the row that made them
+    - edges: the frames (2, 159) at both ends of each, at the positions that its system found, by ``make_label``
     - figure: how the numbers are drawn
     """
 
@@ -52,19 +52,19 @@ class KeptFrames:
     truth: FloatArray
     made: Mapping[str, FloatArray] = field(default_factory=dict)
     edges: Mapping[str, FloatArray] = field(default_factory=dict)
-    figure: StickFigure = field(default_factory=synthetic)
+    figure: StickFigure = field(default_factory=make_synthetic_figure)
 
 
-def label(system: str, scale: str, optimiser: str, given: str = "nothing") -> str:
-    """The name of a row's frames in ``made``."""
+def make_label(system: str, scale: str, optimiser: str, given: str = "nothing") -> str:
+    """Returns the name of a row's frames in ``made``."""
     return "/".join((scale, optimiser, system, given))
 
 
 def choose(pairs: Pairs, protocol: Protocol, count: int = COUNT) -> list[KeptFrames]:
-    """A fixed choice of judged pairs with a transition long enough to be shown, without frames made for them."""
-    long = [k for k in protocol.numbers if pairs.index[k, 5] >= SHORTEST] or list(protocol.numbers)
-    order = stream("paper-shots", len(long)).permutation(len(long))[:count]
-    return [_make_kept_frames(pairs, long[k]) for k in order.tolist()]
+    """Returns a fixed choice of judged pairs with transitions long enough to show, without frames made for them."""
+    long_enough = [k for k in protocol.numbers if pairs.index[k, 5] >= SHORTEST] or list(protocol.numbers)
+    order = stream("paper-shots", len(long_enough)).permutation(len(long_enough))[:count]
+    return [_make_kept_frames(pairs, long_enough[k]) for k in order.tolist()]
 
 
 def _make_kept_frames(pairs: Pairs, number: int) -> KeptFrames:
@@ -73,45 +73,47 @@ def _make_kept_frames(pairs: Pairs, number: int) -> KeptFrames:
     words = pairs.head["words"]
     name = f"{words[p]['gloss']} > {words[q]['gloss']}"
     before, after = pairs.word(p)[pre : pre + 1], pairs.word(q)[post : post + 1]
-    return KeptFrames(number, name, before, after, truth, figure=_figure(pairs, p))
+    return KeptFrames(number, name, before, after, truth, figure=_make_figure(pairs, p))
 
 
-def _figure(pairs: Pairs, word: int) -> StickFigure:
-    """How the numbers of a corpus are drawn."""
+def _make_figure(pairs: Pairs, word: int) -> StickFigure:
+    """Returns how the numbers of a corpus are drawn."""
     clip, space = pairs.word_clip(word), pairs.space(word)
-    return stick_figure(clip, space.indices(clip.skeleton, clip.name), space.parents)
+    return make_stick_figure(clip, space.find_joints(clip.skeleton, clip.name), space.parents)
 
 
-def with_answers(kept: Sequence[KeptFrames], name: str, answer: Answer, pairs: Pairs) -> list[KeptFrames]:
-    """The pairs with the frames that ``answer`` makes for them, under ``name``."""
-    out = []
-    for pair in kept:
-        found = answer(pair.number)
+def add_answers(figure_pairs: Sequence[KeptFrames], name: str, answer: Answer, pairs: Pairs) -> list[KeptFrames]:
+    """Returns the pairs with the frames that ``answer`` makes for them, under ``name``."""
+    updated_pairs = []
+    for pair in figure_pairs:
+        prediction = answer(pair.number)
         edges = dict(pair.edges)
-        if found.pre is not None and found.post is not None:
+        if prediction.pre is not None and prediction.post is not None:
             p, q = pairs.index[pair.number, :2].tolist()
-            edges[name] = np.stack([pairs.word(p)[found.pre], pairs.word(q)[found.post]])
-        out.append(replace(pair, made={**pair.made, name: found.frames.astype(np.float32)}, edges=edges))
-    return out
+            edges[name] = np.stack([pairs.word(p)[prediction.pre], pairs.word(q)[prediction.post]])
+        updated_pairs.append(replace(pair, made={**pair.made, name: prediction.frames.astype(np.float32)}, edges=edges))
+    return updated_pairs
 
 
 def merge(known: Sequence[KeptFrames], chosen: Sequence[KeptFrames]) -> list[KeptFrames]:
-    """The chosen pairs, with the frames that ``known`` holds for the same pair and truth."""
+    """Returns the chosen pairs, with the frames that ``known`` holds for the same pair and truth."""
     by_number = {pair.number: pair for pair in known}
-    out = []
+    merged = []
     for pair in chosen:
-        old = by_number.get(pair.number)
-        same = old is not None and old.name == pair.name and np.array_equal(old.truth, pair.truth)
-        if same and old is not None:
-            pair = replace(pair, made={**old.made, **pair.made}, edges={**old.edges, **pair.edges})
-        out.append(pair)
-    return out
+        known_pair = by_number.get(pair.number)
+        is_same = (
+            known_pair is not None and known_pair.name == pair.name and np.array_equal(known_pair.truth, pair.truth)
+        )
+        if is_same and known_pair is not None:
+            pair = replace(pair, made={**known_pair.made, **pair.made}, edges={**known_pair.edges, **pair.edges})
+        merged.append(pair)
+    return merged
 
 
-def save(kept: Sequence[KeptFrames], path: Path) -> None:
-    """Write the pairs and their frames atomically."""
+def save(figure_pairs: Sequence[KeptFrames], path: Path) -> None:
+    """Writes the pairs and their frames atomically."""
     arrays: dict[str, NDArray[np.generic]] = {}
-    for pair in kept:
+    for pair in figure_pairs:
         parts = {"before": pair.before, "after": pair.after, "truth": pair.truth, "name": np.array(pair.name)}
         arrays |= {f"{pair.number}|{part}": np.asarray(value) for part, value in parts.items()}
         arrays[f"{pair.number}|figure"] = np.array(pair.figure.as_json())
@@ -122,7 +124,7 @@ def save(kept: Sequence[KeptFrames], path: Path) -> None:
 
 
 def load(path: Path) -> list[KeptFrames]:
-    """The pairs and frames in a file, none if there is no file. Raises ``InputError`` for a file of another kind."""
+    """Returns the pairs and frames in a file, none without a file. Raises ``InputError`` for a file of another kind."""
     if not path.exists():
         return []
     try:
@@ -143,5 +145,5 @@ def _pair_from_arrays(arrays: Mapping[str, NDArray[np.generic]], number: int) ->
             name[len(start) :]: x.astype(np.float64) for name, x in arrays.items() if name.startswith(start)
         }
     stored = arrays.get(f"{number}|figure")
-    figure = synthetic() if stored is None else read_stick_figure(str(stored))
+    figure = make_synthetic_figure() if stored is None else read_stick_figure(str(stored))
     return KeptFrames(number, str(arrays[f"{number}|name"]), before, after, truth, **by_label, figure=figure)

@@ -1,4 +1,4 @@
-"""Tables as data, and as Markdown."""
+"""Tables as data, and their text in Markdown."""
 
 from __future__ import annotations
 
@@ -34,32 +34,32 @@ class Table:
                 raise ValueError(f"table {self.label}: {len(row)} cells under {len(self.head)} heads: {row}")
 
 
-def markdown(table: Table) -> str:
-    """A table as Markdown, with its caption and notes."""
+def format_markdown(table: Table) -> str:
+    """Returns a table as Markdown, with its caption and notes."""
     lines = [
         f"**{table.caption}**",
         "",
-        _line(table.head),
-        _line(["---"] * len(table.head)),
-        *map(_line, table.rows),
+        _format_line(table.head),
+        _format_line(["---"] * len(table.head)),
+        *map(_format_line, table.rows),
         "",
     ]
-    return "\n".join([*lines, *(f"{text}\n" for text in paragraphs(table.notes))])
+    return "\n".join([*lines, *(f"{text}\n" for text in wrap_paragraphs(table.notes))])
 
 
-def paragraphs(notes: Sequence[str]) -> list[str]:
-    """Notes as wrapped paragraphs."""
+def wrap_paragraphs(notes: Sequence[str]) -> list[str]:
+    """Returns notes as wrapped paragraphs."""
     wrapped = (textwrap.wrap(note, _WIDTH, break_long_words=False, break_on_hyphens=False) for note in notes)
     return ["\n".join(lines) for lines in wrapped]
 
 
-def number(value: float, digits: int = 3) -> str:
-    """A score as text; "-" for NaN."""
+def format_number(value: float, digits: int = 3) -> str:
+    """Returns a score as text; "-" for NaN."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
-def short(value: float) -> str:
-    """A small score with two significant figures: 0.0015, 0.012; "-" for NaN."""
+def format_short(value: float) -> str:
+    """Returns a small score with two significant figures: 0.0015, 0.012; "-" for NaN."""
     if not math.isfinite(value):
         return "-"
     if value == 0.0:
@@ -67,5 +67,5 @@ def short(value: float) -> str:
     return f"{value:.{max(1, 1 - math.floor(math.log10(abs(value))))}f}"
 
 
-def _line(cells: Sequence[str]) -> str:
+def _format_line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -1,4 +1,4 @@
-"""Results that were judged apart, on several machines or in several processes, as one."""
+"""Merges results that were judged separately, on several machines or in several processes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from signsplice_paper import kept_frames, results
 from signsplice_paper.results import Results
 
 
-def merge(folders: Sequence[Path], out: Path) -> tuple[int, Results]:
-    """Add the rows, curves and kept frames of ``folders`` to those in ``out``: how many rows the folders hold, and all
-    results. Of rows of one key the last folder's stays, and a folder's replaces that in ``out``.
+def merge(folders: Sequence[Path], output_folder: Path) -> tuple[int, Results]:
+    """Adds the rows, curves and kept frames of ``folders`` to those in ``output_folder``; returns the number of rows in
+    the folders, and all results. Of rows of one key the last folder's stays, and a folder's replaces that in
+    ``output_folder``.
 
-    Raises ``InputError`` where a folder has no results.json.
+    Raises ``InputError`` if a folder has no results.json.
     """
-    known, n_rows = results.load(out / results.FILE), 0
-    kept = kept_frames.load(out / kept_frames.FILE)
+    known, n_rows = results.load(output_folder / results.FILE), 0
+    figure_pairs = kept_frames.load(output_folder / kept_frames.FILE)
     for folder in folders:
         if not (folder / results.FILE).is_file():
             raise InputError(
@@ -28,8 +29,8 @@ def merge(folders: Sequence[Path], out: Path) -> tuple[int, Results]:
         known = Results(known.rows, known.curves, signatures).merge(added.rows, added.curves)
         n_rows += len(added.rows)
         frames = kept_frames.load(folder / kept_frames.FILE)
-        kept = kept_frames.merge(frames, kept) if kept else frames
-    results.save(known, out / results.FILE)
-    if kept:
-        kept_frames.save(kept, out / kept_frames.FILE)
+        figure_pairs = kept_frames.merge(frames, figure_pairs) if figure_pairs else frames
+    results.save(known, output_folder / results.FILE)
+    if figure_pairs:
+        kept_frames.save(figure_pairs, output_folder / kept_frames.FILE)
     return n_rows, known

@@ -1,4 +1,4 @@
-"""The clips of a folder as words of one rig: in cm, at one rate, on one skeleton, standing in one place."""
+"""Reads the clips of a folder as words of one rig: in cm, at one rate, on one skeleton, at one place."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import left_out_warnings
 from signsplice.signer.signer import stream
-from signsplice_workshop.corpora.number_space import NumberSpace, space_of
+from signsplice_workshop.corpora.number_space import NumberSpace, make_space
 from signsplice_workshop.corpora.pairs import EXTENT
 
 Progress = Callable[[int, int], None]
 
 FEWEST = 3
-"""Words of which a random split has pairs in all its parts."""
+"""Fewest words with which a random split has pairs in all its parts."""
 SAME_RIG_CM = 0.1
-"""Bones that differ by no more than this are those of one rig."""
+"""Largest difference between bones of one rig."""
 MARGIN = 1.05
-"""Side of the cube over the longest side of the box around all frames, where that is wider than ``EXTENT`` statures."""
+"""Side of the cube over the longest side of the box around all frames, if that is wider than ``EXTENT`` statures."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """What the first clip of a folder sets for all.
+    """The rig of a corpus, from the first clip of its folder.
 
     - skeleton: its skeleton, in cm
     - file: its file, for messages
@@ -53,7 +53,7 @@ class OwnWord:
     """A word of a corpus of clips.
 
     - gloss: its gloss
-    - signer: who signs it, empty if the folder does not tell
+    - signer: its signer, empty if the folder does not tell
     - file: its file
     - clip: its motion at the rate of the corpus, in cm
     - n_read: number of frames in the file
@@ -67,14 +67,14 @@ class OwnWord:
     n_read: int
     read_fps: float
 
-    def frame(self, read: int) -> int:
-        """The frame of ``clip`` nearest in time to a frame of the file."""
-        return min(round(read * self.clip.fps / self.read_fps), len(self.clip) - 1)
+    def find_frame(self, file_frame: int) -> int:
+        """Returns the frame of ``clip`` nearest in time to a frame of the file."""
+        return min(round(file_frame * self.clip.fps / self.read_fps), len(self.clip) - 1)
 
 
 @dataclass(frozen=True)
 class ClipChoice:
-    """Which clips of a folder become words, and how.
+    """The clips of a folder that become words, and how they are read.
 
     - folder: of clips of one rig, with subfolders
     - n_words: how many words, drawn by seed; None for 100, or all if there are fewer
@@ -96,16 +96,16 @@ USUAL_WORDS = 100
 
 
 def read_words(
-    choice: ClipChoice, named: Collection[str] | None, moves: bool, progress: Progress | None = None
+    choice: ClipChoice, glosses: Collection[str] | None, moves_words: bool, progress: Progress | None = None
 ) -> tuple[Rig, list[OwnWord], list[str]]:
-    """The rig, the words in the order of their files, and what a user should know of them, one line each.
+    """Returns the rig, the words in the order of their files, and warnings for the user, one line each.
 
-    named: glosses to draw from, None for all of the folder. moves: whether every word is moved to ``ORIGIN``.
+    glosses: glosses to draw from, None for all of the folder. moves_words: whether every word is moved to ``ORIGIN``.
 
     Raises ``InputError`` for a folder without clips, files that cannot be read, two rigs, arms that are not known by
     name, and too few words.
     """
-    sources = _sample_word_files(choice, named)
+    sources = _sample_word_files(choice, glosses)
     words: list[OwnWord] = []
     warnings: list[str] = []
     rig = None
@@ -113,13 +113,13 @@ def read_words(
         clip = load(source.path, choice.limits)
         if choice.roles is not None:
             clip = with_roles(clip, choice.roles)
-        rig = rig or _rig(clip, source.path)
+        rig = rig or _make_rig(clip, source.path)
         n_read, read_fps = len(clip), clip.fps
         choice.limits.check_resampling(clip, choice.fps)
         warnings += [f"{source.path}: {line.removeprefix(f'{clip.name}: ')}" for line in left_out_warnings(clip)]
-        clip = on_rig(clip, rig, source.path, warnings)
+        clip = put_on_rig(clip, rig, source.path, warnings)
         clip = resample(clip, choice.fps)
-        clip = place(clip, ORIGIN) if moves else clip
+        clip = place(clip, ORIGIN) if moves_words else clip
         row, named_clip = source.row, replace(clip, name=source.row.gloss)
         words.append(OwnWord(row.gloss, row.signer, source.path, named_clip, n_read, read_fps))
         if progress is not None:
@@ -128,34 +128,34 @@ def read_words(
     return rig, words, warnings
 
 
-def _sample_word_files(choice: ClipChoice, named: Collection[str] | None) -> list[WordFile]:
-    """The files of the words that are chosen, in order."""
+def _sample_word_files(choice: ClipChoice, glosses: Collection[str] | None) -> list[WordFile]:
+    """Returns the files of the chosen words, in order."""
     sources, faults = find_word_files(choice.folder)
     if faults:
-        more = (
+        further_faults = (
             f" (and {len(faults) - 1} more: `signsplice lexicon check {quote(str(choice.folder))}`)"
             if len(faults) > 1
             else ""
         )
-        raise InputError(faults[0] + more)
-    if named is not None:
-        missing = sorted(set(named) - {source.row.gloss for source in sources})
+        raise InputError(faults[0] + further_faults)
+    if glosses is not None:
+        missing = sorted(set(glosses) - {source.row.gloss for source in sources})
         if missing:
             raise InputError(f"{choice.folder}: has no clip of the word {missing[0]!r}, for which positions are given")
-        sources = [source for source in sources if source.row.gloss in named]
+        sources = [source for source in sources if source.row.gloss in glosses]
     n_words = min(USUAL_WORDS, len(sources)) if choice.n_words is None else choice.n_words
     if n_words > len(sources):
-        for_them = "" if named is None else " for which positions are given"
-        raise InputError(f"--words {n_words}, but {choice.folder} has {len(sources)} words{for_them}")
-    if n_words < FEWEST and (choice.n_words is not None or named is None):  # of few positions the faults come first
-        what = f"{choice.folder}: {n_words} words" if choice.n_words is None else f"--words {n_words}"
-        raise InputError(f"{what}, expected at least {FEWEST}: a split has three parts")
+        condition = "" if glosses is None else " for which positions are given"
+        raise InputError(f"--words {n_words}, but {choice.folder} has {len(sources)} words{condition}")
+    if n_words < FEWEST and (choice.n_words is not None or glosses is None):  # of few positions the faults come first
+        word_count = f"{choice.folder}: {n_words} words" if choice.n_words is None else f"--words {n_words}"
+        raise InputError(f"{word_count}, expected at least {FEWEST}: a split has three parts")
     order = stream("choose", choice.seed).permutation(len(sources))[:n_words]
     return [sources[k] for k in sorted(order.tolist())]
 
 
-def _rig(clip: Clip, file: Path) -> Rig:
-    """The rig of the first clip. Raises ``InputError`` where its arms or hips are not known by name."""
+def _make_rig(clip: Clip, file: Path) -> Rig:
+    """Returns the rig of the first clip. Raises ``InputError`` if its arms or hips are not known by name."""
     info = rig_info(clip.skeleton)
     if not info.has_arms or "hips" not in info.roles.joints:
         raise InputError(
@@ -163,87 +163,91 @@ def _rig(clip: Clip, file: Path) -> Rig:
             "them with a roles file (--roles)"
         )
     scale = round(100.0 * info.sizes.unit.metres, 9)
-    bones = clip.skeleton if clip.translations is None else _with_offsets(clip.skeleton, _still_bones(clip))
+    bones = (
+        clip.skeleton if clip.translations is None else _replace_offsets(clip.skeleton, _compute_median_offsets(clip))
+    )
     sites = tuple(EndSite(site.joint, scale * site.offset) for site in bones.end_sites)
     return Rig(replace(bones, offsets=scale * bones.offsets, end_sites=sites), file, scale)
 
 
-def _still_bones(clip: Clip) -> FloatArray:
-    """The median offsets (J, 3) of a clip whose joints move in their parents; the root keeps its own."""
+def _compute_median_offsets(clip: Clip) -> FloatArray:
+    """Returns the median offsets (J, 3) of a clip whose joints move in their parents; the root keeps its own."""
     assert clip.translations is not None
     offsets = np.median(clip.translations, axis=0)
     offsets[0] = clip.skeleton.offsets[0]
     return np.asarray(offsets)
 
 
-def _with_offsets(bones: Skeleton, offsets: FloatArray) -> Skeleton:
+def _replace_offsets(bones: Skeleton, offsets: FloatArray) -> Skeleton:
     return replace(bones, offsets=offsets)
 
 
-def on_rig(clip: Clip, rig: Rig, file: Path, warnings: list[str]) -> Clip:
-    """A clip on the rig's skeleton, in cm. Joints that move in their parents are held still; ``warnings`` gets a line
-    where that is seen.
+def put_on_rig(clip: Clip, rig: Rig, file: Path, warnings: list[str]) -> Clip:
+    """Returns a clip on the rig's skeleton, in cm. Joints that move in their parents are fixed at their median, with a
+    line in ``warnings`` if the move is visible.
 
     Raises ``InputError``, naming the file, for another rig.
     """
-    bones, like = clip.skeleton, rig.skeleton
-    what = None
-    if bones.names != like.names or not np.array_equal(bones.parents, like.parents):
-        other = next((name for name in bones.names if name not in like.index), None) or next(
-            (name for name in like.names if name not in bones.index), None
+    bones, target = clip.skeleton, rig.skeleton
+    difference = None
+    if bones.names != target.names or not np.array_equal(bones.parents, target.parents):
+        odd_joint = next((name for name in bones.names if name not in target.index), None) or next(
+            (name for name in target.names if name not in bones.index), None
         )
-        what = f"{len(bones)} joints, not {len(like)}" if len(bones) != len(like) else "other joints"
-        what += f" ({other} is in one alone)" if other else " or in another order"
+        difference = f"{len(bones)} joints, not {len(target)}" if len(bones) != len(target) else "other joints"
+        difference += f" ({odd_joint} is in one alone)" if odd_joint else " or in another order"
     else:
-        offsets = bones.offsets if clip.translations is None else _still_bones(clip)
-        apart = np.linalg.norm(rig.scale * offsets - like.offsets, axis=-1)[1:]
-        if len(apart) and apart.max() > SAME_RIG_CM:
-            joint = int(apart.argmax()) + 1
-            what = f"the bone to {bones.names[joint]} differs by {apart.max():.2g} cm"
+        offsets = bones.offsets if clip.translations is None else _compute_median_offsets(clip)
+        distances = np.linalg.norm(rig.scale * offsets - target.offsets, axis=-1)[1:]
+        if len(distances) and distances.max() > SAME_RIG_CM:
+            joint = int(distances.argmax()) + 1
+            difference = f"the bone to {bones.names[joint]} differs by {distances.max():.2g} cm"
         if clip.translations is not None:
-            moved = rig.scale * np.abs(clip.translations[:, 1:] - offsets[1:]).max(initial=0.0)
-            if moved > SAME_RIG_CM:
-                warnings.append(f"{file}: its bones change by up to {moved:.2g} cm; they are held at their median")
-    if what is not None:
+            shift = rig.scale * np.abs(clip.translations[:, 1:] - offsets[1:]).max(initial=0.0)
+            if shift > SAME_RIG_CM:
+                warnings.append(f"{file}: its bones change by up to {shift:.2g} cm; they are held at their median")
+    if difference is not None:
         raise InputError(
-            f"{file}: another rig than {rig.file} ({what}), expected clips of one rig; `signsplice convert "
+            f"{file}: another rig than {rig.file} ({difference}), expected clips of one rig; `signsplice convert "
             f"{quote(str(file))} OUT --onto {quote(str(rig.file))}` brings it onto that one"
         )
-    return Clip(like, clip.local_rotations, rig.scale * clip.root_positions, clip.fps, clip.name)
+    return Clip(target, clip.local_rotations, rig.scale * clip.root_positions, clip.fps, clip.name)
 
 
-def chosen_joints(bones: Skeleton, names: Sequence[str]) -> list[int]:
-    """Indices of joints by name, with or without what stands before a colon. Raises ``InputError`` for others, and for
-    none.
+def find_joints(bones: Skeleton, names: Sequence[str]) -> list[int]:
+    """Returns the indices of joints by name, with or without the prefix before a colon. Raises ``InputError`` for
+    unknown names, and for none.
     """
     if not names:
         raise InputError("--joints: names no joint, expected names with commas between, wrists among them")
-    bare = {name.rpartition(":")[2]: k for k, name in enumerate(bones.names)} | bones.index
-    unknown = [name for name in names if name not in bare]
+    index_by_name = {name.rpartition(":")[2]: k for k, name in enumerate(bones.names)} | bones.index
+    unknown = [name for name in names if name not in index_by_name]
     if unknown:
-        lower = {name.lower(): name for name in bare}
-        near = [lower[name] for name in get_close_matches(unknown[0].rpartition(":")[2].lower(), lower)]
-        some = f"nearest: {', '.join(near)}" if near else f"expected names like {', '.join(bones.names[:3])}"
-        raise InputError(f"--joints: no joint {unknown[0]!r}; {some}")
-    return [bare[name] for name in names]
+        lower = {name.lower(): name for name in index_by_name}
+        nearest = [lower[name] for name in get_close_matches(unknown[0].rpartition(":")[2].lower(), lower)]
+        suggestion = (
+            f"nearest: {', '.join(nearest)}" if nearest else f"expected names like {', '.join(bones.names[:3])}"
+        )
+        raise InputError(f"--joints: no joint {unknown[0]!r}; {suggestion}")
+    return [index_by_name[name] for name in names]
 
 
-def space_around(rig: Rig, words: Sequence[OwnWord], joints: Sequence[int] | None) -> NumberSpace:
-    """The cube around all frames of the words: ``EXTENT`` statures wide, or wider where a joint reaches farther."""
-    chosen = list(range(len(rig.skeleton))) if joints is None else sorted({0, *joints})
-    boxes = []
+def fit_space(rig: Rig, words: Sequence[OwnWord], joints: Sequence[int] | None) -> NumberSpace:
+    """Returns the cube around all frames of the words: ``EXTENT`` statures wide, wider if a joint reaches farther."""
+    joint_indices = list(range(len(rig.skeleton))) if joints is None else sorted({0, *joints})
+    corners = []
     for word in words:
-        positions = kinematics.forward(word.clip, chosen)[1].reshape(-1, 3)
-        boxes += [positions.min(axis=0), positions.max(axis=0)]
-    low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
+        positions = kinematics.forward(word.clip, joint_indices)[1].reshape(-1, 3)
+        corners += [positions.min(axis=0), positions.max(axis=0)]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     middle = np.round(0.5 * (low + high), 1)
     reach = 2.0 * float(np.maximum(high - middle, middle - low).max())
     side = max(EXTENT * rig_info(rig.skeleton).sizes.stature, MARGIN * reach)
-    return space_of(rig.skeleton, middle.tolist(), round(side, 3), chosen)
+    return make_space(rig.skeleton, middle.tolist(), round(side, 3), joint_indices)
 
 
-def fingerprint(rig: Rig, words: Sequence[OwnWord]) -> str:
-    """The SHA-256 of everything about the words that a corpus depends on."""
+def hash_words(rig: Rig, words: Sequence[OwnWord]) -> str:
+    """Returns the SHA-256 of everything about the words that a corpus depends on."""
     digest = hashlib.sha256()
     for name in rig.skeleton.names:
         digest.update(name.encode() + b"\0")

@@ -1,4 +1,4 @@
-"""Corpora of pairs from clips of one rig, for `signsplice-paper`, like those of the synthetic signer."""
+"""Makes corpora of pairs from clips of one rig, for `signsplice-paper`, like those of the synthetic signer."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from signsplice_paper.own_clips import (
     ClipChoice,
     OwnWord,
     Rig,
-    chosen_joints,
-    fingerprint,
+    find_joints,
+    fit_space,
+    hash_words,
     read_words,
-    space_around,
 )
 from signsplice_paper.own_truth import FileTruth, MethodTruth, TrueSplice, TruthSource, read_positions
 from signsplice_workshop.corpora.number_space import NumberSpace
@@ -48,22 +48,22 @@ ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None] 
 """Title -> a context that yields a callback (done, total), or None."""
 
 BEST = f"{FLUENT}+{LEARNED}"
-"""Whose positions and transitions are the truth where none are given."""
+"""The method of the true positions and transitions if none are given."""
 VERSION = 2
-"""Of corpora of clips, whose motion is not the synthetic signer's; ``synth.pairs`` reads it."""
+"""Version of corpora of clips, whose motion is not the synthetic signer's; ``corpora.pairs`` reads it."""
 LONGEST = 32
 """Frames of the longest transition that the paper's systems here make; pairs with longer ones are left out."""
 JUMP_CM = 40.0
-"""A joint that moves farther in one frame, where a word meets its transition, stands elsewhere in the two."""
+"""Largest move of a joint in one frame at a seam; a larger one means that word and transition stand at two places."""
 
 
 @dataclass(frozen=True)
 class PairsPlan:
-    """What to make a corpus of.
+    """The plan of a corpus.
 
     - choice: the clips
     - positions: a file of positions (.json), or CUTTER+TRANSITION
-    - transition: name of what fills pairs for which a file gives no transition, None for ``learned``; only with a file
+    - transition: name of the method that fills pairs without a transition, None for ``learned``; only with a file
     - joints: names of the joints in the numbers, None for all
     """
 
@@ -75,11 +75,11 @@ class PairsPlan:
 
 @dataclass(frozen=True)
 class BuiltPairs:
-    """What came of it.
+    """The result of building a corpus.
 
     - n_words, n_pairs: number of words and pairs
-    - truth: where the truth comes from
-    - warnings: what a user should know, one line each
+    - truth: the source of the truth
+    - warnings: warnings for the user, one line each
     """
 
     n_words: int
@@ -97,93 +97,97 @@ class _Corpus:
     words: list[OwnWord]
     source: TruthSource
     space: NumberSpace
-    after: list[list[int]]
+    followers: list[list[int]]
     moved: bool
     warnings: list[str] = field(default_factory=list)
 
     @property
     def hash(self) -> str:
         """Twelve hex digits that change with everything the corpus depends on."""
-        given = {
+        content = {
             "version": VERSION,
-            "words": fingerprint(self.rig, self.words),
-            "truth": self.source.facts(),
+            "words": hash_words(self.rig, self.words),
+            "truth": self.source.describe(),
             "space": self.space.as_json(),
             "seed": self.plan.choice.seed,
             "fps": self.plan.choice.fps,
         }
-        return hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:12]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def build(plan: PairsPlan, folder: Path, progress: ProgressBar) -> BuiltPairs:
-    """Make a corpus of all ordered pairs of the words in ``folder``. Called again after an interruption, it continues.
+    """Makes a corpus of all ordered pairs of the words in ``folder``. Called again after an interruption, it continues.
 
-    Raises ``InputError`` for clips or positions that cannot be used, and where the folder holds something else or
-    cannot be written.
+    Raises ``InputError`` for clips or positions that cannot be used, and if the folder holds something else or cannot
+    be written.
     """
     folder = Path(folder)
     check_folder(folder, HEAD, lambda _: FILES)
-    corpus = _read(plan, progress)
+    corpus = _read_corpus(plan, progress)
     target = folder.resolve()  # "." has no name of its own
-    part = target.with_name(f".{target.name}-{corpus.hash}.part")
-    hint = f"finished rows stay in {part.name}, and the same call continues from there"
+    part_folder = target.with_name(f".{target.name}-{corpus.hash}.part")
+    hint = f"finished rows stay in {part_folder.name}, and the same call continues from there"
     try:
-        with resumable_folder(part):
+        with resumable_folder(part_folder):
             try:
-                rows = _make_rows(corpus, part, progress)
-                splits = _splits(corpus, rows)
+                rows = _make_rows(corpus, part_folder, progress)
+                splits = _draw_splits(corpus, rows)
             except InputError:  # another call will not do better with these rows
-                shutil.rmtree(part, ignore_errors=True)
+                shutil.rmtree(part_folder, ignore_errors=True)
                 raise
-            with replacing_folder(folder, hint) as made:
-                at = write_words(made, [(word.clip, corpus.space.numbers(word.clip)) for word in corpus.words])
-                write_transitions(made, rows)
-                (made / HEAD).write_text(json.dumps(_head(corpus, at, splits), indent=1) + "\n", encoding="utf-8")
+            with replacing_folder(folder, hint) as temporary:
+                word_ranges = write_words(
+                    temporary, [(word.clip, corpus.space.to_numbers(word.clip)) for word in corpus.words]
+                )
+                write_transitions(temporary, rows)
+                (temporary / HEAD).write_text(
+                    json.dumps(_make_head(corpus, word_ranges, splits), indent=1) + "\n", encoding="utf-8"
+                )
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
     n_pairs = sum(len(row.after) for row in rows)
     return BuiltPairs(len(corpus.words), n_pairs, corpus.source.name, tuple(corpus.warnings))
 
 
-def _read(plan: PairsPlan, progress: ProgressBar) -> _Corpus:
-    """The words, and where their truth comes from."""
+def _read_corpus(plan: PairsPlan, progress: ProgressBar) -> _Corpus:
+    """Returns the words, and the source of their truth."""
     choice = plan.choice
     is_file = plan.positions.lower().endswith(".json")
-    given = read_positions(Path(plan.positions)) if is_file else None
-    method = None if is_file else _method(plan.positions)
+    positions = read_positions(Path(plan.positions)) if is_file else None
+    method = None if is_file else _parse_method(plan.positions)
     if method is not None and plan.transition is not None:
         raise InputError(
             f"--transition {plan.transition} goes with --positions FILE.json; --positions {plan.positions} names one"
         )
     with progress(f"reading {choice.folder}") as advance:
-        named = None if given is None else given.glosses
-        moved = given is None or not given.has_clips
-        rig, words, warnings = read_words(choice, named, moved, advance)
+        glosses = None if positions is None else positions.glosses
+        moves_words = positions is None or not positions.has_clips
+        rig, words, warnings = read_words(choice, glosses, moves_words, advance)
     if method is not None:
         source: TruthSource = MethodTruth(method)
     else:
-        assert given is not None
-        source = FileTruth(given, rig, choice.fps, plan.transition or LEARNED, choice.limits, warnings)
+        assert positions is not None
+        source = FileTruth(positions, rig, choice.fps, plan.transition or LEARNED, choice.limits, warnings)
         source.check(words)
         if len(words) < FEWEST:
             raise InputError(
-                f"{given.path}: names {len(words)} words, expected at least {FEWEST}: a split has three parts"
+                f"{positions.path}: names {len(words)} words, expected at least {FEWEST}: a split has three parts"
             )
-    joints = None if plan.joints is None else chosen_joints(rig.skeleton, plan.joints)
-    space = space_around(rig, words, joints)
-    if given is not None and given.space is not None:
+    joints = None if plan.joints is None else find_joints(rig.skeleton, plan.joints)
+    space = fit_space(rig, words, joints)
+    if positions is not None and positions.space is not None:
         if joints is not None:
-            raise InputError(f"{given.path}: its space names the joints; give no --joints, or take the space out")
-        space = given.space
-    extra_metrics.number_layout(words[0].clip, space)  # raises where hips or wrists are left out
-    after = [source.after(words, p) for p in range(len(words))]
-    missing = len(words) ** 2 - sum(map(len, after))
+            raise InputError(f"{positions.path}: its space names the joints; give no --joints, or take the space out")
+        space = positions.space
+    extra_metrics.make_number_layout(words[0].clip, space)  # raises if hips or wrists are left out
+    followers = [source.find_followers(words, p) for p in range(len(words))]
+    missing = len(words) ** 2 - sum(map(len, followers))
     if missing:
         warnings.append(f"{plan.positions}: gives no positions for {missing} of {len(words) ** 2} pairs; left out")
-    return _Corpus(plan, rig, words, source, space, after, moved, warnings)
+    return _Corpus(plan, rig, words, source, space, followers, moves_words, warnings)
 
 
-def _method(name: str) -> ClipMethod:
+def _parse_method(name: str) -> ClipMethod:
     cutter, plus, transition = name.partition("+")
     if not plus:
         raise InputError(
@@ -193,21 +197,21 @@ def _method(name: str) -> ClipMethod:
     return ClipMethod(cutter, transition)
 
 
-def _make_rows(corpus: _Corpus, part: Path, progress: ProgressBar) -> list[StoredRow]:
-    """Make the rows' files, as far as they are not there whole; a row for every word that is left."""
-    paths = [part / f"row-{p:05d}.npz" for p in range(len(corpus.words))]
-    total, done = sum(map(len, corpus.after)), 0
+def _make_rows(corpus: _Corpus, part_folder: Path, progress: ProgressBar) -> list[StoredRow]:
+    """Makes the rows' files, unless they are there whole; returns a row for every word that has pairs."""
+    paths = [part_folder / f"row-{p:05d}.npz" for p in range(len(corpus.words))]
+    total, done = sum(map(len, corpus.followers)), 0
     jumps, rows = 0, []
     with progress(f"splicing {total} pairs") as advance:
-        for p, (path, after) in enumerate(zip(paths, corpus.after, strict=True)):
+        for p, (path, followers) in enumerate(zip(paths, corpus.followers, strict=True)):
             if not is_whole(path):
-                _make_row(corpus, path, p, after)
+                _make_row(corpus, path, p, followers)
             with np.load(path) as arrays:
-                kept = tuple(arrays["after"].tolist())
+                stored = tuple(arrays["after"].tolist())
                 jumps += int(arrays["jumps"])
-            if kept:
-                rows.append(StoredRow(path, p, kept))
-            done += len(after)
+            if stored:
+                rows.append(StoredRow(path, p, stored))
+            done += len(followers)
             if advance is not None:
                 advance(done, total)
     n_long = total - sum(len(row.after) for row in rows)
@@ -221,34 +225,36 @@ def _make_rows(corpus: _Corpus, part: Path, progress: ProgressBar) -> list[Store
     return rows
 
 
-def _make_row(corpus: _Corpus, path: Path, p: int, after: Sequence[int]) -> None:
-    """Make the pairs of word ``p``, and store those that are not too long."""
-    splices = dict(zip(after, corpus.source.splices(corpus.words, p, after), strict=True))
-    kept = [q for q in after if len(splices[q].clip) <= LONGEST]
-    numbers = {q: corpus.space.numbers(splices[q].clip) for q in kept}
-    empty = corpus.words[p].clip
-    clips = [splices[q].clip for q in kept]
-    jumps = sum(_jumps(corpus, p, q, splices[q], numbers[q]) for q in kept)
+def _make_row(corpus: _Corpus, path: Path, p: int, followers: Sequence[int]) -> None:
+    """Makes the pairs of word ``p``, and stores those that are not too long."""
+    splices = dict(zip(followers, corpus.source.make_splices(corpus.words, p, followers), strict=True))
+    stored = [q for q in followers if len(splices[q].clip) <= LONGEST]
+    numbers = {q: corpus.space.to_numbers(splices[q].clip) for q in stored}
+    word_clip = corpus.words[p].clip
+    clips = [splices[q].clip for q in stored]
+    jumps = sum(_has_jump(corpus, p, q, splices[q], numbers[q]) for q in stored)
     arrays = {
-        "rotations": np.concatenate([empty.local_rotations[:0], *(clip.local_rotations for clip in clips)]),
-        "roots": np.concatenate([empty.root_positions[:0], *(clip.root_positions for clip in clips)]),
+        "rotations": np.concatenate([word_clip.local_rotations[:0], *(clip.local_rotations for clip in clips)]),
+        "roots": np.concatenate([word_clip.root_positions[:0], *(clip.root_positions for clip in clips)]),
         "positions": np.concatenate([np.zeros((0, corpus.space.n_numbers)), *numbers.values()]),
     }
     assert set(arrays) == set(KINDS)
-    index = [(splices[q].cut.pre, splices[q].cut.post, len(splices[q].clip)) for q in kept]
-    save_row(path, index, arrays, after=np.array(kept, np.int32), jumps=np.array(jumps))
+    index = [(splices[q].cut.pre, splices[q].cut.post, len(splices[q].clip)) for q in stored]
+    save_row(path, index, arrays, after=np.array(stored, np.int32), jumps=np.array(jumps))
 
 
-def _jumps(corpus: _Corpus, p: int, q: int, splice: TrueSplice, numbers: Any) -> bool:
-    """Whether a joint is far from its place in the words' frames beside a transition."""
+def _has_jump(corpus: _Corpus, p: int, q: int, splice: TrueSplice, numbers: Any) -> bool:
+    """Returns whether a joint at an end of a transition is far from its place in the neighbouring word's frame."""
     pre, post = splice.cut.pre, splice.cut.post
     ends = [corpus.words[p].clip[pre : pre + 1], corpus.words[q].clip[post : post + 1]]
-    steps = [corpus.space.numbers(end)[0] - numbers[k] for end, k in zip(ends, (0, -1), strict=True)]
+    steps = [corpus.space.to_numbers(end)[0] - numbers[k] for end, k in zip(ends, (0, -1), strict=True)]
     return bool(np.linalg.norm(np.reshape(steps, (2, -1, 3)), axis=-1).max() * corpus.space.side > JUMP_CM)
 
 
-def _splits(corpus: _Corpus, rows: Sequence[StoredRow]) -> dict[str, dict[str, list[int]]]:
-    """The splits; a split that would lack a part is left empty. Raises ``InputError`` where that is the random one."""
+def _draw_splits(corpus: _Corpus, rows: Sequence[StoredRow]) -> dict[str, dict[str, list[int]]]:
+    """Returns the splits; a split that would lack a part is left empty. Raises ``InputError`` if the random split would
+    lack one.
+    """
     pairs = [(0, row.before, after) for row in rows for after in row.after]
     splits = draw_splits(corpus.plan.choice.seed, len(corpus.words), pairs)
     if not all(splits["random"].values()):
@@ -259,7 +265,9 @@ def _splits(corpus: _Corpus, rows: Sequence[StoredRow]) -> dict[str, dict[str, l
     return splits
 
 
-def _head(corpus: _Corpus, at: Sequence[tuple[int, int]], splits: dict[str, dict[str, list[int]]]) -> dict[str, Any]:
+def _make_head(
+    corpus: _Corpus, word_ranges: Sequence[tuple[int, int]], splits: dict[str, dict[str, list[int]]]
+) -> dict[str, Any]:
     choice = corpus.plan.choice
     rows = [
         {
@@ -269,7 +277,7 @@ def _head(corpus: _Corpus, at: Sequence[tuple[int, int]], splits: dict[str, dict
             "frames": n_frames,
             "file": word.file.relative_to(choice.folder).as_posix(),
         }
-        for word, (first, n_frames) in zip(corpus.words, at, strict=True)
+        for word, (first, n_frames) in zip(corpus.words, word_ranges, strict=True)
     ]
     return {
         "version": VERSION,
@@ -277,7 +285,7 @@ def _head(corpus: _Corpus, at: Sequence[tuple[int, int]], splits: dict[str, dict
         "seed": choice.seed,
         "fps": choice.fps,
         "truth": corpus.source.name,
-        "truth_from": corpus.source.facts(),
+        "truth_from": corpus.source.describe(),
         "moved": corpus.moved,
         "skeletons": [skeletons.as_json(corpus.rig.skeleton)],
         "spaces": [corpus.space.as_json()],

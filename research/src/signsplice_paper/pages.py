@@ -1,8 +1,7 @@
 """The pages of a folder of results: the table as CSV, and either pages whose figures a template takes from
 results.json, or the tables alone.
 
-``templates/NAME.md`` beside a folder of results becomes ``NAME.md`` in it. Between double braces stands what is looked
-up:
+``templates/NAME.md`` next to a folder of results becomes ``NAME.md`` in it. Fields between double braces are filled:
 
     {{lptransformer accuracy 3}}              the mean over the seeds, three digits
     {{lptransformer pta,paa 3}}               two cells of a table
@@ -31,116 +30,120 @@ from signsplice.formats.json_files import read_json
 from signsplice_paper import layout, published, tables
 from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import Results
-from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, format_score, line
+from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, find_line, format_score
 
 TEMPLATES = "templates"
-"""Folder of templates, beside that of the results."""
+"""Folder of templates, next to that of the results."""
 TABLE, PAGE = "table.csv", "tables.md"
 _FIGURE = re.compile(r"\{\{([^{}]+)\}\}")
 _HEAD = "<!-- Made from templates/{name} and results.json by `signsplice-paper tables`: change that. -->\n"
 
 
-def write(found: Results, folder: Path, scale: str) -> list[Path]:
-    """Write the table as CSV, and the pages of the templates beside a folder of results, or where there are none the
-    page of tables; the paths written.
+def write(results: Results, folder: Path, scale: str) -> list[Path]:
+    """Writes the table as CSV, and the pages of the templates next to a folder of results, or without templates the
+    page of tables; returns the paths.
     """
-    texts = {TABLE: tables.as_csv(found, scale)}
+    texts = {TABLE: tables.format_csv(results, scale)}
     templates = sorted((folder.resolve().parent / TEMPLATES).glob("*.md"))
     for path in templates:
-        text = fill_template(path.read_text(encoding="utf-8"), found, scale, folder)
+        text = fill_template(path.read_text(encoding="utf-8"), results, scale, folder)
         texts[path.name] = _HEAD.format(name=path.name) + text
     if not templates:
-        texts[PAGE] = tables.page(found, scale)
+        texts[PAGE] = tables.format_page(results, scale)
     for name, text in texts.items():
         with replacing(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return [folder / name for name in texts]
 
 
-def fill_template(text: str, found: Results, scale: str, folder: Path = Path()) -> str:
-    """A template with its figures, and tables of the files beside results.json in ``folder``. Raises ``InputError`` for
-    a figure that no row has.
+def fill_template(text: str, results: Results, scale: str, folder: Path = Path()) -> str:
+    """Returns a template with its fields filled from the results, and from the files next to results.json in
+    ``folder``. Raises ``InputError`` for a field that no row has.
     """
 
-    def figure(asked: re.Match[str]) -> str:
-        if asked[1].startswith("speed "):
-            return _times(folder / f"speed-{asked[1].split()[1]}.json")
-        return _format_search(folder / "search.json") if asked[1] == "search" else _figure(asked[1], found, scale)
+    def fill_field(match: re.Match[str]) -> str:
+        if match[1].startswith("speed "):
+            return _format_times(folder / f"speed-{match[1].split()[1]}.json")
+        return (
+            _format_search(folder / "search.json") if match[1] == "search" else _format_field(match[1], results, scale)
+        )
 
-    return _FIGURE.sub(figure, text)
+    return _FIGURE.sub(fill_field, text)
 
 
-def _times(path: Path) -> str:
-    """The lines of a table of prediction times."""
+def _format_times(path: Path) -> str:
+    """Returns the lines of a table of prediction times."""
     rows = read_json(path, "prediction times")["rows"]
     return "\n".join(
-        f"| {published.name(row['system'])} | {row['decoding']} | {row['writes']} | {row['n_parameters'] / 1e6:.1f} | "
-        f"{row['ms_median']:.1f} | {row['times_base']:.2f} |"
+        f"| {published.get_display_name(row['system'])} | {row['decoding']} | {row['writes']} | "
+        f"{row['n_parameters'] / 1e6:.1f} | {row['ms_median']:.1f} | {row['times_base']:.2f} |"
         for row in rows
     )
 
 
 def _format_search(path: Path) -> str:
-    """The lines of a table of rates and widths that were tried: a line for each system and width."""
+    """Returns the lines of a table of searched learning rates and widths: a line for each system and width."""
     rows = read_json(path, "a search")["rows"]
     scores = {(row["part"], row["units"], row["learning_rate"]): row["scores"] for row in rows}
     return "\n".join(
-        f"| {published.name(part)} | {units} | {rate:.2g} | {layout.number(row.get('paa', math.nan))} | "
-        f"{layout.number(row.get('accuracy', math.nan), 4)} |"
+        f"| {published.get_display_name(part)} | {units} | {rate:.2g} | "
+        f"{layout.format_number(row.get('paa', math.nan))} | {layout.format_number(row.get('accuracy', math.nan), 4)} |"
         for (part, units, rate), row in sorted(scores.items())
     )
 
 
-def _figure(asked: str, found: Results, scale: str) -> str:
-    words = asked.split()
+def _format_field(field: str, results: Results, scale: str) -> str:
+    words = field.split()
     if words[0] == "table" and len(words) > 1:
-        table = tables.table(found, scale, words[1], words[2:] or None)
+        table = tables.make_table(results, scale, words[1], words[2:] or None)
         if table is None:
-            raise InputError(f"{{{{{asked}}}}}: no row of scale {scale}")
-        return "\n".join(layout.markdown(table).splitlines()[2:]).rstrip()
+            raise InputError(f"{{{{{field}}}}}: no row of scale {scale}")
+        return "\n".join(layout.format_markdown(table).splitlines()[2:]).rstrip()
     if words[0] == "summary" and len(words) > 1:
-        return "\n".join(_summary(asked, found, scale) for asked in words[1:])
+        return "\n".join(_format_summary(field, results, scale) for field in words[1:])
     if words[0] == "splits" and len(words) > 1:
-        return "\n".join(_by_split(asked, found, scale) for asked in words[1:])
+        return "\n".join(_format_splits(field, results, scale) for field in words[1:])
     if len(words) not in (3, 4) or words[3:] not in ([], ["spread"]) or not (words[2] == SHORT or words[2].isdecimal()):
-        raise InputError(f"{{{{{asked}}}}}: expected SYSTEM SCORE DIGITS [spread], table SPLIT or splits SYSTEM")
-    systems, scores, places = words[:3]
-    digits = SHORT if places == SHORT else int(places)
-    of = [_line(system, found, scale) for system in systems.split("/")]
+        raise InputError(f"{{{{{field}}}}}: expected SYSTEM SCORE DIGITS [spread], table SPLIT or splits SYSTEM")
+    systems, scores, digits_text = words[:3]
+    digits = SHORT if digits_text == SHORT else int(digits_text)
+    lines = [_find_line(system, results, scale) for system in systems.split("/")]
     cells = []
     for score in scores.split(","):
-        values = [one.score(score) for one in of]
+        values = [line.score(score) for line in lines]
         if any(map(math.isnan, values)):
-            raise InputError(f"{{{{{asked}}}}}: no row of scale {scale} has it")
+            raise InputError(f"{{{{{field}}}}}: no row of scale {scale} has it")
         ratio = values[0] if len(values) == 1 else values[0] / values[1]
-        cells.append(of[0].cell(score, digits) if words[3:] else format_score(ratio, digits))
+        cells.append(lines[0].format_cell(score, digits) if words[3:] else format_score(ratio, digits))
     return " | ".join(cells)
 
 
-def _summary(asked: str, found: Results, scale: str) -> str:
-    system, star = asked.removesuffix("*"), "*" if asked.endswith("*") else ""
+def _format_summary(system_text: str, results: Results, scale: str) -> str:
+    system, star = system_text.removesuffix("*"), "*" if system_text.endswith("*") else ""
     name, *optimiser = system.split("~")
-    known, *others = (_line("~".join([f"{name}", *optimiser]) + f"@{split}{star}", found, scale) for split in SPLITS)
-    if not known.rows:
-        raise InputError(f"{{{{summary {asked}}}}}: no row of scale {scale}")
+    known_words, *unseen = (
+        _find_line("~".join([f"{name}", *optimiser]) + f"@{split}{star}", results, scale) for split in SPLITS
+    )
+    if not known_words.rows:
+        raise InputError(f"{{{{summary {system_text}}}}}: no row of scale {scale}")
     scores = (("pta", 3), ("paa", 3), ("accuracy", 4), ("mse", SHORT), ("bleu-4", 3))
-    cells = [known.cell(score, digits) for score, digits in scores]
-    cells += [one.cell("paa_all", 3) for one in others]
-    return f"| {known.system} | {known.condition} | {known.taught} | {' | '.join(cells)} |"
+    cells = [known_words.format_cell(score, digits) for score, digits in scores]
+    cells += [line.format_cell("paa_all", 3) for line in unseen]
+    return f"| {known_words.system} | {known_words.condition} | {known_words.taught} | {' | '.join(cells)} |"
 
 
-def _by_split(asked: str, found: Results, scale: str) -> str:
-    system, star = asked.removesuffix("*"), "*" if asked.endswith("*") else ""
-    of = [_line(f"{system}@{split}{star}", found, scale) for split in SPLITS]
-    known = next((one for one in of if one.rows), None)
-    if known is None:
-        raise InputError(f"{{{{splits {asked}}}}}: no row of scale {scale}")
-    cells = [f"{format_score(one.score('paa_all'), 3)} ({format_score(one.score('within_1'), 3)})" for one in of]
-    return f"| {known.system}, {known.condition} | {known.taught} | {' | '.join(cells)} |"
+def _format_splits(system_text: str, results: Results, scale: str) -> str:
+    system, star = system_text.removesuffix("*"), "*" if system_text.endswith("*") else ""
+    lines = [_find_line(f"{system}@{split}{star}", results, scale) for split in SPLITS]
+    first_line = next((line for line in lines if line.rows), None)
+    if first_line is None:
+        raise InputError(f"{{{{splits {system_text}}}}}: no row of scale {scale}")
+    cells = [f"{format_score(line.score('paa_all'), 3)} ({format_score(line.score('within_1'), 3)})" for line in lines]
+    return f"| {first_line.system}, {first_line.condition} | {first_line.taught} | {' | '.join(cells)} |"
 
 
-def _line(asked: str, found: Results, scale: str) -> TableLine:
-    taught = ON_MANY if asked.endswith("*") else HERE
-    system, _, split = asked.removesuffix("*").partition("@")
+def _find_line(system_text: str, results: Results, scale: str) -> TableLine:
+    taught = ON_MANY if system_text.endswith("*") else HERE
+    system, _, split = system_text.removesuffix("*").partition("@")
     system, _, optimiser = system.partition("~")
-    return line(found, scale, system, split or "random", taught, optimiser or "adamw")
+    return find_line(results, scale, system, split or "random", taught, optimiser or "adamw")

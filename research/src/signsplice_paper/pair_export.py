@@ -1,4 +1,4 @@
-"""A corpus of pairs as files that others read: words and true transitions as BVH, positions as JSON.
+"""Exports a corpus of pairs as files that other programs read: words and true transitions as BVH, positions as JSON.
 
     words/000-HOUSE.bvh, ..., words/glosses.csv    every word of one signer, in order
     transitions/000-HOUSE.bvh, ...                 all transitions that leave a word, one after another
@@ -33,9 +33,10 @@ POSITIONS, WORDS, TRANSITIONS = "positions.json", "words", "transitions"
 
 
 def export(pairs: Pairs, folder: Path, signer: int = 0, progress: Progress | None = None) -> int:
-    """Write the words and pairs of one signer of a corpus into ``folder``, all or nothing; returns the number of pairs.
+    """Writes the words and pairs of one signer of a corpus into ``folder``, all or nothing; returns the number of
+    pairs.
 
-    Raises ``InputError`` for a signer without pairs, and where the folder cannot be written or holds something else.
+    Raises ``InputError`` for a signer without pairs, and if the folder cannot be written or holds something else.
     """
     numbers = [k for k, (p, _) in enumerate(pairs.index[:, :2].tolist()) if pairs.signer(p) == signer]
     if not 0 <= signer < len(pairs.spaces) or not numbers:
@@ -43,28 +44,31 @@ def export(pairs: Pairs, folder: Path, signer: int = 0, progress: Progress | Non
     n_words = len(pairs.head["words"]) // len(pairs.spaces)
     first = signer * n_words
     names = [f"{k:03d}-{file_name(pairs.gloss(first + k))}.bvh" for k in range(n_words)]
-    check_folder(folder, POSITIONS, lambda path: _files(path))
-    with replacing_folder(folder) as made:
-        (made / WORDS).mkdir()
-        (made / TRANSITIONS).mkdir()
+    check_folder(folder, POSITIONS, lambda path: _list_files(path))
+    with replacing_folder(folder) as temporary:
+        (temporary / WORDS).mkdir()
+        (temporary / TRANSITIONS).mkdir()
         for k, name in enumerate(names):
-            save(pairs.word_clip(first + k), made / WORDS / name)
-        (made / WORDS / TABLE).write_text(_table(pairs, first, names), encoding="utf-8")
+            save(pairs.word_clip(first + k), temporary / WORDS / name)
+        (temporary / WORDS / TABLE).write_text(_format_table(pairs, first, names), encoding="utf-8")
         rows: list[dict[str, Any]] = []
         for k, name in enumerate(names):
-            leaving = [number for number in numbers if pairs.index[number, 0] == first + k]
-            if leaving:
-                save(concatenate([pairs.transition_clip(number) for number in leaving]), made / TRANSITIONS / name)
-                rows += _positions(pairs, leaving, f"{TRANSITIONS}/{name}")
+            word_pairs = [number for number in numbers if pairs.index[number, 0] == first + k]
+            if word_pairs:
+                save(
+                    concatenate([pairs.transition_clip(number) for number in word_pairs]),
+                    temporary / TRANSITIONS / name,
+                )
+                rows += _make_rows(pairs, word_pairs, f"{TRANSITIONS}/{name}")
             if progress is not None:
                 progress(k + 1, n_words)
         stored = {"version": 1, "space": pairs.spaces[signer].as_json(), "pairs": rows}
-        (made / POSITIONS).write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
+        (temporary / POSITIONS).write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
     return len(numbers)
 
 
-def _positions(pairs: Pairs, numbers: list[int], clip: str) -> list[dict[str, Any]]:
-    """The rows of pairs whose transitions stand one after another in a clip."""
+def _make_rows(pairs: Pairs, numbers: list[int], clip: str) -> list[dict[str, Any]]:
+    """Returns the rows of pairs whose transitions follow one another in a clip."""
     index = pairs.index[numbers].tolist()
     stops = np.cumsum([row[5] for row in index]).tolist()
     return [
@@ -80,18 +84,18 @@ def _positions(pairs: Pairs, numbers: list[int], clip: str) -> list[dict[str, An
     ]
 
 
-def _table(pairs: Pairs, first: int, names: list[str]) -> str:
-    table = io.StringIO()
-    rows = csv.writer(table, lineterminator="\n")
-    rows.writerow(("file", "gloss", "signer"))
+def _format_table(pairs: Pairs, first: int, names: list[str]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("file", "gloss", "signer"))
     for k, name in enumerate(names, start=first):
-        rows.writerow((name, pairs.gloss(k), pairs.head["words"][k]["signer"]))
-    return table.getvalue()
+        writer.writerow((name, pairs.gloss(k), pairs.head["words"][k]["signer"]))
+    return text.getvalue()
 
 
-def _files(folder: Path) -> list[str]:
-    """The files of an earlier export. Raises ``InputError`` for other positions than ``export`` writes."""
-    given = read_positions(folder / POSITIONS)
-    clips = {pair.clip for pair in given.pairs.values() if pair.clip is not None}
+def _list_files(folder: Path) -> list[str]:
+    """Returns the files of an earlier export. Raises ``InputError`` for other positions than ``export`` writes."""
+    positions = read_positions(folder / POSITIONS)
+    clips = {pair.clip for pair in positions.pairs.values() if pair.clip is not None}
     words = {f"{WORDS}/{path.name}" for path in (folder / WORDS).glob("[0-9][0-9][0-9]*-*.bvh")}
     return [POSITIONS, f"{WORDS}/{TABLE}", *sorted(clips | words)]

@@ -1,6 +1,6 @@
-"""Scores on other pairs than those of the test part, and on chosen ones of it.
+"""Samples of training and validation pairs, on which a system is scored in addition to the test part.
 
-- PAA on a fixed sample of the pairs that a system learned from: what it cannot even learn by heart.
+- PAA on a fixed sample of the pairs that a system learned from: whether it can at least learn them by heart.
 - Accuracy on the validation pairs that its training was judged on: the last point of its curve.
 """
 
@@ -19,13 +19,13 @@ SIGNATURES = {
 
 
 def sample(pairs: Pairs, split: str, part: str, count: int = N_TAUGHT) -> list[int]:
-    """A fixed sample of the pairs of a part."""
+    """Returns a fixed sample of the pairs of a part."""
     numbers = pairs.split(split, part)
     order = stream("paper-taught", len(numbers)).permutation(len(numbers))[:count]
     return [numbers[k] for k in sorted(order.tolist())]
 
 
-def validation(pairs: Pairs, split: str, count: int = N_VALID) -> list[int]:
-    """The first pairs of the split's validation part, in the fixed order in which a training judges them."""
+def sample_validation(pairs: Pairs, split: str, count: int = N_VALID) -> list[int]:
+    """Returns the first pairs of the split's validation part, in the fixed order in which a training judges them."""
     numbers = pairs.split(split, "valid")
     return [numbers[k] for k in stream("judged", len(numbers)).permutation(len(numbers))[:count].tolist()]

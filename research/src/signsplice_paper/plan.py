@@ -55,9 +55,9 @@ class Run:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which systems are trained and judged; an empty field allows all.
+    """A choice of systems to train and judge; an empty field allows all.
 
-    - systems, optimisers, seeds: those of the trainings
+    - systems, optimisers, seeds: the chosen trainings
     - splits: splits that are judged
     """
 
@@ -67,58 +67,59 @@ class Choice:
     seeds: tuple[int, ...] = ()
 
     def __str__(self) -> str:
-        """The options that make this choice."""
-        named = (("system", self.systems), ("optimiser", self.optimisers), ("split", self.splits),
+        """Returns the command line's options for this choice."""
+        options = (("system", self.systems), ("optimiser", self.optimisers), ("split", self.splits),
                  ("seed", self.seeds))  # fmt: skip
-        return " ".join(f"--{option} {value}" for option, values in named for value in values)
+        return " ".join(f"--{option} {value}" for option, values in options for value in values)
 
     def allows(self, run: Run) -> bool:
-        """Whether a training is wanted."""
-        asked: tuple[tuple[tuple[object, ...], object], ...] = (
+        """Returns whether a training is chosen."""
+        filters: tuple[tuple[tuple[object, ...], object], ...] = (
             (self.systems, run.system),
             (self.optimisers, run.optimiser),
             (self.seeds, run.seed),
         )
-        return all(not allowed or value in allowed for allowed, value in asked)
+        return all(not allowed or value in allowed for allowed, value in filters)
 
 
-def runs(scale: str, choice: Choice | None = None, splits: Collection[str] = ("random",)) -> list[Run]:
-    """Every training that the tables of a scale need, the most important first; at scale ``small`` those of table 1.
+def plan_runs(scale: str, choice: Choice | None = None, splits: Collection[str] = ("random",)) -> list[Run]:
+    """Returns every training that the tables of a scale need, the most important first; at scale ``small`` those of
+    table 1.
 
     splits: those of the corpus. On one to teach on, the systems of ``ON_MANY``. On any other, on the random split,
     which has the training part of all: the systems of table 1; the four systems as printed; ablations; by SGD, as in
     the paper, LpTransformer as printed, or the systems that the choice names together with SGD; and further seeds, at
     scale ``smoke`` one.
     """
-    wanted, smoke = choice or Choice(), scale == "smoke"
+    filters, is_smoke = choice or Choice(), scale == "smoke"
     if TAUGHT_SPLIT in splits:
         planned = [Run(system, scale, "adamw", TAUGHT_SPLIT) for system in ON_MANY]
     else:
         systems = TABLE_1 if scale == "small" else (*SEEDED, *published.ABLATIONS)
         planned = [Run(system, scale, "adamw", "random") for system in systems]
         if scale != "small":
-            by_sgd = wanted.systems if "sgd" in wanted.optimisers and wanted.systems else (published.PRINTED,)
+            by_sgd = filters.systems if "sgd" in filters.optimisers and filters.systems else (published.PRINTED,)
             planned += [Run(system, scale, "sgd", "random") for system in by_sgd]
             planned += [
                 Run(system, scale, "adamw", "random", seed=seed)
-                for seed in SEEDS[: 1 if smoke else None]
-                for system in (ON_MANY if smoke else SEEDED)
+                for seed in SEEDS[: 1 if is_smoke else None]
+                for system in (ON_MANY if is_smoke else SEEDED)
             ]
-    return [run for run in planned if wanted.allows(run)]
+    return [run for run in planned if filters.allows(run)]
 
 
-def missing(planned: Sequence[Run], bundles: Path, corpus: str | None = None) -> list[Run]:
-    """The runs whose bundle does not exist, or is of another corpus than the one with this hash."""
-    out = []
+def find_missing(planned: Sequence[Run], bundles: Path, corpus: str | None = None) -> list[Run]:
+    """Returns the runs whose bundle does not exist, or is of another corpus than the one with this hash."""
+    missing_runs = []
     for run in planned:
         stored = _load_bundle_config(bundles / run.name)
         if stored is None or (corpus is not None and stored.get("corpus", corpus) != corpus):
-            out.append(run)
-    return out
+            missing_runs.append(run)
+    return missing_runs
 
 
 def _load_bundle_config(bundle: Path) -> dict[str, Any] | None:
-    """The contents of a bundle.json, None where there is none."""
+    """Returns the contents of a bundle.json, None if there is none."""
     try:
         stored = json.loads((bundle / BUNDLE_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -18,7 +18,7 @@ class Prediction:
     - pre: last kept frame of the word before, None if the system emitted no such token
     - post: first kept frame of the word after, None if the system emitted no such token
     - frames: the transition (n, 159); n = 0 if the system could make none
-    - rotations: the transition's local rotations (n, J, 4), of methods on clips; None where only the numbers are known
+    - rotations: the transition's local rotations (n, J, 4), of methods on clips; None if only the numbers are known
     """
 
     pre: int | None
@@ -28,7 +28,7 @@ class Prediction:
 
 
 class System(Protocol):
-    """Splices two words given as joint positions."""
+    """A system that splices two words given as joint positions."""
 
     @property
     def name(self) -> str:
@@ -36,9 +36,9 @@ class System(Protocol):
         ...
 
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
-        """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
+        """Returns the splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
         ...
 
     def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
-        """Its positions pre and post alone."""
+        """Returns the positions pre and post alone."""
         ...

@@ -1,8 +1,8 @@
-"""Which pairs are judged and how: the test part of a split of one corpus, one pair at a time, timed.
+"""The protocol: which pairs are judged, and how: the test part of a split of one corpus, one pair at a time, timed.
 
 A bundle may be judged only if it was trained on the same corpus and on the training part of the split, or on a corpus
-to teach on, whose words and signers are in no corpus to judge on: so it never saw a pair on which it is judged. Where
-all splits have one training part, one bundle serves all.
+to teach on, whose words and signers are in no corpus to judge on: so it never saw a pair on which it is judged. If all
+splits have one training part, one bundle serves all.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ Progress = Callable[[int, int], None]
 
 SPLITS = ("random", "unseen-words", "unseen-signer", "unseen-both")
 BONES = ("accuracy", "mse", "bleu-4", "joint_jumps", "bone_change")
-"""Scores of which there is a second one, ``..._bones``, of frames that keep the skeleton's bones, of the same pairs as
-``viewed``."""
+"""Scores with a second value, ``..._bones``, of frames that keep the skeleton's bones; on the pairs of ``viewed``."""
 WARM_UP = 3
 """Untimed calls before the first timed one, because first calls allocate."""
 
@@ -67,7 +66,7 @@ class Judged:
 
     - scores: by name: those of ``metrics``; of at most ``viewed.N_VIEWED`` pairs those of ``viewed``, and for systems
       that give positions alone those of ``BONES`` with bones kept; ``ms_mean`` and ``ms_median`` of the time per pair,
-      and ``frames_ms``, how long the true transition takes to be seen
+      and ``frames_ms``, the duration of the true transition
     - n_pairs: number of pairs judged
     """
 
@@ -76,21 +75,21 @@ class Judged:
 
 
 def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = None) -> Protocol:
-    """The pairs of a part of a split; a fixed choice of ``limit`` of them if there are more.
+    """Returns the pairs of a part of a split; a fixed choice of ``limit`` of them if there are more.
 
     Raises ``InputError`` if the split or part is unknown or holds no pair.
     """
     numbers = pairs.split(split, part)
     if limit is not None and limit < len(numbers):
-        chosen = stream("paper-limit", len(numbers)).permutation(len(numbers))[:limit]
-        numbers = [numbers[k] for k in sorted(chosen.tolist())]
+        order = stream("paper-limit", len(numbers)).permutation(len(numbers))[:limit]
+        numbers = [numbers[k] for k in sorted(order.tolist())]
     if not numbers:
         raise InputError(f"{pairs.folder}: no pair in {split} {part}; make a corpus of more words")
     return Protocol(pairs.head["hash"], split, part, tuple(numbers), pairs.head["fps"])
 
 
 def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str = "bundle") -> None:
-    """Raise ``InputError`` if a bundle must not be judged by a protocol: it was trained on another corpus, on another
+    """Raises ``InputError`` if a bundle must not be judged by a protocol: it was trained on another corpus, on another
     training part than the split's, or on a pair that is judged.
 
     trained_on: the ``corpus`` and ``split`` that it was trained on.
@@ -105,21 +104,21 @@ def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protoco
     split = trained_on.get("split")
     if not isinstance(split, str):
         raise InputError(f"{name}: states no split that it was trained on, expected one of {', '.join(SPLITS)}")
-    learned = pairs.split(split, "train")
-    seen = set(learned) | set(pairs.split(split, "valid"))
-    if protocol.part == "test" and seen & set(protocol.numbers):
+    training_pairs = pairs.split(split, "train")
+    seen_pairs = set(training_pairs) | set(pairs.split(split, "valid"))
+    if protocol.part == "test" and seen_pairs & set(protocol.numbers):
         raise InputError(
-            f"{name}: trained on split {split}, and {len(seen & set(protocol.numbers))} of the "
+            f"{name}: trained on split {split}, and {len(seen_pairs & set(protocol.numbers))} of the "
             f"{len(protocol.numbers)} pairs of {protocol.split} {protocol.part} were seen in training"
         )
-    if learned != pairs.split(protocol.split, "train"):
+    if training_pairs != pairs.split(protocol.split, "train"):
         raise InputError(
             f"{name}: trained on split {split}, judged on {protocol.split}, which has another training part"
         )
 
 
 def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -> bool:
-    """Whether ``check_allowed`` accepts a bundle."""
+    """Returns whether ``check_allowed`` accepts a bundle."""
     try:
         check_allowed(trained_on, pairs, protocol)
     except InputError:
@@ -127,8 +126,8 @@ def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -
     return True
 
 
-def answers(pairs: Pairs, system: System) -> Answer:
-    """The predictions of a system that sees only the numbers."""
+def make_answer(pairs: Pairs, system: System) -> Answer:
+    """Returns the predictor of a system that sees only the numbers: from a pair's number to its prediction."""
 
     def answer(number: int) -> Prediction:
         p, q = pairs.index[number, :2].tolist()
@@ -137,8 +136,8 @@ def answers(pairs: Pairs, system: System) -> Answer:
     return answer
 
 
-def positions(pairs: Pairs, system: System) -> Callable[[int], Positions]:
-    """The positions of a system that sees only the numbers, without frames."""
+def make_position_answer(pairs: Pairs, system: System) -> Callable[[int], Positions]:
+    """Returns the predictor of positions, without frames, of a system that sees only the numbers."""
 
     def predict_positions(number: int) -> Positions:
         p, q = pairs.index[number, :2].tolist()
@@ -148,14 +147,14 @@ def positions(pairs: Pairs, system: System) -> Callable[[int], Positions]:
 
 
 def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress | None = None) -> Judged:
-    """The scores of a system on the pairs of a protocol, judged one at a time.
+    """Returns the scores of a system on the pairs of a protocol, judged one at a time.
 
     Raises ``InputError`` for a prediction with wrong shapes, values that are not finite, or positions out of range.
     """
     layouts: dict[int, extra_metrics.NumberLayout] = {}
     viewer = viewed.Viewer(pairs)
     order = stream("viewed", len(protocol.numbers)).permutation(len(protocol.numbers))[: viewed.N_VIEWED]
-    looked_at = {protocol.numbers[k] for k in order.tolist()}
+    viewed_numbers = {protocol.numbers[k] for k in order.tolist()}
     for number in protocol.numbers[:WARM_UP]:
         answer(number)
     scores: dict[str, list[metrics.PairScore]] = {"": [], "_bones": []}
@@ -164,54 +163,59 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
     for done, number in enumerate(protocol.numbers, 1):
         p, q = pairs.index[number, :2].tolist()
         before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
-        begun = time.perf_counter()
+        start = time.perf_counter()
         prediction = answer(number)
-        seconds.append(time.perf_counter() - begun)
-        _check(prediction, (before, after), number)
+        seconds.append(time.perf_counter() - start)
+        _check_prediction(prediction, (before, after), number)
         signer = pairs.signer(p)
         if signer not in layouts:
-            layouts[signer] = extra_metrics.number_layout(pairs.word_clip(p), pairs.spaces[signer])
+            layouts[signer] = extra_metrics.make_number_layout(pairs.word_clip(p), pairs.spaces[signer])
         pre, post, frames = pairs.truth(number)
         truth = (pre, post, frames.astype(np.float64))
         scores[""].append(metrics.score(prediction, truth, (before, after), layouts[signer]))
-        if number in looked_at:
+        if number in viewed_numbers:
             views[""].append(viewer.view(number, prediction))
             if prediction.rotations is None:
-                kept = viewer.with_bones(number, prediction)
-                scores["_bones"].append(metrics.score(kept, truth, (before, after), layouts[signer]))
-                views["_bones"].append(viewer.view(number, kept))
+                fitted = viewer.fit_bones(number, prediction)
+                scores["_bones"].append(metrics.score(fitted, truth, (before, after), layouts[signer]))
+                views["_bones"].append(viewer.view(number, fitted))
         if progress is not None:
             progress(done, len(protocol.numbers))
-    summary = metrics.summary(scores[""]) | viewed.summary(views[""])
+    summary = metrics.summarise(scores[""]) | viewed.summarise(views[""])
     if scores["_bones"]:
-        with_bones = metrics.summary(scores["_bones"]) | viewed.summary(views["_bones"])
+        with_bones = metrics.summarise(scores["_bones"]) | viewed.summarise(views["_bones"])
         summary |= {f"{name}_bones": with_bones[name] for name in BONES}
-    times = _milliseconds(seconds) | {"frames_ms": 1e3 * summary["n_frames"] / protocol.fps}
+    times = _summarise_times(seconds) | {"frames_ms": 1e3 * summary["n_frames"] / protocol.fps}
     return Judged(summary | times, len(seconds))
 
 
-def accuracy(answer: Answer, pairs: Pairs, numbers: Sequence[int]) -> float:
-    """The Accuracy of a system on some pairs, NaN without any."""
-    made = [metrics.accuracy(answer(k).frames, np.asarray(pairs.truth(k)[2], np.float64)) for k in numbers]
-    return float(np.mean(made)) if made else float("nan")
+def compute_accuracy(answer: Answer, pairs: Pairs, numbers: Sequence[int]) -> float:
+    """Returns the Accuracy of a system on some pairs, NaN without any."""
+    accuracies = [
+        metrics.compute_accuracy(answer(k).frames, np.asarray(pairs.truth(k)[2], np.float64)) for k in numbers
+    ]
+    return float(np.mean(accuracies)) if accuracies else float("nan")
 
 
-def paa(positions_of: Callable[[int], Positions], pairs: Pairs, numbers: Sequence[int]) -> float:
-    """The PAA of positions on some pairs, NaN without any."""
+def compute_paa(positions_of: Callable[[int], Positions], pairs: Pairs, numbers: Sequence[int]) -> float:
+    """Returns the PAA of positions on some pairs, NaN without any."""
     true = pairs.index[list(numbers), 2:4].tolist() if numbers else []
-    off = [metrics.positions_off(positions_of(k), (pre, post)) for k, (pre, post) in zip(numbers, true, strict=True)]
-    return metrics.position_scores(off)["paa"]
+    errors = [
+        metrics.measure_position_errors(positions_of(k), (pre, post))
+        for k, (pre, post) in zip(numbers, true, strict=True)
+    ]
+    return metrics.summarise_positions(errors)["paa"]
 
 
-def _check(prediction: Prediction, words: tuple[FloatArray, FloatArray], number: int) -> None:
+def _check_prediction(prediction: Prediction, words: tuple[FloatArray, FloatArray], number: int) -> None:
     n_before, n_after, n_numbers = len(words[0]), len(words[1]), words[0].shape[1]
     frames = prediction.frames
     if frames.ndim != 2 or frames.shape[1] != n_numbers or not np.isfinite(frames).all():
         raise InputError(f"pair {number}: predicted frames {frames.shape}, expected finite (n, {n_numbers})")
-    for what, position, count in (("pre", prediction.pre, n_before), ("post", prediction.post, n_after)):
+    for token, position, count in (("pre", prediction.pre, n_before), ("post", prediction.post, n_after)):
         if position is not None and not 0 <= position < count:
-            raise InputError(f"pair {number}: predicted {what} {position}, expected a frame of a word of {count}")
+            raise InputError(f"pair {number}: predicted {token} {position}, expected a frame of a word of {count}")
 
 
-def _milliseconds(seconds: Sequence[float]) -> dict[str, float]:
+def _summarise_times(seconds: Sequence[float]) -> dict[str, float]:
     return {"ms_mean": 1e3 * float(np.mean(seconds)), "ms_median": 1e3 * float(np.median(seconds))}

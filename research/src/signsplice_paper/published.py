@@ -18,14 +18,14 @@ reading that allows ConvS2S's 0.999.
 """
 
 PRINTED = "lptransformer-printed"
-"""LpTransformer as its equations and its loss say."""
+"""LpTransformer by its equations and its loss."""
 LPTRANSFORMER = "lptransformer"
-"""The same networks in the treatment that their rivals have."""
+"""The same networks in the same treatment as their rivals."""
 LPT_PLUS = "lpt-plus"
 """SPSN word by word, with the paper's TFGN."""
 
 AS_PRINTED, EQUAL = "as printed", "equal treatment"
-"""Conditions: plain cross-entropy of the tokens, and none where "none" wins; or the weighted loss, and a bias of the
+"""Conditions: plain cross-entropy of the tokens, and no token if "none" wins; or the weighted loss, and a bias of the
 tokens that is chosen on validation pairs."""
 CONDITIONS = {
     "conv-s2s": {AS_PRINTED: "conv-s2s-printed", EQUAL: "conv-s2s"},
@@ -70,6 +70,6 @@ MSE = 0.0015
 BEST_FR = 8
 
 
-def name(system: str) -> str:
-    """A system's name in tables and figures."""
+def get_display_name(system: str) -> str:
+    """Returns a system's name in tables and figures."""
     return NAMES.get(system, system)

@@ -1,4 +1,4 @@
-"""Trained systems published beside the tables, and the page that lists them."""
+"""Publishes trained systems next to the tables, and writes the page that lists them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ Each was trained by one command ([the two corpora](../../workshop/docs/readable-
 """
 
 
-def publish(sources: Sequence[Path], out: Path) -> list[Path]:
-    """Write each bundle, without its log and curve, into a folder of its name in ``out``, and the page about all
-    bundles there; the folders written. Raises ``InputError`` for what is no bundle of the paper's systems.
+def publish(sources: Sequence[Path], output_folder: Path) -> list[Path]:
+    """Writes each bundle, without its log and curve, into a folder of its name in ``output_folder``, and the page about
+    all bundles there; returns the folders. Raises ``InputError`` for a folder that is no bundle of the paper's systems.
     """
     from signsplice_workshop.train.bundles import write_bundle
 
@@ -40,39 +40,39 @@ def publish(sources: Sequence[Path], out: Path) -> list[Path]:
     for source in sources:
         config = read_config(source)
         config.require("system", "runs", "fr", "split", "corpus", "command")
-        target = out / source.resolve().name
+        target = output_folder / source.resolve().name
         if target.exists() and target.samefile(source):
             raise InputError(f"{target}: is the bundle itself; name another folder")
         stored = {k: v for k, v in config.stored.items() if k not in ("version", "files")}
         write_bundle(target, stored, {name: read_file(source, config, name) for name in config.files})
         written.append(target)
-    with replacing(out / PAGE) as temporary:
-        temporary.write_text(page(out), encoding="utf-8")
+    with replacing(output_folder / PAGE) as temporary:
+        temporary.write_text(format_page(output_folder), encoding="utf-8")
     return written
 
 
-def page(folder: Path) -> str:
-    """The page about the bundles in a folder. Raises ``InputError`` where there is none."""
+def format_page(folder: Path) -> str:
+    """Returns the page about the bundles in a folder. Raises ``InputError`` if there is none."""
     configs = bundles.read_all(folder)
     if not configs:
         raise InputError(f"{folder}: holds no bundle")
-    shown = next((config for config in configs if config.system == published.LPT_PLUS), configs[0])
-    head = _HEAD.format(folder=_display_path(folder), name=shown.path.parent.name)
+    example = next((config for config in configs if config.system == published.LPT_PLUS), configs[0])
+    head = _HEAD.format(folder=_format_path(folder), name=example.path.parent.name)
     commands = "".join(f"    {' '.join(config.stored['command'])}\n" for config in configs)
-    return head + "".join(map(_line, configs)) + _TAIL + commands
+    return head + "".join(map(_format_line, configs)) + _TAIL + commands
 
 
-def _line(config: PaperConfig) -> str:
+def _format_line(config: PaperConfig) -> str:
     n_bytes = sum(path.stat().st_size for path in config.path.parent.iterdir())
-    row = bundles.result_row(config)
+    row = bundles.make_result_row(config)
     cells = (
-        config.path.parent.name, published.name(row.system), row.condition, row.scale, row.optimiser, config.split,
-        row.seed, row.steps, row.bundle, f"{n_bytes / 1e6:.1f}",
+        config.path.parent.name, published.get_display_name(row.system), row.condition, row.scale, row.optimiser,
+        config.split, row.seed, row.steps, row.bundle, f"{n_bytes / 1e6:.1f}",
     )  # fmt: skip
     return f"| {' | '.join(map(str, cells))} |\n"
 
 
-def _display_path(folder: Path) -> str:
-    """The folder as a reader at the root of the project names it."""
+def _format_path(folder: Path) -> str:
+    """Returns the folder's path relative to the root of the project."""
     parts = folder.resolve().parts
     return "/".join(parts[-2:]) if parts[-2] == "research" else folder.name

@@ -1,8 +1,8 @@
 """results.json, version 3: every measured row with the recipe that made it, and the curve of every training.
 
-A row's key is what was judged and where: system, what it was given, what it was taught on, scale, optimiser, fr, seed,
-split and part. A new
-row replaces the row of the same key. A table holds only rows whose signatures agree.
+A row's key names the judged system and its conditions: system, what it was given, what it was taught on, scale,
+optimiser, fr, seed, split and part. A new row replaces the row of the same key. A table holds only rows whose
+signatures agree.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ FILE = "results.json"
 _OTHER_VERSION = "earlier ones are of corpora that are no longer judged; choose another --out, and judge again"
 CLASSICAL, SHIPPED, MEAN, FITTED = "classical", "own", "mean", "fitted"
 """Scales of rows that are not the paper's systems: methods without training, this project's networks as they ship, the
-mean transition of a split's training part, and what is fitted to that part in closed form.
+mean transition of a split's training part, and methods fitted to that part in closed form.
 """
 SIGNATURES = {**metrics.SIGNATURES, **viewed.SIGNATURES}
 GIVEN = ("nothing", "length", "positions", "positions and length")
-"""What a method on clips may be given of the truth."""
+"""The parts of the truth that a method on clips may be given."""
 
 
 @dataclass(frozen=True)
@@ -39,24 +39,24 @@ class ResultRow:
     - system: the system's or method's name
     - split: the split that is judged
     - scale: smoke, cpu or paper; ``CLASSICAL``, ``SHIPPED``, ``FITTED`` or ``MEAN`` for other rows
-    - taught: hash of the corpus that it learned from, where that is another than the one judged on; else empty
+    - taught: hash of the corpus that it learned from, if that is another than the one judged on; else empty
     - optimiser: adamw or sgd, empty for methods on clips
     - part: the part of the split that is judged
     - fr: frames that Culling keeps on each side, None without Culling
     - seed: the training's seed, None for methods on clips
-    - given: what the method was given of the truth, one of ``GIVEN``
+    - given: the part of the truth that the method was given, one of ``GIVEN``
     - steps: training steps of all parts together
     - stopped: why a training ended: plateau, steps or time; empty for methods on clips
     - n_parameters: number of parameters
     - token_bias: bias of the tokens' logits, 0 without; None for methods without tokens
     - bundle: first digits of the bundle's sha256, None for classical methods
     - corpus: hash of the corpus
-    - truth: kind of its true positions: partner, word, or what made them
+    - truth: kind of its true positions: partner, word, or the source that made them
     - protocol: signature of the protocol
-    - metrics_id: ``signature_id`` of the metrics
+    - metrics_id: ``hash_signatures`` of the metrics
     - n_pairs: number of pairs judged
     - condition: one of ``published.AS_PRINTED`` and ``EQUAL``; empty for methods on clips
-    - scores: by name, None where there was nothing to count
+    - scores: by name, None if there was nothing to count
     - commit: git revision of the code
     - versions: of Python and packages
     - machine: processor and number of cores
@@ -94,7 +94,7 @@ class ResultRow:
         return (*method, self.split, self.part)
 
     def score(self, name: str) -> float:
-        """A score by name, NaN if it is missing."""
+        """Returns a score by name, NaN if it is missing."""
         value = self.scores.get(name)
         return float("nan") if value is None else value
 
@@ -113,30 +113,32 @@ class Results:
     signatures: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def merge(self, rows: Iterable[ResultRow] = (), curves: Iterable[Curve] = ()) -> Results:
-        """These results with rows and curves added; the same key replaces. Signatures that no row names are dropped."""
+        """Returns these results with rows and curves added; the same key replaces. Signatures that no row names are
+        dropped.
+        """
         by_key = {row.key: row for row in (*self.rows, *rows)}
         by_curve = {c.key: c for c in (*self.curves, *curves)}
-        named = {row.metrics_id for row in by_key.values()}
-        known = {**self.signatures, signature_id(): SIGNATURES}
+        used_ids = {row.metrics_id for row in by_key.values()}
+        known = {**self.signatures, hash_signatures(): SIGNATURES}
         return Results(
-            tuple(sorted(by_key.values(), key=lambda row: _order(row.key))),
-            tuple(sorted(by_curve.values(), key=lambda c: _order(c.key))),
-            {k: v for k, v in known.items() if k in named},
+            tuple(sorted(by_key.values(), key=lambda row: _make_sort_key(row.key))),
+            tuple(sorted(by_curve.values(), key=lambda c: _make_sort_key(c.key))),
+            {k: v for k, v in known.items() if k in used_ids},
         )
 
-    def find(self, **wanted: object) -> list[ResultRow]:
-        """The rows whose fields have these values."""
-        return [row for row in self.rows if all(getattr(row, k) == v for k, v in wanted.items())]
+    def find(self, **values: object) -> list[ResultRow]:
+        """Returns the rows whose fields have these values."""
+        return [row for row in self.rows if all(getattr(row, k) == v for k, v in values.items())]
 
 
-def signature_id() -> str:
-    """A short hash of the current signatures of all scores."""
+def hash_signatures() -> str:
+    """Returns a short hash of the current signatures of all scores."""
     text = json.dumps(SIGNATURES, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def check_comparable(rows: Sequence[ResultRow]) -> None:
-    """Raise ``InputError`` if rows for one table differ in metrics, protocol or corpus."""
+    """Raises ``InputError`` if rows for one table differ in metrics, protocol or corpus."""
     for field_name in ("metrics_id", "protocol", "corpus"):
         by_value = {getattr(row, field_name): row for row in rows}
         if len(by_value) > 1:
@@ -147,13 +149,13 @@ def check_comparable(rows: Sequence[ResultRow]) -> None:
             )
 
 
-def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
-    """Scores for JSON, with None in place of NaN and infinity."""
+def replace_nonfinite(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Returns scores for JSON, with None in place of NaN and infinity."""
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
 
 
 def load(path: Path) -> Results:
-    """The results in a file, empty if there is no file. Raises ``InputError`` for a file of another kind."""
+    """Returns the results in a file, empty without a file. Raises ``InputError`` for a file of another kind."""
     if not path.exists():
         return Results()
     try:
@@ -162,14 +164,14 @@ def load(path: Path) -> Results:
             raise InputError(f"{path}: version {head['version']}, expected {VERSION}; {_OTHER_VERSION}")
         names = {f.name for f in fields(ResultRow)}
         rows = tuple(ResultRow(**{k: v for k, v in row.items() if k in names}) for row in head["rows"])
-        curves = tuple(curve.from_json(stored) for stored in head["curves"])
+        curves = tuple(curve.parse_curve(stored) for stored in head["curves"])
         return Results(rows, curves, head["signatures"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: is no results.json of this project ({error})") from error
 
 
 def save(results: Results, path: Path) -> None:
-    """Write results atomically, with one row per line."""
+    """Writes results atomically, with one row per line."""
     lines = [
         "{",
         f' "version": {VERSION},',
@@ -184,5 +186,5 @@ def save(results: Results, path: Path) -> None:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _order(key: tuple[object, ...]) -> tuple[str, ...]:
+def _make_sort_key(key: tuple[object, ...]) -> tuple[str, ...]:
     return tuple("" if part is None else f"{part:09d}" if isinstance(part, int) else str(part) for part in key)

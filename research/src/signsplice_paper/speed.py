@@ -3,9 +3,9 @@
 Untrained networks would stop at random lengths. Each system therefore does its usual search and then makes as many
 frames as the truth has (``PaperSystem.predict_fixed``), so that an untrained network costs as much as a trained one.
 
-The paper states that LpTransformer predicts five times faster than Transformer, but not how its Transformer decoded nor
-what it put out. Plausible variants of 2023 are therefore timed too: decoding without a cache of keys and values, and
-writing the whole utterance Y instead of the transition.
+The paper states that LpTransformer predicts five times faster than Transformer, but neither how its Transformer decoded
+nor what it put out. Plausible variants of 2023 are therefore timed too: decoding without a cache of keys and values,
+and writing the whole utterance Y instead of the transition.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from signsplice.splicing.learned import FLUENT
 from signsplice.splicing.learned import NAME as LEARNED
 from signsplice_paper import protocol, published
 from signsplice_paper.clip_methods import ClipAnswers, ClipMethod
-from signsplice_paper.environment import environment, machine
+from signsplice_paper.environment import describe_machine, read_environment
 from signsplice_paper.layout import Table
 from signsplice_paper.protocol import Protocol
 from signsplice_paper.systems import DECODINGS, PaperSystem, open_bundle
@@ -33,7 +33,7 @@ from signsplice_workshop.corpora.pairs import Pairs
 WRITES = ("transition", "utterance")
 SYSTEMS = ("lptransformer", "transformer", "lstm", "conv-s2s")
 CONCURRENT = ("lptransformer", "transformer")
-"""Those that can make all frames in one pass."""
+"""Systems that can make all frames in one pass."""
 PRODUCT = "signsplice"
 """This project's networks as they ship: from the words' clips to the transition's 159 numbers per frame."""
 BASE = ("lptransformer", DECODINGS[0], WRITES[0])
@@ -43,7 +43,7 @@ PAGE = "speed"
 
 @dataclass(frozen=True)
 class DecodingRun:
-    """What is timed.
+    """A timed system.
 
     - system: name of the system
     - decoding: one of ``DECODINGS``
@@ -54,8 +54,8 @@ class DecodingRun:
     decoding: str
     writes: str
 
-    def n_frames(self, n_before: int, n_after: int, truth: tuple[int, int, int]) -> int:
-        """Number of frames made for a pair; ``truth`` is pre, post and the number of transition frames."""
+    def count_frames(self, n_before: int, n_after: int, truth: tuple[int, int, int]) -> int:
+        """Returns the number of frames made for a pair; ``truth`` is pre, post and the number of transition frames."""
         pre, post, count = truth
         return count if self.writes == "transition" else pre + 1 + count + n_after - post
 
@@ -64,7 +64,7 @@ class DecodingRun:
 class Timed:
     """The times of one run.
 
-    - run: what was timed
+    - run: the timed run
     - ms_median: median time per pair, milliseconds
     - ms_mean: mean time per pair, milliseconds
     - times_base: median over pairs of the time divided by that of ``BASE``
@@ -78,8 +78,8 @@ class Timed:
     n_parameters: int
 
 
-def decoding_runs() -> Iterator[DecodingRun]:
-    """Everything that is timed of the paper's systems, ``BASE`` first."""
+def list_decoding_runs() -> Iterator[DecodingRun]:
+    """Yields every timed run of the paper's systems, ``BASE`` first."""
     for system in SYSTEMS:
         attention = system in CONCURRENT
         for decoding in DECODINGS if attention else DECODINGS[:1]:
@@ -96,13 +96,13 @@ def measure(
     progress: Callable[[int, int], None] | None = None,
     product_bundle: str | Path | None = None,
 ) -> list[Timed]:
-    """The times of every run on the pairs of a protocol. All runs take turns on each pair, so that changes of the
-    machine's speed affect all alike.
+    """Returns the times of every run on the pairs of a protocol. All runs take turns on each pair, so that changes of
+    the machine's speed affect all alike.
 
     bundles: holds a folder for each system. product_bundle: this project's bundle, None for the one that ships. Raises
     ``InputError`` if a bundle is missing.
     """
-    runs = list(decoding_runs())
+    runs = list(list_decoding_runs())
     systems = {(run.system, run.decoding): open_bundle(bundles / run.system, run.decoding) for run in runs}
     product = ClipMethod(FLUENT, LEARNED, bundle=product_bundle)
     answers = ClipAnswers(pairs, product)
@@ -114,7 +114,7 @@ def measure(
             for column, run in enumerate(runs):
                 work: Callable[[], object] = partial(answers, number)
                 if run.system != PRODUCT:
-                    work = _prediction(systems[run.system, run.decoding], run, pairs, number)
+                    work = _prepare_prediction(systems[run.system, run.decoding], run, pairs, number)
                 start = time.perf_counter()
                 work()
                 seconds[row, column] = time.perf_counter() - start
@@ -134,21 +134,21 @@ def measure(
     ]
 
 
-def _prediction(system: PaperSystem, run: DecodingRun, pairs: Pairs, number: int) -> Callable[[], object]:
-    """The prediction of a pair with its true outcome, ready to be called."""
+def _prepare_prediction(system: PaperSystem, run: DecodingRun, pairs: Pairs, number: int) -> Callable[[], object]:
+    """Returns the prediction of a pair with its true outcome, ready to be called."""
     p, q = pairs.index[number, :2].tolist()
     before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
     pre, post, frames = pairs.truth(number)
-    n_frames = run.n_frames(len(before), len(after), (pre, post, len(frames)))
+    n_frames = run.count_frames(len(before), len(after), (pre, post, len(frames)))
     return partial(system.predict_fixed, before, after, pre, post, n_frames)
 
 
-def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
-    """The times as a table."""
+def make_table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
+    """Returns the times as a table."""
     columns = ("system", "decoding", "writes", "parameters, M", "ms, median", "ms, mean", "times LpTransformer")
     rows = tuple(
         (
-            *(published.name(t.run.system), t.run.decoding, t.run.writes, f"{t.n_parameters / 1e6:.1f}"),
+            *(published.get_display_name(t.run.system), t.run.decoding, t.run.writes, f"{t.n_parameters / 1e6:.1f}"),
             *(f"{t.ms_median:.1f}", f"{t.ms_mean:.1f}", f"{t.times_base:.2f}"),
         )
         for t in timed
@@ -158,15 +158,21 @@ def table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
         "number of frames given; signsplice as it ships, given nothing. "
         "Last column: median over pairs of the time divided by that of the first row.",
         f"Timed by `{judged.signature}`.",
-        f"Times: {machine()}.",
+        f"Times: {describe_machine()}.",
     )
     return Table(f"Prediction time at the sizes of scale {scale}", f"{PAGE}-{scale}", columns, rows, notes)
 
 
 def write(timed: Sequence[Timed], folder: Path, scale: str, judged: Protocol) -> list[Path]:
-    """Write the times as JSON, named by scale; the path written."""
+    """Writes the times as JSON, named by scale; returns the path."""
     rows = [{k: v for k, v in {**asdict(row), **asdict(row.run)}.items() if k != "run"} for row in timed]
-    stored = {"scale": scale, "protocol": judged.signature, **environment(), "machine": machine(), "rows": rows}
+    stored = {
+        "scale": scale,
+        "protocol": judged.signature,
+        **read_environment(),
+        "machine": describe_machine(),
+        "rows": rows,
+    }
     path = folder / f"{PAGE}-{scale}.json"
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")

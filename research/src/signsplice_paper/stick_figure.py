@@ -1,6 +1,6 @@
-"""How the joints of a frame's numbers are drawn: bones, sides, hands and head of any rig, seen from the front.
+"""How to draw the joints of a frame's numbers: bones, sides, hands and head of any rig, seen from the front.
 
-It is found once from a word of the corpus and stored beside the frames, so that pictures need no corpus.
+It is made once from a word of the corpus and stored with the frames, so that pictures need no corpus.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class StickFigure:
     view: tuple[tuple[float, ...], ...]
 
     def project_frames(self, frames: FloatArray) -> FloatArray:
-        """Joint positions (T, J, 2) of frames (T, 3 J), as a viewer in front sees them."""
+        """Returns joint positions (T, J, 2) of frames (T, 3 J), as a viewer in front sees them."""
         return np.asarray(frames.reshape(len(frames), len(self.parents), 3) @ np.array(self.view).T)
 
-    def bones(self, part: str, fingers: bool, side: str | None = None) -> list[tuple[int, int]]:
-        """The bones (upper joint, lower joint) of a part of the body; ``side``: only those of this hand."""
+    def find_bones(self, part: str, fingers: bool, side: str | None = None) -> list[tuple[int, int]]:
+        """Returns the bones (upper joint, lower joint) of a part of the body; ``side``: only those of this hand."""
         return [
             (parent, joint)
             for joint, parent in enumerate(self.parents)
@@ -61,20 +61,20 @@ class StickFigure:
         ]
 
     def as_json(self) -> str:
-        """What ``read_stick_figure`` reads."""
+        """Returns the figure as JSON for ``read_stick_figure``."""
         return json.dumps(asdict(self))
 
 
 def read_stick_figure(text: str) -> StickFigure:
-    """The figure in a text of JSON. Raises ``ValueError``, ``KeyError`` or ``TypeError`` for any other."""
+    """Returns the figure in a text of JSON. Raises ``ValueError``, ``KeyError`` or ``TypeError`` for any other."""
     row = json.loads(text)
     joints = {name: tuple(row[name]) for name in ("parents", "parts", "fingers")}
     head = None if row["head"] is None else tuple(row["head"])
     return StickFigure(**{**row, **joints, "head": head, "view": tuple(map(tuple, row["view"]))})
 
 
-def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> StickFigure:
-    """How a signer's numbers are drawn.
+def make_stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> StickFigure:
+    """Returns how a signer's numbers are drawn.
 
     clip: any word of the signer. joints: the skeleton's joint behind each of J triples of numbers. parents: of each of
     these among them, -1 for the first.
@@ -82,12 +82,12 @@ def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> S
     skeleton = clip.skeleton
     roles = rig_info(skeleton).roles
     order = {joint: n for n, joint in enumerate(joints)}
-    known = {role: order[joint] for role, joint in roles.joints.items() if joint in order}
-    owners = [_owner(skeleton, joint, roles.role_of) for joint in joints]
-    top = _top_of_head(skeleton, roles.joint("head"), roles.role_of)
-    wrists = {side: known[f"{side}Hand"] for side in SIDES if f"{side}Hand" in known}
-    stands = placement(clip)
-    parts = ["hidden" if joint == top else _part(owner) for joint, owner in zip(joints, owners, strict=True)]
+    by_role = {role: order[joint] for role, joint in roles.joints.items() if joint in order}
+    owners = [_find_owner(skeleton, joint, roles.role_of) for joint in joints]
+    top = _find_top_of_head(skeleton, roles.joint("head"), roles.role_of)
+    wrists = {side: by_role[f"{side}Hand"] for side in SIDES if f"{side}Hand" in by_role}
+    body_placement = placement(clip)
+    parts = ["hidden" if joint == top else _find_part(owner) for joint, owner in zip(joints, owners, strict=True)]
     of_fingers = [
         _is_finger(owner) or (owner.endswith("Hand") and n not in wrists.values()) for n, owner in enumerate(owners)
     ]
@@ -96,30 +96,30 @@ def stick_figure(clip: Clip, joints: Sequence[int], parents: Sequence[int]) -> S
         parts=tuple(parts),
         fingers=tuple(of_fingers),
         wrists=wrists,
-        knuckles={side: known.get(f"{side}MiddleProximal", wrist) for side, wrist in wrists.items()},
-        head=(known["head"], order[top]) if "head" in known and top in order else None,
-        view=(_along_axis(np.cross(stands.up, stands.forward)), _along_axis(stands.up)),
+        knuckles={side: by_role.get(f"{side}MiddleProximal", wrist) for side, wrist in wrists.items()},
+        head=(by_role["head"], order[top]) if "head" in by_role and top in order else None,
+        view=(_snap_to_axis(np.cross(body_placement.up, body_placement.forward)), _snap_to_axis(body_placement.up)),
     )
 
 
-def synthetic() -> StickFigure:
-    """The synthetic signer's, which frames without a figure are of."""
+def make_synthetic_figure() -> StickFigure:
+    """Returns the figure of the synthetic signer, the default for frames stored without a figure."""
     from signsplice.signer.signer import skeleton
 
     body = skeleton()
-    still = np.zeros((1, len(body), 4))
-    still[..., 3] = 1.0
-    return stick_figure(Clip(body, still, np.zeros((1, 3)), 30.0), range(len(body)), body.parents.tolist())
+    rotations = np.zeros((1, len(body), 4))
+    rotations[..., 3] = 1.0
+    return make_stick_figure(Clip(body, rotations, np.zeros((1, 3)), 30.0), range(len(body)), body.parents.tolist())
 
 
-def _along_axis(direction: FloatArray) -> tuple[float, ...]:
-    """A unit vector, along an axis of the numbers where it nearly is."""
+def _snap_to_axis(direction: FloatArray) -> tuple[float, ...]:
+    """Returns a unit vector, along an axis of the numbers if it nearly is."""
     nearest = np.round(direction)
     return tuple((nearest if direction @ nearest > _NEARLY else direction).round(9).tolist())
 
 
-def _owner(skeleton: Skeleton, joint: int, role_of: Mapping[int, str]) -> str:
-    """The role of a joint, or of the nearest one above it that has one."""
+def _find_owner(skeleton: Skeleton, joint: int, role_of: Mapping[int, str]) -> str:
+    """Returns the role of a joint, or of the nearest one above it that has one."""
     while joint >= 0:
         if joint in role_of:
             return role_of[joint]
@@ -127,7 +127,7 @@ def _owner(skeleton: Skeleton, joint: int, role_of: Mapping[int, str]) -> str:
     return ""
 
 
-def _part(role: str) -> str:
+def _find_part(role: str) -> str:
     if role.endswith(_HIDDEN_ROLES):
         return HIDDEN
     return next((side for side in SIDES if role.startswith(side)), TRUNK)
@@ -137,8 +137,8 @@ def _is_finger(role: str) -> bool:
     return any(finger in role for finger in FINGERS)
 
 
-def _top_of_head(skeleton: Skeleton, head: int | None, role_of: Mapping[int, str]) -> int | None:
-    """The child of the head that has no role and lies farthest from it, None where there is none."""
+def _find_top_of_head(skeleton: Skeleton, head: int | None, role_of: Mapping[int, str]) -> int | None:
+    """Returns the child of the head that has no role and lies farthest from it, None if there is none."""
     if head is None:
         return None
     children = [k for k, parent in enumerate(skeleton.parents.tolist()) if parent == head and k not in role_of]

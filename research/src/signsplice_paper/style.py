@@ -39,12 +39,12 @@ STYLES = {
 }
 
 
-def style(system: str) -> Style:
-    """A system's style; one of no figure is black."""
+def get_style(system: str) -> Style:
+    """Returns a system's style; black for a system of no figure."""
     return STYLES.get(system, Style("#000000", "."))
 
 
-def plot_options(system: str) -> dict[str, object]:
-    """The options of a system's line."""
-    of = style(system)
-    return {"color": of.colour, "marker": of.marker, "ls": "-", "mfc": of.colour}
+def make_plot_options(system: str) -> dict[str, object]:
+    """Returns the options of a system's line."""
+    system_style = get_style(system)
+    return {"color": system_style.colour, "marker": system_style.marker, "ls": "-", "mfc": system_style.colour}

@@ -1,5 +1,5 @@
-"""The table of results.json: each system by condition, what it was taught on and split, seeds together, beside the
-figures that the paper prints.
+"""The table of results.json: each system by condition, training words and split, seeds together, next to the figures
+that the paper prints.
 
 Rows whose signatures differ are refused. A system that found no token with any seed has no other score of positions.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice_paper import published
-from signsplice_paper.layout import Table, markdown, number, short
+from signsplice_paper.layout import Table, format_markdown, format_number, format_short
 from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import ResultRow, Results, check_comparable
 
@@ -55,8 +55,8 @@ class TableLine:
     """One line of the table.
 
     - system: its name
-    - condition: what its tokens were given, or where a method's cut and length are from
-    - taught: what it learned from
+    - condition: how its tokens were trained, or which truth a method was given
+    - taught: the words that it learned from
     - rows: one for each seed
     """
 
@@ -71,19 +71,19 @@ class TableLine:
         return len(self.rows)
 
     def values(self, name: str) -> list[float]:
-        """A score of every seed, without those that are unknown; of the time the last alone, since a machine is not as
+        """Returns a score of every seed, without unknown ones; for the time the last alone, since a machine is not as
         fast on every day.
         """
-        found = [value for row in self.rows if not math.isnan(value := row.score(name))]
-        return found[-1:] if name == TIME else found
+        known = [value for row in self.rows if not math.isnan(value := row.score(name))]
+        return known[-1:] if name == TIME else known
 
     def score(self, name: str) -> float:
-        """The mean of a score over the seeds; NaN if it is unknown."""
+        """Returns the mean of a score over the seeds; NaN if it is unknown."""
         values = self.values(name)
         return float(np.mean(values)) if values else float("nan")
 
-    def cell(self, name: str, digits: int | str = 3) -> str:
-        """A score as text: the mean, and with several seeds the least and the largest in brackets."""
+    def format_cell(self, name: str, digits: int | str = 3) -> str:
+        """Returns a score as text: the mean, and with several seeds the least and the largest in brackets."""
         values = self.values(name)
         if name != "pta" and max(self.values("pta"), default=1.0) == 0.0 and name.startswith(("paa", "within")):
             return "-"
@@ -94,103 +94,114 @@ class TableLine:
 
 
 def format_score(value: float, digits: int | str) -> str:
-    """A score as text."""
-    return short(value) if isinstance(digits, str) else number(value, digits)
+    """Returns a score as text."""
+    return format_short(value) if isinstance(digits, str) else format_number(value, digits)
 
 
-def lines(results: Results, scale: str, split: str) -> list[TableLine]:
-    """All lines of a split: the paper's systems, LPT+, ablations, those taught on many words, then methods on clips and
-    baselines. Raises ``InputError`` where rows cannot be compared.
+def list_lines(results: Results, scale: str, split: str) -> list[TableLine]:
+    """Returns all lines of a split: the paper's systems, LPT+, ablations, those taught on many words, then methods on
+    clips and baselines. Raises ``InputError`` if rows cannot be compared.
     """
     rows = [row for row in results.rows if row.split == split and row.part == "test"]
     check_comparable(rows)
     groups: dict[tuple[object, ...], list[ResultRow]] = {}
-    for row in sorted(rows, key=lambda row: (_place(row), row.seed or 0)):
+    for row in sorted(rows, key=lambda row: (_make_sort_key(row), row.seed or 0)):
         if row.condition and row.scale != scale:
             continue
         groups.setdefault((row.system, row.given, row.taught, row.optimiser, row.fr), []).append(row)
     return [
-        TableLine(published.name(of[0].system), _condition(of[0]), _taught(of[0]), tuple(of)) for of in groups.values()
+        TableLine(
+            published.get_display_name(group[0].system),
+            _format_condition(group[0]),
+            _format_taught(group[0]),
+            tuple(group),
+        )
+        for group in groups.values()
     ]
 
 
-def line(
+def find_line(
     results: Results, scale: str, system: str, split: str, taught: str = HERE, optimiser: str = "adamw"
 ) -> TableLine:
-    """The line of a system or method; without rows where there are none."""
-    found = [
-        one
-        for one in lines(results, scale, split)
-        if one.rows[0].system == system and one.taught in (taught, "-") and one.rows[0].optimiser in (optimiser, "")
+    """Returns the line of a system or method; without rows if there are none."""
+    matches = [
+        line
+        for line in list_lines(results, scale, split)
+        if line.rows[0].system == system and line.taught in (taught, "-") and line.rows[0].optimiser in (optimiser, "")
     ]
-    return found[0] if found else TableLine(published.name(system), "", taught, ())
+    return matches[0] if matches else TableLine(published.get_display_name(system), "", taught, ())
 
 
-def _condition(row: ResultRow) -> str:
+def _format_condition(row: ResultRow) -> str:
     if not row.condition:
         return "given nothing" if row.given == "nothing" else f"given {row.given}"
     return row.condition if row.optimiser == "adamw" else f"{row.condition}, SGD"
 
 
-def _taught(row: ResultRow) -> str:
+def _format_taught(row: ResultRow) -> str:
     if not row.condition:
         return "-"
     return ON_MANY if row.taught else HERE
 
 
-def _place(row: ResultRow) -> tuple[object, ...]:
-    """Where a row stands among others."""
+def _make_sort_key(row: ResultRow) -> tuple[object, ...]:
+    """Returns a row's place among others."""
     if not row.condition:
         return (2, row.scale, row.system, row.given)
-    base = next((s for s, by in published.CONDITIONS.items() if row.system in by.values()), row.system)
+    base = next(
+        (system for system, by_condition in published.CONDITIONS.items() if row.system in by_condition.values()),
+        row.system,
+    )
     return (bool(row.taught), _ORDER.index(base) if base in _ORDER else len(_ORDER), row.condition, row.optimiser)
 
 
-def as_csv(results: Results, scale: str) -> str:
-    """Every line of every split, with all columns."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+def format_csv(results: Results, scale: str) -> str:
+    """Returns every line of every split, with all columns."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
     titles = [title for _, _, title in COLUMNS]
     writer.writerow(["split", "system", "condition", "taught on", *titles, "seeds", "steps", "parameters", "commit"])
     for split in SPLITS:
-        for one in lines(results, scale, split):
-            facts = zip(*((row.steps, row.n_parameters, row.commit) for row in one.rows), strict=True)
-            texts = ["/".join(str(value) for value in dict.fromkeys(of) if value is not None) for of in facts]
-            cells = [one.cell(name, digits) for name, digits, _ in COLUMNS]
-            writer.writerow([split, one.system, one.condition, one.taught, *cells, one.seeds, *texts])
-    return out.getvalue()
+        for line in list_lines(results, scale, split):
+            facts = zip(*((row.steps, row.n_parameters, row.commit) for row in line.rows), strict=True)
+            texts = ["/".join(str(value) for value in dict.fromkeys(values) if value is not None) for values in facts]
+            cells = [line.format_cell(name, digits) for name, digits, _ in COLUMNS]
+            writer.writerow([split, line.system, line.condition, line.taught, *cells, line.seeds, *texts])
+    return text.getvalue()
 
 
-def table(results: Results, scale: str, split: str, systems: Sequence[str] | None = None) -> Table | None:
-    """The table of a split as it stands on pages, with what the paper prints in the random split's; only ``systems``
-    where they are named. None without a line.
+def make_table(results: Results, scale: str, split: str, systems: Sequence[str] | None = None) -> Table | None:
+    """Returns the table of a split for pages, with the figures that the paper prints in the random split's; only
+    ``systems`` if they are named. None without a line.
     """
-    found = [one for one in lines(results, scale, split) if systems is None or one.rows[0].system in systems]
-    if not found:
+    lines = [line for line in list_lines(results, scale, split) if systems is None or line.rows[0].system in systems]
+    if not lines:
         return None
     columns = [column for column in COLUMNS if column[2] in ON_PAGE]
-    rows = _paper_rows(columns) if split == SPLITS[0] else []
+    rows = _format_paper_rows(columns) if split == SPLITS[0] else []
     rows += [
-        (one.system, one.condition, one.taught, *(one.cell(name, digits) for name, digits, _ in columns))
-        for one in found
+        (line.system, line.condition, line.taught, *(line.format_cell(name, digits) for name, digits, _ in columns))
+        for line in lines
     ]
     head = ("system", "condition", "taught on", *(title for _, _, title in columns))
-    return Table(f"{split}: {found[0].rows[0].n_pairs} test pairs", f"table-{split}", head, tuple(rows))
+    return Table(f"{split}: {lines[0].rows[0].n_pairs} test pairs", f"table-{split}", head, tuple(rows))
 
 
-def _paper_rows(columns: Sequence[tuple[str, int | str, str]]) -> list[tuple[str, ...]]:
-    """The lines as the paper prints them."""
+def _format_paper_rows(columns: Sequence[tuple[str, int | str, str]]) -> list[tuple[str, ...]]:
+    """Returns the lines as the paper prints them."""
     rows = []
     for system, values in (published.TABLE_1 | published.TABLE_3).items():
-        known = dict(zip(published.METRICS, values, strict=True))
+        printed = dict(zip(published.METRICS, values, strict=True))
         if system == published.PRINTED:
-            known |= {"Accuracy": f"{published.ACCURACY:.2f}", "MSE": f"{published.MSE:.4f}"}
-        rows.append((published.name(system), PRINTED, "-", *(known.get(title, "-") for _, _, title in columns)))
+            printed |= {"Accuracy": f"{published.ACCURACY:.2f}", "MSE": f"{published.MSE:.4f}"}
+        rows.append(
+            (published.get_display_name(system), PRINTED, "-", *(printed.get(title, "-") for _, _, title in columns))
+        )
     return rows
 
 
-def page(results: Results, scale: str) -> str:
-    """The tables of all splits as a page."""
-    found = [table(results, scale, split) for split in SPLITS]
-    shown = [one for one in found if one is not None]
-    return "\n".join(["# Tables", "", "All columns: [table.csv](table.csv).", "", *map(markdown, shown)])
+def format_page(results: Results, scale: str) -> str:
+    """Returns the tables of all splits as a page."""
+    tables = [make_table(results, scale, split) for split in SPLITS]
+    present = [table for table in tables if table is not None]
+    return "\n".join(["# Tables", "", "All columns: [table.csv](table.csv).", "", *map(format_markdown, present)])

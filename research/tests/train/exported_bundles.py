@@ -15,7 +15,7 @@ from signsplice_paper.train import graphs, scales, training
 from signsplice_paper.train.networks.generator import Generator, generate
 from signsplice_paper.train.pairs_data import Batch
 from signsplice_paper.train.scales import SystemPart
-from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, WordTask, positions
+from signsplice_paper.train.tasks import MOST_FRAMES, TokenTask, WordTask, find_positions
 from signsplice_workshop.train.bundles import write_bundle
 from signsplice_workshop.train.tasks import Task
 from system_toys import CONFIGS, data, toy
@@ -50,7 +50,7 @@ def bundle(
         _randomise_heads(made)
         network = name.removesuffix(scales.AS_PRINTED)  # another loss, which an untrained toy knows nothing of
         if network not in exports:
-            exports[network] = graphs.paper_graphs(made.network, CONFIGS[name][1])
+            exports[network] = graphs.export_paper_graphs(made.network, CONFIGS[name][1])
         files |= exports[network]
         tasks.append(made.eval())
         chosen.append(SystemPart(name, CONFIGS[name][0], CONFIGS[name][1], 10, 8, 1e-2))
@@ -84,7 +84,7 @@ def torch_positions(made: Task, batch: Batch) -> tuple[int | None, int | None]:
             network = made.network
             assert isinstance(network, Generator)
             logits = network.encode(batch.x, batch.mask, batch.n_before).tokens
-    at, emitted = positions(logits, batch.mask)
+    at, emitted = find_positions(logits, batch.mask)
     pre, post = (int(k) if found else None for k, found in zip(at[0], emitted[0], strict=True))
     return pre, None if post is None else post - int(batch.n_before)
 

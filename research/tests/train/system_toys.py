@@ -14,8 +14,8 @@ from signsplice_paper.train.networks.spsn import SpsnConfig
 from signsplice_paper.train.networks.tfgn import TransformerConfig
 from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig
 from signsplice_paper.train.pairs_data import PairsData
-from signsplice_paper.train.scales import AS_PRINTED, Config, SystemPart, task
-from signsplice_paper.train.words_data import words_of_split
+from signsplice_paper.train.scales import AS_PRINTED, Config, SystemPart, make_task
+from signsplice_paper.train.words_data import load_split_words
 from signsplice_workshop.train.prefetch import Dataset
 from signsplice_workshop.train.tasks import Task
 from training_toys import corpus
@@ -27,7 +27,7 @@ _T = TransformerConfig(32, 2, 1, 1, 48, 0.0)
 
 def _of_corpus(config: WordSpsnConfig) -> Config:
     """The sizes with what is measured of the corpus's skeleton."""
-    return training.on_skeleton(SystemPart("spsn-words", config, None, 10, 8, 1e-2), corpus()).config
+    return training.fit_to_skeleton(SystemPart("spsn-words", config, None, 10, 8, 1e-2), corpus()).config
 
 
 CONFIGS: dict[str, tuple[Config, int | None]] = {
@@ -55,9 +55,9 @@ def toy(name: str, seed: int = 0) -> Task:
     torch.manual_seed(seed)
     config, fr = CONFIGS[name]
     part = SystemPart(name, config, fr, 10, 8, 1e-2, name.endswith(AS_PRINTED))
-    made = task(part, data().normaliser(), seed)
+    made = make_task(part, data().normaliser(), seed)
     if isinstance(made.network, WordSpsn):
-        made.network.fit_measures(words_of_split(corpus(), "random", "train").words)
+        made.network.fit_measures(load_split_words(corpus(), "random", "train").words)
     return made
 
 
@@ -65,5 +65,5 @@ def part_toy(name: str) -> tuple[Task, Dataset, Dataset]:
     """A part's task with fresh weights, what it learns from, and what it is validated on."""
     config, fr = CONFIGS[name]
     if isinstance(config, WordSpsnConfig):
-        return toy(name), words_of_split(corpus(), "random", "train"), words_of_split(corpus(), "random", "valid")
+        return toy(name), load_split_words(corpus(), "random", "train"), load_split_words(corpus(), "random", "valid")
     return toy(name), data("train", fr), data("valid", fr)

@@ -101,7 +101,7 @@ def test_batches_predict_as_single_pairs_do(system: str, tmp_path: Path) -> None
         assert (prediction.pre, prediction.post) == (expected.pre, expected.post)
         assert prediction.frames.shape == expected.frames.shape
         assert np.allclose(prediction.frames, expected.frames, atol=1e-5)
-    assert many.positions(pairs) == [(prediction.pre, prediction.post) for prediction in found]
+    assert many.predict_positions(pairs) == [(prediction.pre, prediction.post) for prediction in found]
 
 
 def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = TAUGHT) -> tuple[PaperConfig, PaperSystem]:
@@ -119,7 +119,7 @@ def trained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str = TAUGH
         log = (tmp_path / "parts" / f"{name}-smoke-abc" / "log.jsonl").read_bytes()
         (config.path.parent / f"{name}.jsonl").write_bytes(log)
     toys = {name: SystemPart(name, CONFIGS[name][0], CONFIGS[name][1], 6, 4, 1e-2) for name in SYSTEMS[system]}
-    monkeypatch.setattr(scales, "parts", lambda *_: tuple(toys.values()))
+    monkeypatch.setattr(scales, "make_parts", lambda *_: tuple(toys.values()))
     made = one_at_a_time(config, tasks)
     monkeypatch.setattr(curves, "open_bundle", lambda _: made)
     return config, made
@@ -138,7 +138,7 @@ def test_a_curve_ends_at_the_score_of_the_exported_bundle(
     lines: list[str] = []
     (path,) = judge(tmp_path).write([config], False, lines.append)
     assert not lines
-    made = curve.load(path.parent, bundles.short_hash(config))
+    made = curve.load(path.parent, bundles.compute_short_hash(config))
     assert made is not None
     assert made.column("pairs") == [4.0 * (2 + 3), 4.0 * (6 + 6)], "SPSN's nearest snapshots beside TFGN's two"
     minutes = made.column("core_minutes")
@@ -146,10 +146,10 @@ def test_a_curve_ends_at_the_score_of_the_exported_bundle(
     assert minutes == sorted(minutes, key=lambda m: m or 0.0)
     for score, part in (("paa_train", "train"), ("paa_test", "test")):
         sample = pair_samples.sample(corpus(), "random", part, made.n_pairs)
-        positions = protocol.positions(corpus(), exported)
+        positions = protocol.make_position_answer(corpus(), exported)
         exact = [positions(k) == tuple(corpus().index[k, 2:4].tolist()) for k in sample]
         assert made.column(score)[-1] == pytest.approx(np.mean(exact), abs=1e-6)
-    assert curve.difference(made, curves.score_bundle(config, corpus())) < curve.MOST_DIFFERENCE
+    assert curve.measure_difference(made, curves.score_bundle(config, corpus())) < curve.MOST_DIFFERENCE
     assert made.n_pairs == len(corpus().split("random", "valid"))
     stamp = os.stat(path).st_mtime_ns
     assert list(judge(tmp_path).write([config], False, lines.append)) == [], "it is there already"

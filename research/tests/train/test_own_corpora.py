@@ -55,7 +55,7 @@ def test_a_system_learns_from_clips_of_another_rig(tmp_path: Path) -> None:
     pairs = Pairs(tmp_path / "pairs")
     assert pairs.spaces[0].n_numbers == 135
     config = training.Training("lpt-plus", "smoke", steps=1, n_judgements=1)
-    part = training.on_skeleton(scales.parts("lpt-plus", "smoke", steps=1)[0], pairs)
+    part = training.fit_to_skeleton(scales.make_parts("lpt-plus", "smoke", steps=1)[0], pairs)
     (tmp_path / "part").mkdir()
     made = training.train_part(part, config, pairs, tmp_path / "part", ONE)
     tokens = made.network(torch.from_numpy(np.array(pairs.word(0)))[None], torch.tensor([9]))

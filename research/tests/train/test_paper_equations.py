@@ -114,7 +114,7 @@ def test_padding_changes_nothing(attention: bool) -> None:
 
 
 def test_each_token_is_excluded_from_the_other_word() -> None:
-    logits = spsn.admissible(torch.zeros(1, 6, 3), torch.tensor([2]))
+    logits = spsn.mask_impossible_tokens(torch.zeros(1, 6, 3), torch.tensor([2]))
     assert (logits[0, 2:, spsn.PRE] < -1e3).all()
     assert (logits[0, :2, spsn.POST] < -1e3).all()
     assert (logits[0, :2, spsn.PRE] == 0).all()
@@ -145,7 +145,7 @@ def test_culling_refuses_positions_outside_the_clips() -> None:
 
 
 def test_positional_code_is_equation_12_with_cosines() -> None:
-    found = layers.positional_code(torch.tensor([0, 1, 7, 130]), 10).numpy()
+    found = layers.positional_encoding(torch.tensor([0, 1, 7, 130]), 10).numpy()
     for row, position in zip(found, (0, 1, 7, 130), strict=True):
         for i in range(5):
             angle = position / 10000 ** (2 * i / 10)
@@ -187,7 +187,7 @@ def test_feed_forward_is_equation_14() -> None:
 
 
 def test_a_frame_attends_to_itself_and_earlier_frames() -> None:
-    seen = layers.causal(2, 3, torch.device("cpu")).numpy()
+    seen = layers.causal_mask(2, 3, torch.device("cpu")).numpy()
     np.testing.assert_array_equal(seen, [[1, 1, 1, 1, 0], [1, 1, 1, 1, 1]])
 
 
@@ -200,7 +200,7 @@ def test_the_normaliser_can_be_inverted() -> None:
 def test_an_encoder_reads_frames_and_differences_within_a_word() -> None:
     x = RNG.normal(size=(2, 6, 159))
     n_before = [2, 4]
-    found = layers.with_deltas(tensor(x), torch.tensor(n_before)).numpy()
+    found = layers.append_deltas(tensor(x), torch.tensor(n_before)).numpy()
     assert found.shape == (2, 6, 318)
     np.testing.assert_allclose(found[..., :159], x, atol=1e-6)
     for row in range(2):

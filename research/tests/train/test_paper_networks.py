@@ -15,10 +15,16 @@ from signsplice_paper.train import scales  # noqa: E402
 from signsplice_paper.train.losses import token_loss  # noqa: E402
 from signsplice_paper.train.networks.convs2s import ConvS2S  # noqa: E402
 from signsplice_paper.train.networks.generator import FRAME, HIDDEN, START, Generator, generate  # noqa: E402
-from signsplice_paper.train.networks.layers import with_deltas  # noqa: E402
+from signsplice_paper.train.networks.layers import append_deltas  # noqa: E402
 from signsplice_paper.train.networks.spsn import POST, PRE, Spsn  # noqa: E402
-from signsplice_paper.train.pairs_data import Batch, splice_marks  # noqa: E402
-from signsplice_paper.train.tasks import MOST_FRAMES, decoder_input, own_frames, positions, token_bias  # noqa: E402
+from signsplice_paper.train.pairs_data import Batch, mark_splice  # noqa: E402
+from signsplice_paper.train.tasks import (  # noqa: E402
+    MOST_FRAMES,
+    feed_own_frames,
+    find_positions,
+    fit_token_bias,
+    make_decoder_input,
+)
 from system_toys import CONFIGS, FR, GENERATORS, data, part_toy, toy  # noqa: E402
 
 
@@ -62,9 +68,9 @@ def test_states_of_deep_convolutions_start_at_one_size() -> None:
     """At cpu scale, with 20 + 20 layers: no layer's states are much larger than the first's, and gradients do not
     explode. A toy of three layers would not show either.
     """
-    part = scales.parts("conv-s2s", "cpu")[0]
+    part = scales.make_parts("conv-s2s", "cpu")[0]
     torch.manual_seed(0)
-    made = scales.task(part, data().normaliser(), 0)
+    made = scales.make_task(part, data().normaliser(), 0)
     sizes: list[float] = []
     network: Any = made.network
     for layer in network.encoder:
@@ -78,9 +84,9 @@ def test_states_of_deep_convolutions_start_at_one_size() -> None:
 
 def test_ten_steps_of_adamw_enlarge_the_inputs_of_convs2s_less_than_twofold() -> None:
     """At cpu scale, whatever the gradients: each step moves each weight by the rate."""
-    part = scales.parts("conv-s2s", "cpu")[0]
+    part = scales.make_parts("conv-s2s", "cpu")[0]
     torch.manual_seed(0)
-    network: Any = scales.task(part, data().normaliser(), 0).network.eval()
+    network: Any = scales.make_task(part, data().normaliser(), 0).network.eval()
     one = data().batch(range(1))
 
     def largest_input() -> float:
@@ -89,7 +95,7 @@ def test_ten_steps_of_adamw_enlarge_the_inputs_of_convs2s_less_than_twofold() ->
         return float((values * 2.0**0.5 - states).abs().max())  # values are the sum of states and inputs over sqrt(2)
 
     before = largest_input()
-    numbers = with_deltas(network.normaliser(one.x), one.n_before)[0]
+    numbers = append_deltas(network.normaliser(one.x), one.n_before)[0]
     length, direction = (weight for name, weight in network.embedding.named_parameters() if "weight" in name)
     with torch.no_grad():
         direction += 10 * part.rate * numbers[numbers.abs().sum(1).argmax()].sign()
@@ -227,11 +233,11 @@ def test_without_culling_frames_depend_on_the_marked_positions() -> None:
     with torch.no_grad():
         frames = [
             generate(network, network.encode(one.x, one.mask, one.n_before, marks), 2, 5)[0][0]
-            for marks in (one.marks, splice_marks(one.pre - 1, one.post, one.x.shape[1]))
+            for marks in (one.marks, mark_splice(one.pre - 1, one.post, one.x.shape[1]))
         ]
     assert one.marks.sum((1, 2)).tolist() == [2.0, 2.0]
     assert not torch.allclose(frames[0], frames[1])
-    assert splice_marks(torch.tensor([-1]), torch.tensor([-1]), 5).sum() == 0, "positions that were not found"
+    assert mark_splice(torch.tensor([-1]), torch.tensor([-1]), 5).sum() == 0, "positions that were not found"
 
 
 def test_the_plain_token_loss_is_cross_entropy() -> None:
@@ -249,10 +255,10 @@ def test_positions_are_the_likeliest_frames_of_winning_tokens() -> None:
     logits = torch.full((1, 5, 3), -5.0)
     logits[..., 0] = 0.0
     logits[0, 1, 1], logits[0, 3, 2], logits[0, 4, 2] = -1.0, 2.0, 3.0
-    at, emitted = positions(logits, torch.ones(1, 5, dtype=torch.bool))
+    at, emitted = find_positions(logits, torch.ones(1, 5, dtype=torch.bool))
     assert at.tolist() == [[1, 4]]
     assert emitted.tolist() == [[False, True]]
-    _, emitted = positions(logits, torch.tensor([[True, True, True, False, False]]))
+    _, emitted = find_positions(logits, torch.tensor([[True, True, True, False, False]]))
     assert emitted.tolist() == [[False, False]], "padding emits nothing"
 
 
@@ -261,8 +267,8 @@ def test_fed_frames_are_delayed_and_depend_only_on_the_pair() -> None:
     network = made.network
     assert isinstance(network, Generator)
     normaliser = data().normaliser()
-    whole = decoder_input(one, network, normaliser, 0)
-    part = decoder_input(data("train", FR).batch([2, 3]), network, normaliser, 0)
+    whole = make_decoder_input(one, network, normaliser, 0)
+    part = make_decoder_input(data("train", FR).batch([2, 3]), network, normaliser, 0)
     n = min(whole.frames.shape[1], part.frames.shape[1])
     torch.testing.assert_close(whole.frames[2:, :n], part.frames[:, :n])
     assert (whole.kinds[:, 0] == START).all()
@@ -278,11 +284,11 @@ def test_untaught_pairs_are_fed_what_the_network_generates(name: str) -> None:
     assert isinstance(network, Generator)
     for parameter in network.last.parameters():  # type: ignore[union-attr]
         torch.nn.init.constant_(parameter, -1.0 if parameter.ndim == 1 else 0.0)  # it never ends
-    inputs = decoder_input(one, network, data().normaliser(), 0)
+    inputs = make_decoder_input(one, network, data().normaliser(), 0)
     shown = replace(inputs, kinds=torch.where(inputs.kinds == HIDDEN, FRAME, inputs.kinds))
     assert 0 < int(inputs.untaught.sum()) < len(inputs.untaught)
     encoded = network.encode(one.x, one.mask, one.n_before)
-    fed = own_frames(network, encoded, shown).frames
+    fed = feed_own_frames(network, encoded, shown).frames
     made_alone = torch.stack(generate(network, encoded, 4, fed.shape[1]))
     torch.testing.assert_close(fed[shown.untaught, 1:], made_alone[shown.untaught, :-1])
     torch.testing.assert_close(fed[~shown.untaught], shown.frames[~shown.untaught])
@@ -300,7 +306,7 @@ def test_attention_gives_the_encoder_of_convs2s_a_fraction_of_its_gradient() -> 
         return found
 
     scaled = gradient()
-    network._share_of_gradient = lambda gradient: gradient  # type: ignore[method-assign]
+    network._scale_gradient = lambda gradient: gradient  # type: ignore[method-assign]
     torch.testing.assert_close(scaled * 2 * len(network.decoder), gradient())
 
 
@@ -312,14 +318,16 @@ def test_the_token_bias_emits_all_tokens_and_moves_none(name: str) -> None:
     batch = rows.batch(range(len(rows)))
     network = task.network.eval()
     logits = token_logits(network, batch) - torch.tensor([0.0, 5.0, 5.0])
-    at, emitted = positions(logits, batch.mask)
+    at, emitted = find_positions(logits, batch.mask)
     assert not emitted.all()
     last: Any = network.out if isinstance(network, Spsn) else network.token
     last.bias.data -= torch.tensor([0.0, 5.0, 5.0])
-    bias = token_bias(task, rows)
+    bias = fit_token_bias(task, rows)
     assert bias > 0.0
-    biased, all_emitted = positions(token_logits(network, batch) + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask)
+    biased, all_emitted = find_positions(
+        token_logits(network, batch) + bias * torch.tensor([0.0, 1.0, 1.0]), batch.mask
+    )
     assert all_emitted.all()
     assert torch.equal(biased, at)
     last.bias.data += torch.tensor([0.0, 50.0, 50.0])
-    assert token_bias(task, rows) == 0.0
+    assert fit_token_bias(task, rows) == 0.0

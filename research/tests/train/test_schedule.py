@@ -33,7 +33,7 @@ def test_runs_are_trained_one_by_one_until_one_fails(tmp_path: Path, monkeypatch
             raise InputError("out of luck")
 
     monkeypatch.setattr(training, "make", make)
-    runs = plan.runs("cpu", Choice(("lstm",)))
+    runs = plan.plan_runs("cpu", Choice(("lstm",)))
     started, finished = [], []
     with pytest.raises(InputError, match="out of luck"):
         schedule.train_one_by_one(
@@ -52,7 +52,7 @@ def test_runs_are_trained_one_by_one_until_one_fails(tmp_path: Path, monkeypatch
 
 
 def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = plan.runs("cpu", Choice(("lstm",)))
+    runs = plan.plan_runs("cpu", Choice(("lstm",)))
     finished: list[Run] = []
 
     def make(config: Training, *_: Any) -> None:
@@ -65,7 +65,7 @@ def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pyt
     planned = Schedule(runs, corpus().folder, tmp_path, deadline=50.0)
     schedule.train_one_by_one(planned, lambda *_: None, lambda run, _: finished.append(run))
     assert finished == runs[:1]
-    call = schedule.arguments(planned, runs[0])
+    call = schedule.build_arguments(planned, runs[0])
     assert call[call.index("--minutes") + 1] == "0.5"
     monkeypatch.setattr(time, "monotonic", lambda: 60.0)
     started: list[Run] = []
@@ -76,7 +76,7 @@ def test_no_training_goes_on_after_the_deadline(tmp_path: Path, monkeypatch: pyt
 
 def test_a_process_gets_the_options_of_its_run() -> None:
     run = Run("lptransformer", "cpu", "adamw", "random", fr=6, seed=2)
-    call = schedule.arguments(Schedule([run], Path("p"), Path("b"), steps=5), run)
+    call = schedule.build_arguments(Schedule([run], Path("p"), Path("b"), steps=5), run)
     assert call[0] == "train-system"
     assert dict(zip(call[1::2], call[2::2], strict=True)) == {
         **{"--pairs": "p", "--out": f"b/{run.name}", "--seed": "2", "--system": "lptransformer", "--scale": "cpu"},
@@ -127,11 +127,13 @@ def test_processes_divide_the_cores_and_a_failure_stops_all(monkeypatch: pytest.
     monkeypatch.setattr("signsplice_paper.train.schedule.subprocess.Popen", popen)
     monkeypatch.setattr("signsplice_paper.train.schedule.time.sleep", lambda seconds: None)
     monkeypatch.setattr(os, "cpu_count", lambda: 6)
-    planned = Schedule(plan.runs("smoke", Choice(("lptransformer-printed", "lstm"))), tmp_path / "p", tmp_path / "b")
+    planned = Schedule(
+        plan.plan_runs("smoke", Choice(("lptransformer-printed", "lstm"))), tmp_path / "p", tmp_path / "b"
+    )
     started: list[Run] = []
     schedule.train_side_by_side(planned, 3, lambda number, run: started.append(run))
     assert started == planned.runs
-    assert [process.call[3:] for process in made] == [schedule.arguments(planned, run) for run in planned.runs]
+    assert [process.call[3:] for process in made] == [schedule.build_arguments(planned, run) for run in planned.runs]
     assert {process.env["OMP_NUM_THREADS"] for process in made} == {"2"}
     assert (FakeProcess.most, FakeProcess.running) == (3, [])
     made.clear()

@@ -19,27 +19,27 @@ from training_toys import corpus
 
 
 def row(rate: float, width: float, paa: float, part: str = "spsn") -> SearchRow:
-    units = scales.parts("lptransformer", "cpu")[0]
+    units = scales.make_parts("lptransformer", "cpu")[0]
     return SearchRow(
-        part, rate, width, units.rate * rate, round(search.units_of(units.config) * width), {"paa": paa}, 5, 7, 1.0
+        part, rate, width, units.rate * rate, round(search.get_width(units.config) * width), {"paa": paa}, 5, 7, 1.0
     )
 
 
 def test_every_part_is_tried_with_three_rates_and_two_widths() -> None:
-    for name, part in ((part.name, part) for system in scales.SYSTEMS for part in scales.parts(system, "cpu")):
-        tried = search.variants(part)
+    for name, part in ((part.name, part) for system in scales.SYSTEMS for part in scales.make_parts(system, "cpu")):
+        tried = search.make_variants(part)
         assert len(tried) == 6
         assert [made for rate, width, made in tried if (rate, width) == (1.0, 1.0)] == [part], name
         for rate, width, made in tried:
             assert made.rate == pytest.approx(rate * part.rate)
-            units = search.units_of(made.config)
-            assert units == pytest.approx(width * search.units_of(part.config), rel=0.1)
+            units = search.get_width(made.config)
+            assert units == pytest.approx(width * search.get_width(part.config), rel=0.1)
             assert units % getattr(made.config, "n_heads", 1) == 0
 
 
 def test_a_search_is_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search, "RATES", (1.0,))
-    monkeypatch.setattr(search, "_steps_within", lambda part, config, pairs, cpu_s: round(cpu_s))
+    monkeypatch.setattr(search, "_count_steps", lambda part, config, pairs, cpu_s: round(cpu_s))
     plan = SearchPlan(corpus().folder, tmp_path / "work", "smoke", minutes=1 / 60)
     lines: list[str] = []
     assert search.run(plan, ["lstm"], tmp_path, 1, lines.append, deadline=time.monotonic() - 1.0) == []
@@ -66,6 +66,6 @@ def test_twice_the_time_is_twice_the_steps(system: str, monkeypatch: pytest.Monk
     clock = itertools.count(0.0, 10.0)  # the timed steps take ten seconds
     monkeypatch.setattr(search, "time", SimpleNamespace(process_time=lambda: next(clock)))
     monkeypatch.setattr(search, "_TIMED_STEPS", 2)
-    part = training.on_skeleton(scales.parts(system, "smoke")[0], corpus())
+    part = training.fit_to_skeleton(scales.make_parts(system, "smoke")[0], corpus())
     config = training.Training(system, "smoke")
-    assert [search._steps_within(part, config, corpus(), cpu_s) for cpu_s in (60.0, 120.0, 0.1)] == [12, 24, 1]
+    assert [search._count_steps(part, config, corpus(), cpu_s) for cpu_s in (60.0, 120.0, 0.1)] == [12, 24, 1]

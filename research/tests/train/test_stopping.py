@@ -30,7 +30,7 @@ from training_toys import ALONE, product_toy  # noqa: E402
 
 def losses(folder: Path) -> dict[int, float]:
     """The losses in a training's log by step."""
-    return {line["step"]: line["loss"] for line in records.lines(folder / records.LOG_FILE) if "loss" in line}
+    return {line["step"]: line["loss"] for line in records.read_lines(folder / records.LOG_FILE) if "loss" in line}
 
 
 def clocks(**changed: Callable[[], float]) -> SimpleNamespace:
@@ -78,7 +78,7 @@ def test_a_training_ends_on_a_plateau_and_stays_ended(tmp_path: Path, monkeypatc
     monkeypatch.setattr(loop, "judge", lambda *_: {stopping.LOSS: next(falling), "both": 0.5})
     steps, weights = stopping_training(tmp_path / "a", patience=2)
     assert steps == 8, "3.999 and 4.2 are no improvement on 4.0"
-    assert stopping.reason(tmp_path / "a", 60, 2) == (8, stopping.PLATEAU)
+    assert stopping.find_reason(tmp_path / "a", 60, 2) == (8, stopping.PLATEAU)
     again = stopping_training(tmp_path / "a", patience=2)
     assert again[0] == 8
     assert all(torch.equal(value, again[1][key]) for key, value in weights.items())
@@ -89,20 +89,24 @@ def test_a_training_ends_when_its_processor_time_is_spent(tmp_path: Path, monkey
     monkeypatch.setattr(loop, "time", clocks(process_time=lambda: float(next(clock))))
     steps, _ = stopping_training(tmp_path / "a", most_cpu_s=7.0)
     assert steps < 60
-    assert stopping.reason(tmp_path / "a", 60, 4) == (steps, stopping.TIME)
+    assert stopping.find_reason(tmp_path / "a", 60, 4) == (steps, stopping.TIME)
     assert checkpoint.read(tmp_path / "a")["step"] == steps, "validated and kept"
-    assert any("both" in line for line in records.lines(tmp_path / "a" / records.LOG_FILE) if line["step"] == steps)
+    assert any(
+        "both" in line for line in records.read_lines(tmp_path / "a" / records.LOG_FILE) if line["step"] == steps
+    )
     assert stopping_training(tmp_path / "a", most_cpu_s=7.0)[0] == steps
     assert stopping_training(tmp_path / "a")[0] == 60
-    assert stopping.reason(tmp_path / "a", 60, 4) == (60, stopping.STEPS)
+    assert stopping.find_reason(tmp_path / "a", 60, 4) == (60, stopping.STEPS)
 
 
 def test_the_validation_loss_is_judged_where_it_decides(tmp_path: Path) -> None:
     stopping_training(tmp_path / "a", patience=30)
-    found = [line[stopping.LOSS] for line in records.lines(tmp_path / "a" / records.LOG_FILE) if stopping.LOSS in line]
+    found = [
+        line[stopping.LOSS] for line in records.read_lines(tmp_path / "a" / records.LOG_FILE) if stopping.LOSS in line
+    ]
     assert len(found) == 30
     assert all(math.isfinite(loss) and loss > 0.0 for loss in found)
-    assert stopping.losses(tmp_path / "a", 20) == found[:10]
+    assert stopping.read_losses(tmp_path / "a", 20) == found[:10]
 
 
 def test_a_plateau_needs_more_than_its_patience() -> None:

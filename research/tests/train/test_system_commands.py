@@ -25,21 +25,21 @@ from training_toys import corpus  # noqa: E402
 
 
 def test_a_graph_holds_no_paths_of_this_machine() -> None:
-    found = graphs.paper_graphs(toy("spsn").network, None)
+    found = graphs.export_paper_graphs(toy("spsn").network, None)
     for text in (str(Path(export.__file__).parents[2]), "site-packages", "stack_trace", "/train/networks/"):
         assert text.encode() not in found["spsn.onnx"], text
 
 
 def test_a_graph_that_differs_is_refused() -> None:
     network = toy("spsn").network.eval()
-    graph = graphs.spsn_graph(network)  # type: ignore[arg-type]
+    graph = graphs.build_spsn_graph(network)  # type: ignore[arg-type]
     content = export.export_onnx("spsn", graph)
     with torch.no_grad():
         next(iter(network.parameters())).add_(0.5)
     with pytest.raises(SignspliceError, match="onnxruntime and torch differ in tokens"):
         export.compare("spsn", graph, content)
     with pytest.raises(SignspliceError, match="cannot export a Linear"):
-        graphs.paper_graphs(torch.nn.Linear(1, 1), None)
+        graphs.export_paper_graphs(torch.nn.Linear(1, 1), None)
 
 
 def test_the_command_trains_and_writes_a_bundle_once(tmp_path: Path) -> None:
@@ -83,15 +83,17 @@ def test_untrained_systems_are_exported_and_timed(tmp_path: Path, monkeypatch: p
     assert result.stdout.splitlines() == [str(tmp_path / "speed-smoke.json")]
     stored = json.loads((tmp_path / "speed-smoke.json").read_text())
     rows = {(row["system"], row["decoding"], row["writes"]): row for row in stored["rows"]}
-    assert len(rows) == len(stored["rows"]) == len(list(speed.decoding_runs())) + 1, "and the product"
+    assert len(rows) == len(stored["rows"]) == len(list(speed.list_decoding_runs())) + 1, "and the product"
     assert rows[speed.BASE]["times_base"] == 1.0
     assert all(row["ms_median"] > 0.0 and row["n_parameters"] > 0 for row in stored["rows"])
     assert "pairs:2" in stored["protocol"]
 
 
 def test_runs_of_all_systems_are_planned_with_their_number_of_frames() -> None:
-    runs = list(speed.decoding_runs())
+    runs = list(speed.list_decoding_runs())
     assert len(runs) == len(set(runs)) == 12
     assert runs[0] == speed.DecodingRun(*speed.BASE)
-    lengths = [speed.DecodingRun("lstm", "one-by-one", writes).n_frames(20, 30, (14, 5, 9)) for writes in speed.WRITES]
+    lengths = [
+        speed.DecodingRun("lstm", "one-by-one", writes).count_frames(20, 30, (14, 5, 9)) for writes in speed.WRITES
+    ]
     assert lengths == [9, 49]

@@ -26,7 +26,7 @@ from signsplice_paper.train.networks.tfgn import TransformerConfig  # noqa: E402
 from signsplice_paper.train.networks.word_spsn import WordSpsn, WordSpsnConfig  # noqa: E402
 from signsplice_paper.train.pairs_data import PairsData  # noqa: E402
 from signsplice_paper.train.stopping import PaperLoop  # noqa: E402
-from signsplice_paper.train.words_data import words_of_split  # noqa: E402
+from signsplice_paper.train.words_data import load_split_words  # noqa: E402
 from signsplice_workshop.corpora.pairs import Pairs  # noqa: E402
 from signsplice_workshop.train import records  # noqa: E402
 from signsplice_workshop.train.export import FLOAT16  # noqa: E402
@@ -48,7 +48,7 @@ def trained(name: str, folder: Path, untils: tuple[int | None, ...], optimiser: 
 
 def losses(folder: Path) -> dict[int, float]:
     """The losses in a training's log by step."""
-    return {line["step"]: line["loss"] for line in records.lines(folder / records.LOG_FILE) if "loss" in line}
+    return {line["step"]: line["loss"] for line in records.read_lines(folder / records.LOG_FILE) if "loss" in line}
 
 
 @pytest.mark.parametrize(("name", "optimiser"), [("spsn", "adamw"), ("tfgn", "sgd"), ("lstm", "adamw")])
@@ -64,27 +64,29 @@ def test_a_resumed_training_ends_in_the_same_weights(tmp_path: Path, name: str, 
 @pytest.mark.parametrize("system", list(published.CONDITIONS))
 def test_a_system_as_printed_differs_from_equal_treatment_in_the_loss_of_its_tokens_alone(system: str) -> None:
     by = published.CONDITIONS[system]
-    plain, weighted = (scales.parts(by[condition], "smoke") for condition in (published.AS_PRINTED, published.EQUAL))
+    plain, weighted = (
+        scales.make_parts(by[condition], "smoke") for condition in (published.AS_PRINTED, published.EQUAL)
+    )
     assert replace(plain[0], name=weighted[0].name, plain_loss=False) == weighted[0]
     assert plain[1:] == weighted[1:], "the same network for the frames"
     pairs = data("train", None)
     found = {}
     for part in (plain[0], weighted[0]):
         torch.manual_seed(0)
-        task = scales.task(part, pairs.normaliser(), 0).eval()
+        task = scales.make_task(part, pairs.normaliser(), 0).eval()
         found[part.plain_loss] = task(pairs.batch([0, 1, 2])).item()
     assert found[True] < found[False], "no weight of tokens, no pointer term"
 
 
 def test_ablations_share_the_parts_of_lptransformer_but_those_that_lack_something() -> None:
-    whole, wa, wc, wac = (scales.parts(name, "cpu") for name in (published.LPTRANSFORMER, *published.ABLATIONS))
+    whole, wa, wc, wac = (scales.make_parts(name, "cpu") for name in (published.LPTRANSFORMER, *published.ABLATIONS))
     assert (wa[1], wc[0], wac) == (whole[1], whole[0], (wa[0], wc[1]))
     assert isinstance(whole[0].config, SpsnConfig)
     assert replace(wa[0], name="spsn", config=replace(whole[0].config, attention=False)) == replace(
         whole[0], config=replace(whole[0].config, attention=False)
     )
     assert (whole[1].fr, wc[1].fr) == (8, None), "without Culling the whole of both words is read"
-    assert scales.parts(published.LPT_PLUS, "cpu")[1] == whole[1]
+    assert scales.make_parts(published.LPT_PLUS, "cpu")[1] == whole[1]
 
 
 @pytest.mark.parametrize("split", ["random", "unseen-words", "unseen-signer"])
@@ -159,42 +161,42 @@ def test_a_culled_batch_follows_equation_11() -> None:
 
 
 def test_the_paper_scale_has_the_paper_sizes() -> None:
-    spsn, tfgn = scales.parts("lptransformer", "paper")
+    spsn, tfgn = scales.make_parts("lptransformer", "paper")
     assert spsn.config == SpsnConfig(512, attention=True)
-    words = scales.parts("lpt-plus", "paper")[0].config
+    words = scales.make_parts("lpt-plus", "paper")[0].config
     assert isinstance(words, WordSpsnConfig)
     assert words.width == 512
     config = tfgn.config
     assert isinstance(config, TransformerConfig)
     assert (config.width, config.n_heads, config.n_encoder_layers, config.n_decoder_layers) == (512, 8, 6, 6)
     assert tfgn.fr == 8
-    convolutions = scales.parts("conv-s2s", "paper")[0].config
+    convolutions = scales.make_parts("conv-s2s", "paper")[0].config
     assert isinstance(convolutions, ConvS2SConfig)
     assert (convolutions.width, convolutions.n_encoder_layers, convolutions.n_decoder_layers) == (512, 20, 20)
     for system in scales.SYSTEMS:
         for scale in plan.SCALES:
-            for part in scales.parts(system, scale):
+            for part in scales.make_parts(system, scale):
                 json.dumps(part.facts())
 
 
 def test_unknown_systems_and_scales_are_refused() -> None:
     with pytest.raises(InputError, match="no system 'gpt', expected all or one of lptransformer, lpt-plus"):
-        scales.parts("gpt", "cpu")
+        scales.make_parts("gpt", "cpu")
     with pytest.raises(InputError, match="--fr 4, but lstm has no Culling layer"):
-        scales.parts("lstm", "cpu", 4)
+        scales.make_parts("lstm", "cpu", 4)
     with pytest.raises(InputError, match="no scale 'huge'"):
-        scales.parts("lpt-plus", "huge")
+        scales.make_parts("lpt-plus", "huge")
 
 
 def test_sgd_gets_more_steps_at_cpu_scale() -> None:
-    adamw, sgd = (scales.parts("lpt-plus", "cpu", optimiser=optimiser)[1].steps for optimiser in ("adamw", "sgd"))
+    adamw, sgd = (scales.make_parts("lpt-plus", "cpu", optimiser=optimiser)[1].steps for optimiser in ("adamw", "sgd"))
     assert sgd == 5 * adamw
-    assert scales.parts("lpt-plus", "cpu", steps=7, optimiser="sgd")[1].steps == 7
+    assert scales.make_parts("lpt-plus", "cpu", steps=7, optimiser="sgd")[1].steps == 7
 
 
 def test_the_measures_of_lpt_plus_are_of_the_corpus_s_skeleton_and_fitted_to_its_words(tmp_path: Path) -> None:
     config = training.Training("lpt-plus", "smoke", steps=1, n_judgements=1)
-    part = training.on_skeleton(scales.parts("lpt-plus", "smoke", steps=1)[0], corpus())
+    part = training.fit_to_skeleton(scales.make_parts("lpt-plus", "smoke", steps=1)[0], corpus())
     assert isinstance(part.config, WordSpsnConfig)
     named = [[SPACE.joints[joint].rpartition(":")[2] for joint in hand] for hand in part.config.hands]
     fingers = [f"{side}Hand{finger}3" for side in ("Left", "Right") for finger in ("Index", "Middle", "Ring", "Pinky")]
@@ -202,7 +204,7 @@ def test_the_measures_of_lpt_plus_are_of_the_corpus_s_skeleton_and_fitted_to_its
     made = training.train_part(part, config, corpus(), tmp_path, ALONE).network
     assert isinstance(made, WordSpsn)
     fitted = WordSpsn(part.config, made.normaliser)
-    fitted.fit_measures(words_of_split(corpus(), "random", "train").words)
+    fitted.fit_measures(load_split_words(corpus(), "random", "train").words)
     torch.testing.assert_close((made.mean, made.deviation), (fitted.mean, fitted.deviation))
     json.dumps(part.facts())
 
@@ -211,7 +213,7 @@ def test_an_exported_bundle_has_16_bit_weights_and_a_bias_only_in_equal_treatmen
     graph = helper.make_graph([], "g", [], [], [numpy_helper.from_array(np.ones((64, 64), np.float32), "weight")])
     content = helper.make_model(graph).SerializeToString()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "paper_graphs", lambda *_: {"spsn.onnx": content})
+        patch.setattr(training, "export_paper_graphs", lambda *_: {"spsn.onnx": content})
         for system in ("lptransformer", "lptransformer-printed", "lpt-plus"):
             config = training.Training(system, "smoke", steps=1, n_judgements=1)
             training.make(config, corpus(), tmp_path / system, tmp_path / "parts", ALONE)

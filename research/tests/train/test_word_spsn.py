@@ -21,8 +21,8 @@ from signsplice_paper.train.networks.word_spsn import (  # noqa: E402
     WordSpsn,
     WordSpsnConfig,
 )
-from signsplice_paper.train.tasks import positions  # noqa: E402
-from signsplice_paper.train.words_data import words_of_split, words_with_cards  # noqa: E402
+from signsplice_paper.train.tasks import find_positions  # noqa: E402
+from signsplice_paper.train.words_data import load_card_words, load_split_words  # noqa: E402
 from signsplice_workshop.corpora.readable import Card  # noqa: E402
 from system_toys import CONFIGS, SPACE, data, toy  # noqa: E402
 from training_toys import corpus  # noqa: E402
@@ -37,10 +37,10 @@ def network() -> WordSpsn:
 
 def test_all_pairs_at_once_have_the_positions_of_each_pair_alone(network: WordSpsn) -> None:
     pairs = data().batch(range(8))
-    words = words_of_split(corpus(), "random", "train")
+    words = load_split_words(corpus(), "random", "train")
     whole = words.batch(range(len(words)))
     with torch.no_grad():
-        frames, emitted = positions(network(pairs.x, pairs.n_before, pairs.mask), pairs.mask)
+        frames, emitted = find_positions(network(pairs.x, pairs.n_before, pairs.mask), pairs.mask)
         leave, enter = network.pair_scores(whole.x, whole.mask)
     assert emitted.all()
     row = {number: k for k, number in enumerate(words.numbers)}
@@ -110,7 +110,7 @@ def test_the_height_of_hands_is_among_what_is_read_finely(network: WordSpsn) -> 
 
 
 def test_measures_have_mean_0_and_deviation_1_over_the_words_that_are_taught(network: WordSpsn) -> None:
-    words = words_of_split(corpus(), "random", "train").words
+    words = load_split_words(corpus(), "random", "train").words
     assert network.measures is not None
     count, n_fine = network.measures.count, network.measures.n_fine
     seen = torch.cat([network.features(word[None])[0, :, -n_fine - count : -n_fine] for word in words])
@@ -137,13 +137,13 @@ def test_padding_gives_finite_numbers(network: WordSpsn) -> None:
 def test_without_a_skeleton_nothing_is_measured() -> None:
     config = replace(cast(WordSpsnConfig, CONFIGS["spsn-words"][0]), parents=(), hands=())
     bare = WordSpsn(config, data().normaliser())
-    bare.fit_measures(words_of_split(corpus(), "random", "train").words)
+    bare.fit_measures(load_split_words(corpus(), "random", "train").words)
     assert (bare.measures, len(bare.mean)) == (None, 0)
     assert bare.features(torch.zeros(1, 4, SPACE.n_numbers)).shape[-1] == 2 * SPACE.n_numbers + len(SPACE.joints)
 
 
 def test_a_score_depends_on_the_partner(network: WordSpsn) -> None:
-    words = words_of_split(corpus(), "random", "train").batch(range(4))
+    words = load_split_words(corpus(), "random", "train").batch(range(4))
     with torch.no_grad():
         leave, enter = network.pair_scores(words.x, words.mask)
     assert not torch.allclose(leave[0, 1], leave[0, 2])
@@ -151,7 +151,7 @@ def test_a_score_depends_on_the_partner(network: WordSpsn) -> None:
 
 
 def test_batches_are_of_one_signer_and_repeat_by_seed_and_step() -> None:
-    words = words_of_split(corpus(), "random", "train")
+    words = load_split_words(corpus(), "random", "train")
     assert words.rows(3, 4, 0).tolist() == words.rows(3, 4, 0).tolist()
     assert words.rows(3, 4, 0).tolist() != words.rows(4, 4, 0).tolist()
     assert len({corpus().signer(words.numbers[row]) for row in words.rows(0, 100, 0)}) == 1
@@ -170,14 +170,14 @@ def with_cards() -> Any:
 
 
 def test_pairs_that_are_held_back_are_not_taught() -> None:
-    words = words_with_cards(with_cards(), [[0, 1]], frozenset({(0, 1)}))
+    words = load_card_words(with_cards(), [[0, 1]], frozenset({(0, 1)}))
     batch = words.batch([0, 1])
     assert batch.taught.tolist() == [[True, False], [True, True]]
     assert batch.cuts[1, 0].tolist() == [7, 5]
 
 
 def test_in_a_corpus_to_teach_on_any_two_words_of_a_signer_are_taught() -> None:
-    found = {split: words_of_split(with_cards(), split, "train").batch([0, 1]) for split in ("random", "many")}
+    found = {split: load_split_words(with_cards(), split, "train").batch([0, 1]) for split in ("random", "many")}
     assert found["random"].taught.tolist() == [[False, True], [False, False]], "the pair of the split"
     assert found["random"].cuts[0, 1].tolist() == [4, 4]
     assert found["many"].taught.all()

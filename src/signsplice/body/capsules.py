@@ -24,6 +24,86 @@ N_JOINTS = 4
 """Largest number of joints that carry a vertex."""
 
 
+@dataclass(frozen=True)
+class HandSizes:
+    """Capsules of a hand in usual proportions."""
+
+    palm_start: float = 0.12
+    """Part of the way from the wrist to a knuckle at which that knuckle's capsule of the palm begins."""
+    palm_radius: float = 0.0095
+    """Radius of a capsule of the palm at its beginning, statures."""
+    knuckle_radius: float = 1.22
+    """Radius of a capsule of the palm at its knuckle, in radii of the finger."""
+    thumb_knuckle_radius: float = 1.35
+    """Radius of the thumb's capsule of the palm at its knuckle, in radii of the thumb."""
+    mitten_length: float = 0.08
+    """Length of a hand without fingers, statures."""
+    mitten_start_radius: float = 0.02
+    """Radius of a hand without fingers at the wrist, statures."""
+    mitten_end_radius: float = 0.018
+    """Radius of a hand without fingers at its end, statures."""
+    phalanx_radius: float = 1.12
+    """Radius of a first phalanx at its beginning, in radii of the finger."""
+    phalanx_taper: float = 0.09
+    """Decrease of the radius with each phalanx, in radii of the finger."""
+    shortest_tip: float = 0.2
+    """Least length of a last phalanx, in lengths of the one before."""
+    longest_tip: float = 2.0
+    """Largest length of a last phalanx, in lengths of the one before."""
+    usual_tip: float = 0.8
+    """Length of a last phalanx whose end is not known, in lengths of the one before."""
+
+
+_HAND_SIZES = HandSizes()
+
+
+@dataclass(frozen=True)
+class TrunkSizes:
+    """Capsules of trunk and neck in usual proportions; lengths and radii are fractions of stature."""
+
+    columns: tuple[tuple[float, float], ...] = ((0.058, 0.053), (0.0, 0.060), (-0.058, 0.053))
+    """Distance to the left and radius of the capsules side by side that form the oval of chest and belly."""
+    column_drop: float = 0.045
+    """Distance from the shoulders down to the top of the columns."""
+    waist_width: float = 0.94
+    """Distance of the columns from the middle at the waist, as a part of that above."""
+    waist_thickness: float = 0.92
+    """Radius of the columns at the waist, as a part of that above."""
+    hem_drop: float = 0.035
+    """Distance from the hips down to the hem, where the trunk ends."""
+    hem_width: float = 1.08
+    """Distance of the columns from the middle at the hem, as a part of that above."""
+    hem_radius: float = 0.057
+    """Radius of the columns at the hem."""
+    hip_reach: float = 0.95
+    """Part of the way to the legs' joints that the hips reach."""
+    hip_radius: float = 0.057
+    """Radius of the hips."""
+    neck_overlap: float = 0.02
+    """Length of the neck beyond either end of its bone."""
+    neck_radii: tuple[float, float] = (0.030, 0.029)
+    """Radii of the neck at its lower and upper end."""
+    back_drop: float = 0.02
+    """Distance from the neck down to the top of the back."""
+    back_radii: tuple[float, float] = (0.044, 0.050)
+    """Radii of the back at its upper and lower end."""
+    collar_to_shoulder: float = 0.55
+    """Share of the shoulder in the place of a collar's end."""
+    collar_to_middle: float = 0.45
+    """Share of the middle between the shoulders in the place of a collar's end."""
+    collar_drop: float = 0.004
+    """Distance from that place down to the collar's end."""
+    collar_radii: tuple[float, float] = (0.034, 0.033)
+    """Radii of a collar at the neck and at its end."""
+    shoulder_span: tuple[float, float] = (0.2, 0.93)
+    """Parts of the way along the collar bone at which the shoulder begins and ends."""
+    shoulder_radii: tuple[float, float] = (0.035, 0.0325)
+    """Radii of the shoulder at its beginning and end."""
+
+
+TRUNK_SIZES = TrunkSizes()
+
+
 @dataclass(frozen=True, eq=False)
 class MeshPart:
     """A part of the mesh in one colour.
@@ -89,18 +169,8 @@ class AvatarFile:
 
 
 _SEGMENTS = ("Metacarpal", "Proximal", "Intermediate", "Distal")
-_THICKNESS = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
+_FINGER_RADII = {"Thumb": 0.0068, "Index": 0.0058, "Middle": 0.0059, "Ring": 0.0056, "Little": 0.0049}
 """Half a finger's breadth as a fraction of stature, about 10 mm on 1.70 m."""
-_PALM = (0.12, 0.0095, 1.22, 1.35)
-"""Part of the way to a knuckle at which its capsule of the palm begins; the radius there, statures; the radius at the
-knuckle, in radii of the finger, and the same for the thumb.
-"""
-_MITTEN = (0.08, 0.02, 0.018)
-"""Length and both radii of a hand without fingers, statures."""
-_TAPER = (1.12, 0.09)
-"""Radius of a first phalanx at its beginning, in radii of the finger, and its decrease with each phalanx."""
-_TIP = (0.2, 2.0, 0.8)
-"""Least and largest length of a last phalanx, in lengths of the one before, and its length if no end is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +194,7 @@ def hand_capsules(
 
     joints: of roles. rest: (J, 3) joints at rest. height: stature, clip units. thickness: of fingers, 1 as usual.
     """
-    wrist = joints.get(f"{side}Hand")
+    wrist, sizes = joints.get(f"{side}Hand"), _HAND_SIZES
     if wrist is None:
         return []
     rows: list[Capsule] = []
@@ -132,23 +202,25 @@ def hand_capsules(
         chain = [(r, joints[r]) for s in _SEGMENTS if (r := f"{side}{finger}{s}") in joints]
         if not chain:
             continue
-        thick, palm = _THICKNESS[finger] * height * thickness, _PALM[1] * height * thickness
-        knuckle, wider = rest[chain[0][1]] - rest[wrist], _PALM[3 if finger == "Thumb" else 2]
-        ends, radii = (_PALM[0] * knuckle, knuckle), (palm, thick * wider)
+        thick, palm = _FINGER_RADII[finger] * height * thickness, sizes.palm_radius * height * thickness
+        knuckle = rest[chain[0][1]] - rest[wrist]
+        wider = sizes.thumb_knuckle_radius if finger == "Thumb" else sizes.knuckle_radius
+        ends, radii = (sizes.palm_start * knuckle, knuckle), (palm, thick * wider)
         rows.append(Capsule(f"{side}{finger}Palm", wrist, *ends, *radii, "palm", side))
         for n, (role, joint) in enumerate(chain):
-            is_last, taper = n + 1 == len(chain), _TAPER[0] - _TAPER[1] * n
+            is_last, taper = n + 1 == len(chain), sizes.phalanx_radius - sizes.phalanx_taper * n
             after = chain[min(n + 1, len(chain) - 1)][1]
             bone = _tip(skeleton, joint, [j for _, j in chain], rest) if is_last else rest[after] - rest[joint]
             part = finger + "Tip" if is_last else finger
-            radii = thick * taper, thick * (taper - _TAPER[1])
+            radii = thick * taper, thick * (taper - sizes.phalanx_taper)
             rows.append(Capsule(role, joint, np.zeros(3), bone, *radii, part, side))
     if not rows:  # no fingers: a mitten as long as a hand
         elbow = joints.get(f"{side}LowerArm")
         bone = rest[wrist] - rest[elbow] if elbow is not None else np.array([0.0, -1.0, 0.0])
-        (length, r0, r1), thick = _MITTEN, height * thickness
-        bone = bone / np.linalg.norm(bone) * length * height
-        rows.append(Capsule(f"{side}Mitten", wrist, np.zeros(3), bone, r0 * thick, r1 * thick, "palm", side))
+        bone = bone / np.linalg.norm(bone) * sizes.mitten_length * height
+        thick = height * thickness
+        radii = sizes.mitten_start_radius * thick, sizes.mitten_end_radius * thick
+        rows.append(Capsule(f"{side}Mitten", wrist, np.zeros(3), bone, *radii, "palm", side))
     return rows
 
 
@@ -161,9 +233,9 @@ def _tip(skeleton: Skeleton, joint: int, chain: list[int], rest: FloatArray) -> 
     before = rest[joint] - rest[chain[-2]] if len(chain) > 1 else rest[joint] - rest[skeleton.parents[joint]]
     usual = float(np.linalg.norm(before))
     for bone in sites:
-        if _TIP[0] * usual < np.linalg.norm(bone) < _TIP[1] * usual:
+        if _HAND_SIZES.shortest_tip * usual < np.linalg.norm(bone) < _HAND_SIZES.longest_tip * usual:
             return bone
-    return np.asarray(_TIP[2] * before)
+    return np.asarray(_HAND_SIZES.usual_tip * before)
 
 
 ARM = ("sleeve", "cuff")
@@ -176,27 +248,6 @@ _LIMBS = (
     ("LowerLeg", "Foot", 0.036, 0.024, "leg"),
     ("Foot", "Toes", 0.024, 0.020, "shoe"),
 )
-
-# Trunk: capsules side by side that form an oval: distance to the left and radius, as fractions of stature.
-_COLUMNS = ((0.058, 0.053), (0.0, 0.060), (-0.058, 0.053))
-_BELOW_SHOULDERS = 0.045
-"""Distance from the shoulders down to the top of the columns, statures."""
-_WAIST = (0.94, 0.92)
-"""Place and thickness of the columns at the waist, as parts of those above."""
-HEM = 0.035
-"""Distance from the hips down to the end of the trunk, statures."""
-_SEAT = (1.08, 0.057)
-"""Place of a column at the hem, as a part of that above, and its radius there, statures."""
-_HIPS = (0.95, 0.057)
-"""Part of the way to the legs' joints that the hips reach, and their radius, statures."""
-_NECK = (0.02, 0.030, 0.029)
-"""Length of the neck beyond its bone, and its radii at both ends, statures."""
-_BACK = (0.02, 0.044, 0.050)
-"""Distance from the neck down to the top of the back, and the back's radii at both ends, statures."""
-_COLLAR = (0.55, 0.45, 0.004, 0.034, 0.033)
-"""End of a collar: parts of the way to its shoulder and to the middle of both; drop and both radii, statures."""
-_SHOULDER = ((0.2, 0.93), (0.035, 0.0325))
-"""Parts of the collar bone between which the shoulder lies, and its radii, statures."""
 
 # The head about its joint in the T-pose: left, up, forward of both ends, radii; all fractions of stature.
 _HEAD = (
@@ -388,6 +439,7 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]
     left, up, _ = np.eye(3) * height
     rows: list[Capsule] = []
     big, wide, deep = shape.head, shape.trunk_width, shape.trunk_depth
+    sizes = TRUNK_SIZES
 
     def add(key: str, joint: int, start: FloatArray, end: FloatArray, r0: float, r1: float, part: str) -> None:
         """Adds a capsule with both ends relative to the joint, in the axes of the T-pose."""
@@ -403,30 +455,33 @@ def _trunk(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Capsule]
             add(f"head{n}", joints["head"], *ends, big * r0, big * r1, part)
     if "head" in joints and "neck" in joints:
         neck = joints["neck"]
-        nape = positions[joints["head"]] - positions[neck] + _NECK[0] * up
-        add("neck", neck, -_NECK[0] * up, nape, _NECK[1] * big, _NECK[2] * big, "neck")
+        nape = positions[joints["head"]] - positions[neck] + sizes.neck_overlap * up
+        low_radius, high_radius = sizes.neck_radii
+        add("neck", neck, -sizes.neck_overlap * up, nape, low_radius * big, high_radius * big, "neck")
     rows += _shoulders(skeleton, height, shape)
     girdle = [positions[joints[s + "UpperArm"]] - positions[chest] for s in SIDES if s + "UpperArm" in joints]
     if len(girdle) == 2:
         middle, waist = np.mean(girdle, axis=0), positions[low] - positions[chest]
-        for n, (x, r) in enumerate(_COLUMNS):
-            start, end = middle - _BELOW_SHOULDERS * up + wide * x * left, waist + _WAIST[0] * wide * x * left
-            add(f"chest{n}", chest, start, end, r * deep, _WAIST[1] * r * deep, "shirt")
+        for n, (x, r) in enumerate(sizes.columns):
+            start = middle - sizes.column_drop * up + wide * x * left
+            end = waist + sizes.waist_width * wide * x * left
+            add(f"chest{n}", chest, start, end, r * deep, sizes.waist_thickness * r * deep, "shirt")
         if "neck" in joints:
             nape = positions[joints["neck"]] - positions[chest]
-            add("back", chest, nape - _BACK[0] * up, waist, _BACK[1] * deep, _BACK[2] * deep, "shirt")
+            high_radius, low_radius = sizes.back_radii
+            add("back", chest, nape - sizes.back_drop * up, waist, high_radius * deep, low_radius * deep, "shirt")
             for n, shoulder in enumerate(girdle):
-                end = _COLLAR[0] * shoulder + _COLLAR[1] * middle - _COLLAR[2] * up
-                add(f"collar{n}", chest, nape, end, *_COLLAR[3:], "shirt")
-    hem = -HEM * up
-    for n, (x, r) in enumerate(_COLUMNS):
-        start = positions[low] - positions[hips] + _WAIST[0] * wide * x * left
-        end = hem + _SEAT[0] * wide * x * left
-        add(f"belly{n}", hips, start, end, _WAIST[1] * r * deep, _SEAT[1] * deep, "shirt")
+                end = sizes.collar_to_shoulder * shoulder + sizes.collar_to_middle * middle - sizes.collar_drop * up
+                add(f"collar{n}", chest, nape, end, *sizes.collar_radii, "shirt")
+    hem = -sizes.hem_drop * up
+    for n, (x, r) in enumerate(sizes.columns):
+        start = positions[low] - positions[hips] + sizes.waist_width * wide * x * left
+        end = hem + sizes.hem_width * wide * x * left
+        add(f"belly{n}", hips, start, end, sizes.waist_thickness * r * deep, sizes.hem_radius * deep, "shirt")
     sides = [positions[joints[s + "UpperLeg"]] - positions[hips] for s in SIDES if s + "UpperLeg" in joints]
     if len(sides) == 2:
-        start, end = (hem + _HIPS[0] * side for side in sides)
-        add("hips", hips, start, end, _HIPS[1] * deep, _HIPS[1] * deep, "shirt")
+        start, end = (hem + sizes.hip_reach * side for side in sides)
+        add("hips", hips, start, end, sizes.hip_radius * deep, sizes.hip_radius * deep, "shirt")
     return rows
 
 
@@ -440,6 +495,6 @@ def _shoulders(skeleton: Skeleton, height: float, shape: BodyShape) -> list[Caps
         arm = joints[f"{side}UpperArm"]
         collar = joints.get(f"{side}Shoulder", int(skeleton.parents[arm]))
         bone, thick = rest[arm] - rest[collar], height * shape.limbs
-        (low, high), (r0, r1) = _SHOULDER
+        (low, high), (r0, r1) = TRUNK_SIZES.shoulder_span, TRUNK_SIZES.shoulder_radii
         rows.append(Capsule(f"{side}Shoulder", collar, low * bone, high * bone, r0 * thick, r1 * thick, "shirt"))
     return rows

@@ -31,6 +31,80 @@ from signsplice.body.contacts import PosedBody
 from signsplice.motion import FloatArray
 from signsplice.rig.roles import SIDES
 
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class WristSettings:
+    """Weights and limits of the fit of wrists."""
+
+    anchor_fade_m: float = 0.04
+    """rho: skin distance over which the weights of anchors fall, m."""
+    hand_clearance_m: float = 0.06
+    """Largest clearance that scales as hands do, m."""
+    space_clearance_m: float = 0.25
+    """Least clearance that scales as signing space does, m."""
+    space_weight: float = 0.15
+    """w_0: weight of the wrists' places in signing space."""
+    smoothness: float = 100.0
+    """lambda at the frame rate ``smoothness_fps``."""
+    smoothness_fps: float = 30.0
+    """Frame rate to which ``smoothness`` refers, Hz."""
+    steps: int = 4
+    """Gauss-Newton steps of the first solution, and of a refinement on a body with relief."""
+    capsule_steps: int = 2
+    """Gauss-Newton steps of a refinement on a body without relief."""
+    damping: float = 10.0
+    """Weight that ties moves to those of the step before: contacts that come and go would make them swing."""
+    reach: float = 0.985
+    """Largest distance of a wrist from its shoulder, arm lengths."""
+    reach_weight: float = 60.0
+    """Weight that pulls wrists back within reach."""
+    signing_activity: float = 0.5
+    """Activity of an arm above which it signs."""
+
+
+WRISTS = WristSettings()
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """Skin distances and weights of contacts."""
+
+    weight: float = 60.0
+    """Weight of a contact."""
+    fade_m: float = 0.006
+    """Depth at the source over which the weight of a contact falls by a factor e, m."""
+    least_weight: float = 1e-3
+    """Weight above which a contact counts."""
+    touch_distance_m: float = 0.012
+    """Largest skin distance at the source of a pair that keeps its distance, m."""
+    clearance_m: float = 0.010
+    """Least distance to which pairs that are farther apart at the source may come, m."""
+    press_depth_m: float = 0.002
+    """Largest depth at the source of a contact of skin on skin, m."""
+    watch_distance_m: float = 0.035
+    """Largest skin distance on the other body of a pair that the fit watches, m."""
+
+
+CONTACTS = ContactSettings()
+
+_ARM_SHARES = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}
+"""Shares of a wrist's move that both ends of an arm's parts follow."""
+_ANCHORS = (
+    ("ThumbDistal", 1.0),
+    ("IndexDistal", 1.0),
+    ("MiddleDistal", 1.0),
+    ("RingDistal", 1.0),
+    ("LittleDistal", 1.0),
+    ("IndexPalm", 1.0),
+    ("LittlePalm", 1.0),
+    ("MiddlePalm", 0.6),
+    ("Mitten", 0.3),
+    ("Mitten", 1.0),
+)
+"""Points of a hand: key of a capsule without the side, and place along its axis."""
+
 
 def solve_blocks(block: FloatArray, rhs: FloatArray, smoothness: float) -> FloatArray:
     """Returns the moves (T, 2, 3) that solve a block (T, 6, 6) and right side (T, 6) for each frame; the squares of
@@ -59,62 +133,6 @@ def second_differences(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     d1[:-1] -= 2.0
     d1[1:] -= 2.0
     return d0, d1, d2
-
-
-Index = NDArray[np.intp]
-
-NEAR_M = 0.04
-"""rho: skin distance over which weights fall, m."""
-_FREE_M = 0.06
-"""Largest clearance that keeps its length, m."""
-_FAR_M = 0.25
-"""Least clearance that scales as signing space does, m."""
-_SPACE_WEIGHT = 0.15
-_SMOOTHNESS = 100.0
-"""lambda at the frame rate ``_FPS``."""
-_FPS = 30.0
-"""Frame rate to which ``_SMOOTHNESS`` refers, Hz."""
-CONTACT_WEIGHT = 60.0
-"""Weight of a contact."""
-CONTACT_FADE_M = 0.006
-"""Depth at the source over which the weight of a contact falls by a factor e, m."""
-_LEAST_WEIGHT = 1e-3
-"""Contacts of at most this weight do not count."""
-TOUCH_M = 0.012
-"""Largest skin distance at the source of a pair that keeps its distance, m."""
-CLEAR_M = 0.010
-"""Pairs that are farther apart than this at the source may come as close as this, m."""
-PRESS_M = 0.002
-"""Largest depth at the source of a contact of skin on skin, m."""
-_MARGIN_M = 0.035
-_STEPS = 4
-"""Gauss-Newton steps of the first solution, and of a refinement on a body with relief."""
-_STEPS_AGAIN = 2
-"""Gauss-Newton steps of a refinement on a body without relief."""
-_DAMPING = 10.0
-"""Weight that ties moves to those of the step before: contacts that come and go would make them swing."""
-_REACH = 0.985
-"""Largest distance of a wrist from its shoulder, arm lengths."""
-_REACH_WEIGHT = 60.0
-"""Weight that pulls wrists back within reach."""
-SIGNS = 0.5
-"""An arm signs in frames in which its activity exceeds this."""
-_ARM_SHARES = {"sleeve": (0.0, 0.5), "cuff": (0.5, 1.0)}
-"""Shares of a wrist's move that both ends of an arm's parts follow."""
-
-_ANCHORS = (
-    ("ThumbDistal", 1.0),
-    ("IndexDistal", 1.0),
-    ("MiddleDistal", 1.0),
-    ("RingDistal", 1.0),
-    ("LittleDistal", 1.0),
-    ("IndexPalm", 1.0),
-    ("LittlePalm", 1.0),
-    ("MiddlePalm", 0.6),
-    ("Mitten", 0.3),
-    ("Mitten", 1.0),
-)
-"""Points of a hand: key of a capsule without the side, and place along its axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,18 +179,19 @@ class Fit:
         m = self._solve_linear()
         self.out_of_reach = self._out_of_reach(m)
         self.near = _near_contacts(self, m)
-        return self._solve_contacts(m, self.carried, np.zeros_like(m), _STEPS)
+        return self._solve_contacts(m, self.carried, np.zeros_like(m), WRISTS.steps)
 
     def _out_of_reach(self, m: FloatArray) -> FloatArray:
         """Returns the largest distance (2,) of each hand's places beyond its arm's reach while it signs, m."""
         excess = np.linalg.norm(self.carried.wrists + m - self.carried.shoulders, axis=-1) - self.carried.arm_lengths
-        return np.asarray((excess * (self.active > SIGNS)).max(axis=0, initial=0.0))
+        return np.asarray((excess * (self.active > WRISTS.signing_activity)).max(axis=0, initial=0.0))
 
     def refine(self, moved: PosedBody) -> FloatArray:
         """Returns refined moves, from ``moved``: the body with the arms after the moves so far."""
         base = moved.wrists - self.carried.wrists
         heights = moved.heights(self.pairs[1], self.near)
-        return self._solve_contacts(base, moved, base, _STEPS_AGAIN if moved.body.relief is None else _STEPS, heights)
+        steps = WRISTS.capsule_steps if moved.body.relief is None else WRISTS.steps
+        return self._solve_contacts(base, moved, base, steps, heights)
 
     def _solve_contacts(
         self, m: FloatArray, posed: PosedBody, base: FloatArray, steps: int, heights: FloatArray | float = 0.0
@@ -187,10 +206,10 @@ class Fit:
     @cached_property
     def _linear(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Per frame: the diagonal (T, 2) and off-diagonal (T,) of the 2 x 2 block, the right side (T, 2, 3)."""
-        diagonal = np.full((self.n_frames, 2), _SPACE_WEIGHT)
+        diagonal = np.full((self.n_frames, 2), WRISTS.space_weight)
         middle, wrists = self.carried.shoulders.mean(axis=1, keepdims=True), self.source.wrists
         space = middle + self._arm_scale * (wrists - self.source.shoulders.mean(axis=1, keepdims=True))
-        right = _SPACE_WEIGHT * (space - self.carried.wrists)
+        right = WRISTS.space_weight * (space - self.carried.wrists)
         for side in (0, 1):
             weight, pull = self._body_pull(side)
             diagonal[:, side] += weight
@@ -237,14 +256,15 @@ class Fit:
 
     def _scale_clearance(self, clearance: FloatArray) -> FloatArray:
         """Returns a skin distance on the other body: hands scale a small one, signing space scales a large one."""
-        share = np.clip((clearance - _FREE_M) / (_FAR_M - _FREE_M), 0.0, 1.0)
+        low, high = WRISTS.hand_clearance_m, WRISTS.space_clearance_m
+        share = np.clip((clearance - low) / (high - low), 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)
         return clearance * (self._hand_scale + (self._arm_scale - self._hand_scale) * share)
 
     @property
     def smoothness(self) -> float:
         """The weight of smoothness at the clip's frame rate."""
-        return _SMOOTHNESS * (self.fps / _FPS) ** 4
+        return WRISTS.smoothness * (self.fps / WRISTS.smoothness_fps) ** 4
 
     def _solve_linear(self) -> FloatArray:
         n, (diagonal, off, right) = self.n_frames, self._linear
@@ -264,8 +284,8 @@ class Fit:
         for axis in range(3):
             block[:, axis, axis], block[:, 3 + axis, 3 + axis] = diagonal[:, 0], diagonal[:, 1]
             block[:, 3 + axis, axis] = block[:, axis, 3 + axis] = off
-        rhs = right.reshape(n, 6) + _DAMPING * m.reshape(n, 6)
-        block[:, range(6), range(6)] += _DAMPING
+        rhs = right.reshape(n, 6) + WRISTS.damping * m.reshape(n, 6)
+        block[:, range(6), range(6)] += WRISTS.damping
         contacts.add(m, block, rhs)
         self._add_reach(m, block, rhs)
         return solve_blocks(block, rhs, self.smoothness)
@@ -275,15 +295,15 @@ class Fit:
         for side in (0, 1):
             arm = self.carried.wrists[:, side] + m[:, side] - self.carried.shoulders[:, side]
             length = np.linalg.norm(arm, axis=-1)
-            limit = _REACH * self.carried.arm_lengths[side]
+            limit = WRISTS.reach * self.carried.arm_lengths[side]
             rows = np.flatnonzero(length > limit)
             if not len(rows):
                 continue
             n = arm[rows] / length[rows, None]
             goal = limit - length[rows] + np.einsum("nx,nx->n", n, m[rows, side])
             columns = slice(3 * side, 3 * side + 3)
-            block[rows, columns, columns] += _REACH_WEIGHT * n[:, :, None] * n[:, None]
-            rhs[rows, columns] += _REACH_WEIGHT * goal[:, None] * n
+            block[rows, columns, columns] += WRISTS.reach_weight * n[:, :, None] * n[:, None]
+            rhs[rows, columns] += WRISTS.reach_weight * goal[:, None] * n
 
 
 def _near_contacts(fit: Fit, m: FloatArray) -> Near:
@@ -292,13 +312,13 @@ def _near_contacts(fit: Fit, m: FloatArray) -> Near:
     first, last, sides = _wrist_weights(posed.body)
     shift = m[:, sides]  # (T, C, 3)
     starts, ends = posed.starts + first[:, None] * shift, posed.ends + last[:, None] * shift
-    touching = near_pairs(source.starts, source.ends, source.radii, source_pairs, TOUCH_M)
-    close = near_pairs(starts, ends, posed.radii, target_pairs, _MARGIN_M)
+    touching = near_pairs(source.starts, source.ends, source.radii, source_pairs, CONTACTS.touch_distance_m)
+    close = near_pairs(starts, ends, posed.radii, target_pairs, CONTACTS.watch_distance_m)
     n = len(target_pairs.own)
     frames, k = np.divmod(np.union1d(touching[0] * n + touching[1], close[0] * n + close[1]), n)
     before = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
     after = pair_clearances(starts, ends, posed.radii, target_pairs, frames, k).distance
-    is_close = (before < TOUCH_M) | (after < _MARGIN_M)
+    is_close = (before < CONTACTS.touch_distance_m) | (after < CONTACTS.watch_distance_m)
     return Near(frames[is_close], k[is_close], before[is_close])
 
 
@@ -322,11 +342,11 @@ class _Contacts:
         self._first = first[own_rows], np.where(moves, first[other_rows], 0.0)
         self._more = (last - first)[own_rows], np.where(moves, (last - first)[other_rows], 0.0)
         self._base = base[self.frames]
-        touching = self.then < TOUCH_M
+        touching = self.then < CONTACTS.touch_distance_m
         # A pair that lies deep at the source has no skin to touch: it may stay as deep, with less weight.
-        off = np.maximum(np.abs(self.then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0.0)
-        self._wanted = self._allowed = np.minimum(self.then, CLEAR_M) + heights
-        self._held = np.where(touching, CONTACT_WEIGHT * np.exp(-off / CONTACT_FADE_M), 0.0)
+        off = np.maximum(np.abs(self.then + 0.5 * CONTACTS.press_depth_m) - 0.5 * CONTACTS.press_depth_m, 0.0)
+        self._wanted = self._allowed = np.minimum(self.then, CONTACTS.clearance_m) + heights
+        self._held = np.where(touching, CONTACTS.weight * np.exp(-off / CONTACTS.fade_m), 0.0)
 
     def add(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:
         """Add this step's residuals to the blocks (T, 6, 6) and right sides (T, 6)."""
@@ -340,8 +360,8 @@ class _Contacts:
             self._v + self._more[1][:, None] * other_moves,
             *self._radii,
         )
-        weight = np.where(now.distance < self._allowed, CONTACT_WEIGHT, self._held)
-        rows = np.flatnonzero(weight > _LEAST_WEIGHT)
+        weight = np.where(now.distance < self._allowed, CONTACTS.weight, self._held)
+        rows = np.flatnonzero(weight > CONTACTS.least_weight)
         if not len(rows):
             return
         share, index = np.zeros((len(rows), 2)), np.arange(len(rows))
@@ -373,5 +393,5 @@ def _points(body: PosedBody, rows: Index, at: FloatArray) -> tuple[FloatArray, F
 
 
 def _weight(clearance: FloatArray) -> FloatArray:
-    ratio = 1.0 + np.maximum(clearance, 0.0) / NEAR_M
+    ratio = 1.0 + np.maximum(clearance, 0.0) / WRISTS.anchor_fade_m
     return 1.0 / (ratio * ratio * ratio * ratio)

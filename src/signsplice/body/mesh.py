@@ -27,9 +27,43 @@ from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS
 from signsplice.rig.t_pose import positions_from_rotations
 
+
+@dataclass(frozen=True)
+class MannequinShape:
+    """Shape of the mannequin's mesh."""
+
+    chin_radius: float = 0.024
+    """Radius of the usual head's chin (``capsules``), statures; it sets the scale of larger heads."""
+    least_spacing: float = 0.06
+    """Least distance of a part's vertices, in radii of its thickest capsule."""
+    palm_blend: float = 0.0045
+    """Blend radius within a palm, before palm and fingers are blended, statures."""
+    limb_blend: float = 0.0005
+    """Blend radius within a finger, an arm or a leg, before these are blended, statures."""
+    bend_softness: float = 0.25
+    """Factor on the softness (``_SOFT``) at elbows and knees: half-way between two folded bones, a vertex that both
+    carry would be pinched.
+    """
+    bend_ball_radius: float = 0.95
+    """Radius of the ball in an elbow or a knee, in radii of the limb."""
+    sleeve_end: float = 0.90
+    """Fraction of the forearm that the sleeve covers; from there on a bare wrist leads into the palm."""
+    neck_end: float = 0.65
+    """Fraction of the neck's capsule that is visible below the figure's head."""
+    neck_radius: float = 0.97
+    """Radius of that part, in radii of the neck's capsule."""
+    wrist_radii: tuple[float, float] = (0.0125, 0.0135)
+    """Radii of the bare wrist at its beginning within the sleeve and at the hand, statures."""
+    crease_weight: float = 0.60
+    """Ratio of the second to the first weight of skin that two phalanges carry, above which it is their crease."""
+    crease_shade: float = 0.84
+    """Brightness of a crease relative to the skin around it."""
+
+
+_MANNEQUIN = MannequinShape()
+
 _HEAD_STEP = 1e-5
-_CHIN_RADIUS = 0.024
-"""Radius of the usual head's chin (``capsules``), statures; it sets the scale of larger heads."""
+"""Unit of the coordinates in ``figure.npz``, statures."""
 _COLOURS = {
     "face": (0.90, 0.69, 0.56),
     "lips": (0.76, 0.45, 0.41),
@@ -83,7 +117,7 @@ def head_parts(skeleton: Skeleton, shape: BodyCapsules, positions: FloatArray) -
 
 def _size(shape: BodyCapsules) -> float:
     """Returns the clip units of a step of the file, from the thickness of the chin."""
-    return _HEAD_STEP * float(shape.radii[shape.keys.index("head1"), 0]) / _CHIN_RADIUS
+    return _HEAD_STEP * float(shape.radii[shape.keys.index("head1"), 0]) / _MANNEQUIN.chin_radius
 
 
 def _of_part(
@@ -111,35 +145,12 @@ CLOTHES = {
 
 _STEP = {"face": 0.0036, "hair": 0.0060, "neck": 0.0100, "shirt": 0.0120, "leg": 0.0200, "shoe": 0.0140}
 """Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 4.8 mm by default."""
-_COARSEST = 0.06
-"""Least distance of a part's vertices, as a fraction of its thickest capsule's radius."""
 _BLEND = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
 """Blend radius of the capsules of a part, as a fraction of stature; 1 mm by default."""
-_PALM_BLEND = 0.0045
-"""Blend radius within a palm, before palm and fingers are blended, as a fraction of stature."""
-_LIMB_BLEND = 0.0005
-"""Blend radius within a finger, an arm or a leg, before these are blended, as a fraction of stature."""
 _SOFT = {"shirt": 0.45}
 """Softness of the transition from one joint to the next, as a fraction of the capsule's thickness."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
 """Spread of the fingers in the bind pose, degrees, so that their meshes do not merge."""
-_BENT = 0.25
-"""Factor on that softness at elbows and knees: half-way between two folded bones, a vertex that both carry would be
-pinched.
-"""
-_BALL = 0.95
-"""Radius of the ball in an elbow or a knee, in radii of the limb."""
-_CUFF_END = 0.90
-"""Fraction of the forearm that the sleeve covers; from there on a bare wrist leads into the palm."""
-_NECK_END = 0.65
-"""Fraction of the neck's capsule that is visible below the figure's head."""
-_NECK_WITHIN = 0.97
-"""Thickness of that part, in radii of the neck's capsule."""
-_WRIST = (0.0125, 0.0135)
-_CREASE = 0.60
-"""Skin that two phalanges carry is their crease if the second weight exceeds this part of the first."""
-_CREASE_SHADE = 0.84
-"""Brightness of a crease relative to the skin around it."""
 _GROWN = {"mouth": 0.0020, "eye": 0.0010}
 """Addition to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
 
@@ -220,10 +231,11 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
         )
         if kind == "shirt":
             cuffs = [k for k, part in enumerate(parts) if part == "cuff"]
-            capsules.ends[cuffs] = capsules.starts[cuffs] + _CUFF_END * (capsules.ends[cuffs] - capsules.starts[cuffs])
+            forearms = capsules.ends[cuffs] - capsules.starts[cuffs]
+            capsules.ends[cuffs] = capsules.starts[cuffs] + _MANNEQUIN.sleeve_end * forearms
         if kind == "face" and has_face:  # the neck below the figure's head, which goes into it
-            ends_in = capsules.starts + _NECK_END * (capsules.ends - capsules.starts)
-            kind, capsules = "neck", replace(capsules, ends=ends_in, radii=_NECK_WITHIN * capsules.radii)
+            ends_in = capsules.starts + _MANNEQUIN.neck_end * (capsules.ends - capsules.starts)
+            kind, capsules = "neck", replace(capsules, ends=ends_in, radii=_MANNEQUIN.neck_radius * capsules.radii)
         if kind == "hand":
             capsules = _with_wrist(capsules, starts, ends, shape, side, height)
         capsules = replace(capsules, radii=capsules.radii + height * _GROWN.get(kind, 0.0))
@@ -238,10 +250,11 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
 
 def _separate_creases(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshPart]:
     """Returns a hand and the darker creases at its finger joints: skin that two phalanges carry about equally."""
-    bends = np.isin(hand.joints[:, :2], phalanges).all(axis=1) & (hand.weights[:, 1] > _CREASE * hand.weights[:, 0])
+    is_shared = hand.weights[:, 1] > _MANNEQUIN.crease_weight * hand.weights[:, 0]
+    bends = np.isin(hand.joints[:, :2], phalanges).all(axis=1) & is_shared
     is_crease = bends[hand.triangles].all(axis=1)
     side, parts = hand.name.partition(" ")[0], []
-    shades = ((hand.name, 1.0, ~is_crease), (f"{side} creases", _CREASE_SHADE, is_crease))
+    shades = ((hand.name, 1.0, ~is_crease), (f"{side} creases", _MANNEQUIN.crease_shade, is_crease))
     for name, shade, mask in shades:
         used, triangles = np.unique(hand.triangles[mask], return_inverse=True)
         red, green, blue = (shade * value for value in hand.colour)
@@ -265,7 +278,7 @@ def _balls(capsules: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsu
         _MeshCapsules(
             start := capsules.starts[n : n + 1],
             start.copy(),
-            _BALL * capsules.radii[n : n + 1, :1].repeat(2, axis=1),
+            _MANNEQUIN.bend_ball_radius * capsules.radii[n : n + 1, :1].repeat(2, axis=1),
             capsules.joints[n : n + 1],
             np.zeros(1, np.intp),
         )
@@ -311,11 +324,11 @@ def _with_wrist(
     cuff = next((n for n, part in enumerate(shape.parts) if part == "cuff" and shape.sides[n] == side), None)
     if cuff is None:
         return capsules
-    start = starts[cuff] + (_CUFF_END - 0.15) * (ends[cuff] - starts[cuff])
+    start = starts[cuff] + (_MANNEQUIN.sleeve_end - 0.15) * (ends[cuff] - starts[cuff])
     return _MeshCapsules(
         np.concatenate([capsules.starts, start[None]]),
         np.concatenate([capsules.ends, ends[cuff][None]]),
-        np.concatenate([capsules.radii, height * np.array([_WRIST])]),
+        np.concatenate([capsules.radii, height * np.array([_MANNEQUIN.wrist_radii])]),
         np.append(capsules.joints, shape.joints[cuff]),
         np.append(capsules.bundles, capsules.bundles[0]),  # the palm comes first
     )
@@ -330,9 +343,9 @@ def _skin(
     bends: NDArray[np.bool_] | None = None,
 ) -> MeshPart:
     blend = height * _BLEND.get(kind, 0.0006)
-    blends = {int(k): _LIMB_BLEND * height for k in capsules.bundles}
+    blends = {int(k): _MANNEQUIN.limb_blend * height for k in capsules.bundles}
     if kind == "hand":
-        blends[int(capsules.bundles[0])] = _PALM_BLEND * height  # the palm comes first
+        blends[int(capsules.bundles[0])] = _MANNEQUIN.palm_blend * height  # the palm comes first
     bundles = [(np.flatnonzero(capsules.bundles == k), within) for k, within in blends.items()]
 
     def field(points: FloatArray) -> FloatArray:
@@ -344,11 +357,11 @@ def _skin(
         np.minimum(capsules.starts, capsules.ends).min(axis=0) - margin,
         np.maximum(capsules.starts, capsules.ends).max(axis=0),
     )
-    step = max(height * _STEP.get(kind, 0.0028), _COARSEST * float(capsules.radii.max()))
+    step = max(height * _STEP.get(kind, 0.0028), _MANNEQUIN.least_spacing * float(capsules.radii.max()))
     vertices, normals, triangles = surface(field, low, high + margin, step)
     softness = _SOFT.get(kind, 0.28) * capsules.radii.mean(axis=1)
     if bends is not None:
-        softness[bends] *= _BENT
+        softness[bends] *= _MANNEQUIN.bend_softness
     joints, weights = _skin_weights(_distances(vertices, capsules).T, softness, capsules.joints)
     return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
 

@@ -15,7 +15,7 @@ from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.collision import Near, forearm_pairs, near_pairs, pair_clearances
 from signsplice.body.contacts import PART_M, Contact, PosedBody, find_contacts, pose_body
-from signsplice.body.fit import SIGNS, Fit
+from signsplice.body.fit import WRISTS, Fit
 from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.motion import Clip, FloatArray, Skeleton
@@ -231,7 +231,8 @@ def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:
 def _contacts(fit: Fit, posed: PosedBody, start: int, on_skin: SkinFit | None) -> list[Contact]:
     """Returns the contacts of a window of the source while it signs, from frame ``start`` on, before and after."""
     (source_pairs, target_pairs), pairs = fit.pairs, fit.near
-    shown = (pairs.distance < PART_M) & (fit.active[pairs.frames, source_pairs.own_side[pairs.k]] > SIGNS)
+    activity = fit.active[pairs.frames, source_pairs.own_side[pairs.k]]
+    shown = (pairs.distance < PART_M) & (activity > WRISTS.signing_activity)
     pairs = Near(pairs.frames[shown], pairs.k[shown], pairs.distance[shown])
     after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, pairs.frames, pairs.k).distance
     after -= posed.heights(target_pairs, pairs)

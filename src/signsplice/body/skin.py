@@ -18,28 +18,118 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from signsplice.body.capsules import ARM, HEM, BodyCapsules, BodyShape, build_capsules
+from signsplice.body.capsules import ARM, TRUNK_SIZES, BodyCapsules, BodyShape, build_capsules
 from signsplice.body.skin_surface import MIN_POINTS, AvatarSkin, Relief, SkinPoints, quantile, surface, window
 from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 
-_LEVEL = 0.015
-"""Largest vertical distance of vertices at a height, as a fraction of stature."""
-_NEAR = 0.010
-"""Half width of the window around a place seen from in front, as a fraction of stature."""
-_HEIGHTS = 7
-"""Number of heights at which a column of the trunk is measured."""
-_ACROSS = 0.55
-"""Distance from the middle at which an outer column's depth is measured, in half widths of the trunk."""
-_WIDEST = 0.98
-"""Share of vertices that lie within the width of trunk or face."""
-_OUT = (0.3, 0.75)
-"""Least and largest distance of an outer column from the middle of the trunk, as fractions of its half width."""
-_LEAST_HEIGHTS = 3
-_LOWER_CHEST = (0.55, 0.25)
-"""Part of the way down the chest from which on heights count less, and their weight there."""
+
+@dataclass(frozen=True)
+class BodyMeasures:
+    """Places and limits of measurements of trunk, limbs and hands."""
+
+    point_spacing: float = 0.004
+    """Distance between points of the surface, as a fraction of stature."""
+    level_distance: float = 0.015
+    """Largest vertical distance of vertices at a height, as a fraction of stature."""
+    window_half_width: float = 0.010
+    """Half width of the window around a place seen from in front, as a fraction of stature."""
+    column_heights: int = 7
+    """Number of heights at which a column of the trunk is measured."""
+    least_heights: int = 3
+    """Least number of heights with skin that determine a column."""
+    depth_offset: float = 0.55
+    """Distance from the middle at which an outer column's depth is measured, in half widths of the trunk."""
+    width_share: float = 0.98
+    """Share of vertices that lie within the width of trunk or face."""
+    least_column_offset: float = 0.3
+    """Least distance of an outer column from the middle of the trunk, as a fraction of its half width."""
+    largest_column_offset: float = 0.75
+    """Largest distance of an outer column from the middle of the trunk, as a fraction of its half width."""
+    lower_chest: float = 0.55
+    """Part of the way down the chest from which on heights count less."""
+    lower_chest_weight: float = 0.25
+    """Weight of the heights of the lower chest."""
+    hem_margin: float = 0.01
+    """Distance below the hem up to which skin of the legs counts as the trunk's, as a fraction of stature."""
+    limb_slices: int = 6
+    """Number of slices along a bone in which a limb is measured."""
+    taper_span: float = 0.4
+    """Least part of a limb with measurements that determines its taper."""
+    thin_end: float = 0.7
+    """Least radius of a limb at its ends, in its least measured radius."""
+    thick_end: float = 1.2
+    """Largest radius of a limb at its ends, in its largest measured radius."""
+    sleeve_radius: float = 1.7
+    """Radius above which a limb is a sleeve or a skirt, in usual radii."""
+    phalanx_range: tuple[float, float] = (-0.1, 1.1)
+    """Range along a phalanx in which vertices count, in its usual length."""
+    shortest_tip: float = 0.3
+    """Least length of a last phalanx, in its usual length."""
+    palm_slice_starts: tuple[float, float] = (0.2, 0.6)
+    """Parts of the way to the knuckle at which both slices of a palm's capsule begin."""
+    palm_slice_length: float = 0.45
+    """Length of such a slice, as a part of the way to the knuckle."""
+    palm_slice_half_width: float = 0.6
+    """Half width of such a slice, in distances of neighbouring knuckles."""
+    cloth_distance: float = 3.0
+    """Distance from the middle of a palm above which vertices are cloth, in usual radii."""
+    surface_shares: tuple[float, float] = (0.05, 0.95)
+    """Shares of vertices below the lower and the upper surface of a palm or finger."""
+
+
+_MEASURES = BodyMeasures()
+
+
+@dataclass(frozen=True)
+class HeadMeasures:
+    """Sizes of the usual head, and places and limits of measurements of heads."""
+
+    chin_height: float = -0.0092
+    """Height of the usual head's chin above its joint, measured as here, as a fraction of stature."""
+    top_height: float = 0.134
+    """Height of the usual head's top above its joint, as a fraction of stature."""
+    face_half_width: float = 0.045
+    """Half width of the usual face, as a fraction of stature."""
+    map_cell: float = 0.006
+    """Cell size of the maps of front and back, as a fraction of stature."""
+    vertex_multiple: int = 10
+    """Least number of a head's vertices, in multiples of ``MIN_POINTS``."""
+    face_depth: float = 0.4
+    """Depth from which on vertices belong to the face, in depths of the nose."""
+    jaw_depth: float = 0.6
+    """Depth from which on vertices belong to the jaw, in depths of the nose."""
+    jaw_half_width: float = 0.4
+    """Half width of the jaw, in that of the face."""
+    least_tallness: float = 0.8
+    """Least ratio of a head's height to its width, relative to the usual head."""
+    largest_tallness: float = 1.3
+    """Largest ratio of a head's height to its width, relative to the usual head."""
+    distance_below: float = 0.25
+    """Distance below a ball up to which vertices count, as a part of that above (``_PROFILE``)."""
+    distance_beside: float = 0.6
+    """Distance beside a ball up to which vertices count, in half widths of the face."""
+    open_distance: float = 0.25
+    """Largest distance of the back of a skull in front of its usual place, in its radii; heads beyond it are open."""
+    nose_half_width: float = 0.15
+    """Half width of the nose, in half widths of the face."""
+    lowest_nose: float = 0.2
+    """Least height of the nose, as a part of the way from chin to top."""
+    highest_nose: float = 0.6
+    """Largest height of the nose, as a part of the way from chin to top."""
+    bridge_distance: float = 0.5
+    """Largest vertical distance of vertices from the bridge of the nose, in the length of the nose."""
+    capsule_balls: int = 5
+    """Number of balls along a capsule."""
+    rim_share: float = 0.3
+    """Least squared half thickness of a ball where it meets a vertex, as a share of its squared radius: a ball's rim
+    does not count.
+    """
+
+
+_HEAD_MEASURES = HeadMeasures()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +149,7 @@ class TrunkSkin:
 
     def depth(self, x: float, y: float) -> tuple[float, float] | None:
         """Returns back and front (z) of the skin at a place seen from in front; None if there is none."""
-        close = window(self.points, (x, y), _NEAR * self.height)
+        close = window(self.points, (x, y), _MEASURES.window_half_width * self.height)
         return None if close is None else (float(close[:, 2].min()), float(close[:, 2].max()))
 
     def column(self, name: str, row: int, n: int, middle: float) -> bool:
@@ -68,23 +158,25 @@ class TrunkSkin:
         """
         start, end, seen = self.starts[row], self.ends[row], []
         side = (1.0, 0.0, -1.0)[n]
-        for t in np.linspace(0.0, 1.0, _HEIGHTS):
+        for t in np.linspace(0.0, 1.0, _MEASURES.column_heights):
             y = start[1] + t * (end[1] - start[1])
-            level = self.points[np.abs(self.points[:, 1] - y) < _LEVEL * self.height]
+            level = self.points[np.abs(self.points[:, 1] - y) < _MEASURES.level_distance * self.height]
             if len(level) < MIN_POINTS:
                 continue
-            wide = quantile(np.abs(level[:, 0] - middle), _WIDEST)
-            depth = self.depth(middle + side * _ACROSS * wide, y)
+            wide = quantile(np.abs(level[:, 0] - middle), _MEASURES.width_share)
+            depth = self.depth(middle + side * _MEASURES.depth_offset * wide, y)
             if depth is None:
                 continue
             back, front = depth
-            offset = float(np.clip(wide - 0.5 * (front - back), _OUT[0] * wide, _OUT[1] * wide))
+            least, largest = _MEASURES.least_column_offset * wide, _MEASURES.largest_column_offset * wide
+            offset = float(np.clip(wide - 0.5 * (front - back), least, largest))
             seen.append((t, middle + side * offset, back, front))
-        if len(seen) < _LEAST_HEIGHTS:
+        if len(seen) < _MEASURES.least_heights:
             return False
         table = np.array(seen)
         for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
-            weight = np.where(table[:, 0] < _LOWER_CHEST[0], 1.0, _LOWER_CHEST[1]) if name == "chest" else None
+            is_upper = table[:, 0] < _MEASURES.lower_chest
+            weight = np.where(is_upper, 1.0, _MEASURES.lower_chest_weight) if name == "chest" else None
             x, back, front = (line(table[:, 0], table[:, column], t, weight) for column in (1, 2, 3))
             ends[row][0], ends[row][2] = x, 0.5 * (back + front)
             self.radii[row, k] = 0.5 * (front - back)
@@ -115,64 +207,36 @@ def line(t: FloatArray, values: FloatArray, at: float, weight: FloatArray | None
     return mean + slope * (at - middle)
 
 
-_CHIN = -0.0092
-"""Height of the usual head's chin above its joint, measured as here, as a fraction of stature."""
-_TOP = 0.134
-"""Height of the usual head's top above its joint, as a fraction of stature."""
-_WIDTH = 0.045
-"""Half width of the usual face, as a fraction of stature."""
 _BALLS = {"face": 0, "chin": 1, "nose": 2, "skull": 3}
 """Rows of the capsules with their own rules of placement."""
-_CELL = 0.006
-"""Cell size of the maps of front and back, as a fraction of stature."""
-_LEAST = 10
-"""Vertices that a head needs, in multiples of ``MIN_POINTS``."""
-_FRONT = 0.4
-"""Depth from which on vertices belong to the face, in depths of the nose."""
-_JAW = (0.6, 0.4)
-"""Depth from which on vertices belong to the jaw, in depths of the nose, and its half width, in that of the face."""
-_TALL = (0.8, 1.3)
-"""Least and largest ratio of a head's height to its width, relative to the usual head."""
 _PROFILE = (("chin", 0, 0.012), ("chin", 1, 0.012), ("face", 0, 0.012), ("face", 1, 0.02))
 """Balls that touch the face: capsule, end, and distance above up to which vertices count, statures."""
-_BELOW = 0.25
-"""Distance below a ball up to which vertices count, as a part of that above."""
-_BESIDE = 0.6
-"""Distance beside a ball up to which vertices count, in half widths of the face."""
-_OPEN = 0.25
-"""Largest distance of the back of a skull in front of its usual place, in its radii."""
-_NOSE = (0.15, 0.2, 0.6, 0.5)
-"""The nose: half width, in half widths of the face; least and largest height between chin and top; and distance of
-vertices from its bridge, in its length.
-"""
-_N_BALLS = 5
-"""Balls along a capsule."""
-_GRAZING = 0.3
-"""Share of a ball's squared radius that a vertex must see in front of it."""
 
 
 def fit_head(starts: FloatArray, ends: FloatArray, radii: FloatArray, points: FloatArray, height: float) -> bool:
     """Fit the head's capsules in place: ``starts`` and ``ends`` (8, 3) and ``radii`` (8, 2) of the usual proportions,
     to vertices (N, 3) of the head, all about its joint. Returns False if there are too few vertices.
     """
-    if len(points) < _LEAST * MIN_POINTS:
+    measures = _HEAD_MEASURES
+    if len(points) < measures.vertex_multiple * MIN_POINTS:
         return False
-    front, back = (_map(points, sign, _CELL * height) for sign in (1.0, -1.0))
+    cell = measures.map_cell * height
+    front, back = (_map(points, sign, cell) for sign in (1.0, -1.0))
     nose = float(front[:, 2].max())
-    face = front[front[:, 2] > _FRONT * nose]
-    wide = quantile(np.abs(face[:, 0]), _WIDEST) if len(face) else 0.0
-    jaw = face[(face[:, 2] > _JAW[0] * nose) & (np.abs(face[:, 0]) < _JAW[1] * wide)]
+    face = front[front[:, 2] > measures.face_depth * nose]
+    wide = quantile(np.abs(face[:, 0]), _MEASURES.width_share) if len(face) else 0.0
+    jaw = face[(face[:, 2] > measures.jaw_depth * nose) & (np.abs(face[:, 0]) < measures.jaw_half_width * wide)]
     if len(jaw) < MIN_POINTS:
         return False
     chin, top = float(jaw[:, 1].min()), float(points[:, 1].max())
-    x_scale = wide / (_WIDTH * height)
-    y_scale = (top - chin) / ((_TOP - _CHIN) * height)
-    y_scale = float(np.clip(y_scale, _TALL[0] * x_scale, _TALL[1] * x_scale))
-    top = chin + y_scale * (_TOP - _CHIN) * height
+    x_scale = wide / (measures.face_half_width * height)
+    y_scale = (top - chin) / ((measures.top_height - measures.chin_height) * height)
+    y_scale = float(np.clip(y_scale, measures.least_tallness * x_scale, measures.largest_tallness * x_scale))
+    top = chin + y_scale * (measures.top_height - measures.chin_height) * height
     radii *= x_scale
     for part in (starts, ends):
         part[:, 0] *= x_scale
-        part[:, 1] = chin + y_scale * (part[:, 1] - _CHIN * height)
+        part[:, 1] = chin + y_scale * (part[:, 1] - measures.chin_height * height)
         part[:, 2] *= x_scale
     starts[_BALLS["skull"], 1] = top - radii[_BALLS["skull"], 0]
     upper, lower, skull = (_BALLS[name] for name in ("face", "chin", "skull"))
@@ -181,22 +245,22 @@ def fit_head(starts: FloatArray, ends: FloatArray, radii: FloatArray, points: Fl
     for name, end, half in _PROFILE:
         part, row = (starts, ends)[end], _BALLS[name]
         above = front[:, 1] - part[row, 1]  # less from below, where a chin recedes
-        counts = (above > -_BELOW * half * y_scale * height) & (above < half * y_scale * height)
-        counts &= np.abs(front[:, 0]) < _BESIDE * wide
+        counts = (above > -measures.distance_below * half * y_scale * height) & (above < half * y_scale * height)
+        counts &= np.abs(front[:, 0]) < measures.distance_beside * wide
         part[row, 2] += _offset(front[counts], template, 1.0) or 0.0
     usual_middle, middle = (
         0.5 * (a + b) for a, b in ((balls[0][0][2], balls[1][0][2]), (starts[upper, 2], ends[upper, 2]))
     )
     balls = [(part[skull].copy(), float(radii[skull, k])) for k, part in enumerate((starts, ends))]
-    skull_offset = _offset(back[np.abs(back[:, 0]) < _BESIDE * wide], _between(balls), -1.0)
+    skull_offset = _offset(back[np.abs(back[:, 0]) < measures.distance_beside * wide], _between(balls), -1.0)
     # A head that is open behind, under hair that does not count, shows only the inside of its face there.
-    is_open = skull_offset is None or skull_offset > middle - usual_middle + _OPEN * radii[skull, 0]
+    is_open = skull_offset is None or skull_offset > middle - usual_middle + measures.open_distance * radii[skull, 0]
     for part in (starts, ends):
         part[skull, 2] += middle - usual_middle if is_open or skull_offset is None else skull_offset
     _place_nose(starts, ends, radii, front, (chin, top, wide))
     for row in range(_BALLS["skull"] + 1, len(starts)):  # eyes and mouth, drawn on the face
         for k, part in enumerate((starts, ends)):
-            part[row, 2] = _surface(front, part[row], _CELL * height, part[row, 2] + radii[row, k]) - radii[row, k]
+            part[row, 2] = _surface(front, part[row], cell, part[row, 2] + radii[row, k]) - radii[row, k]
     return True
 
 
@@ -206,15 +270,15 @@ def _place_nose(
     """Put the nose's capsule below the foremost point of the middle of the face."""
     chin, top, wide = sizes
     height_fraction = (front[:, 1] - chin) / (top - chin)
-    half_width, low, high, reach = _NOSE
-    middle = front[(np.abs(front[:, 0]) < half_width * wide) & (height_fraction > low) & (height_fraction < high)]
+    is_high = (height_fraction > _HEAD_MEASURES.lowest_nose) & (height_fraction < _HEAD_MEASURES.highest_nose)
+    middle = front[(np.abs(front[:, 0]) < _HEAD_MEASURES.nose_half_width * wide) & is_high]
     row = _BALLS["nose"]
     if not len(middle):
         return
     tip = middle[int(np.argmax(middle[:, 2]))]
     rise = starts[row, 1] - ends[row, 1]
     ends[row] = 0.0, tip[1], tip[2] - radii[row, 1]
-    bridge = middle[np.abs(middle[:, 1] - tip[1] - rise) < reach * rise]
+    bridge = middle[np.abs(middle[:, 1] - tip[1] - rise) < _HEAD_MEASURES.bridge_distance * rise]
     starts[row] = 0.0, tip[1] + rise, (float(bridge[:, 2].max()) if len(bridge) else tip[2]) - radii[row, 0]
 
 
@@ -230,7 +294,7 @@ def _map(points: FloatArray, sign: float, cell: float) -> FloatArray:
 def _between(balls: list[tuple[FloatArray, float]]) -> list[tuple[FloatArray, float]]:
     """Returns middles and radii of balls from the first to the last of two."""
     (a, r), (b, q) = balls
-    return [(a + t * (b - a), r + t * (q - r)) for t in np.linspace(0.0, 1.0, _N_BALLS)]
+    return [(a + t * (b - a), r + t * (q - r)) for t in np.linspace(0.0, 1.0, _HEAD_MEASURES.capsule_balls)]
 
 
 def _offset(surface: FloatArray, balls: list[tuple[FloatArray, float]], sign: float) -> float | None:
@@ -240,7 +304,7 @@ def _offset(surface: FloatArray, balls: list[tuple[FloatArray, float]], sign: fl
     outer = np.full(len(surface), -np.inf)
     for middle, radius in balls:
         squared = radius**2 - ((surface[:, :2] - middle[:2]) ** 2).sum(axis=1)
-        hit = squared > _GRAZING * radius**2
+        hit = squared > _HEAD_MEASURES.rim_share * radius**2
         outer[hit] = np.maximum(outer[hit], sign * middle[2] + np.sqrt(squared[hit]))
     met = np.isfinite(outer)
     if met.sum() < MIN_POINTS:
@@ -259,30 +323,6 @@ _HEAD = ("head", "jaw", "leftEye", "rightEye")
 BODY = (*_TRUNK, *_HEAD, "neck")
 """Roles of the joints whose skin hands touch."""
 _LIMBS = {"arms": ARM, "legs": ("leg",), "neck": ("neck",)}
-_BINS = 6
-"""Number of slices along a bone in which a limb is measured."""
-_STEP = 0.004
-"""Distance between points of the surface, as a fraction of stature."""
-_BELOW_HEM = 0.01
-"""Distance below the hem up to which skin of the legs counts as the trunk's, as a fraction of stature."""
-_SPAN = 0.4
-"""Least part of a limb with measurements that determines its taper."""
-_TAPERS = (0.7, 1.2)
-"""Factors on the least and largest measured radius that limit a limb's radii at its ends."""
-_ALONG = (-0.1, 1.1)
-"""Range along a phalanx in which vertices count, in its usual length."""
-_SHORTEST = 0.3
-"""Least length of a last phalanx, in its usual length."""
-_SLICES = ((0.2, 0.6), 0.45, 0.6)
-"""Slices of a palm's capsule: parts of the way to the knuckle at which both begin; their length, as such a part; and
-their half width, in distances of neighbouring knuckles.
-"""
-_WIDE = 1.7
-"""A limb thicker than this is a sleeve or a skirt, in usual radii."""
-_THICK = 3.0
-"""Vertices farther than this from the middle of a palm are cloth, in usual radii."""
-_BETWEEN = (0.05, 0.95)
-"""Shares of vertices below the lower and the upper surface of a palm or finger."""
 
 
 def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tuple[str, ...]]:
@@ -302,7 +342,7 @@ def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tupl
 def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
     """Returns the skin of hands, head, neck and trunk; None if a part has none."""
     info, rest = rig_info(skeleton), rest_positions(skeleton)
-    roles, spacing = info.roles.joints, _STEP * info.sizes.stature
+    roles, spacing = info.roles.joints, _MEASURES.point_spacing * info.sizes.stature
     body = surface(points, [roles[role] for role in BODY if role in roles], rest, spacing)
     hands = [
         surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, spacing, bare=True)
@@ -342,8 +382,8 @@ class _Fitting:
         starts, ends, origins = (self.starts - rest) @ self._turn, (self.ends - rest) @ self._turn, rest @ self._turn
         body = replace(self.usual, starts=starts, ends=ends, radii=self.radii)
         joints = [self.roles[role] for role in BODY if role in self.roles]
-        points, normals = self.points.surface(joints, _STEP * self.height)
-        cells = np.floor(points / (_STEP * self.height)).astype(np.int64)
+        points, normals = self.points.surface(joints, _MEASURES.point_spacing * self.height)
+        cells = np.floor(points / (_MEASURES.point_spacing * self.height)).astype(np.int64)
         one_each = np.unique(cells, axis=0, return_index=True)[1]
         points, normals = points[one_each], normals[one_each]
         if not len(points):
@@ -398,8 +438,8 @@ class _Fitting:
         if not halves:
             return self._finger_sleeve(row, start, axis, shares, offsets, frame)
         seen, distances = [], np.linalg.norm(offsets, axis=1)
-        for t in (np.arange(_BINS) + 0.5) / _BINS:
-            inside, widest = np.abs(shares - t) < 0.5 / _BINS, self._widest(row, t)
+        for t in (np.arange(_MEASURES.limb_slices) + 0.5) / _MEASURES.limb_slices:
+            inside, widest = np.abs(shares - t) < 0.5 / _MEASURES.limb_slices, self._widest(row, t)
             ring = _ring(offsets[inside], is_centred=self.usual.parts[row] in ARM)
             if ring is not None and ring[1] > widest:  # a wide sleeve, or a skirt: skin may lie within
                 ring = _ring(offsets[inside & (distances < widest)], is_centred=self.usual.parts[row] in ARM)
@@ -408,10 +448,10 @@ class _Fitting:
         if not seen:
             return False
         table, usual = np.array(seen), self.usual.radii[row]
-        if np.ptp(table[:, 0]) < _SPAN:  # bare at one end alone: as the usual limb tapers
+        if np.ptp(table[:, 0]) < _MEASURES.taper_span:  # bare at one end alone: as the usual limb tapers
             self.radii[row] = usual * quantile(table[:, 3] / (usual[0] + table[:, 0] * (usual[1] - usual[0])), 0.5)
             return True
-        low, high = _TAPERS[0] * table[:, 3].min(), _TAPERS[1] * table[:, 3].max()
+        low, high = _MEASURES.thin_end * table[:, 3].min(), _MEASURES.thick_end * table[:, 3].max()
         for ends, t, k in ((self.starts, 0.0, 0), (self.ends, 1.0, 1)):
             x, y, radius = (line(table[:, 0], table[:, column], t) for column in (1, 2, 3))
             ends[row] += np.array([x, y]) @ frame
@@ -423,14 +463,15 @@ class _Fitting:
         palms = [n for n, part in enumerate(self.usual.parts) if part == "palm"]
         stout = quantile(self.radii[palms].mean(axis=1) / self.usual.radii[palms].mean(axis=1), 0.5) if palms else 1.0
         start, end = self.usual.radii[row].tolist()
-        return float(_WIDE * max(1.0, stout) * (start + t * (end - start)))
+        return float(_MEASURES.sleeve_radius * max(1.0, stout) * (start + t * (end - start)))
 
     def _finger_sleeve(
         self, row: int, start: FloatArray, axis: FloatArray, shares: FloatArray, offsets: FloatArray, frame: FloatArray
     ) -> bool:
         """Fit one middle and one radius to a phalanx; the last one ends at its outermost vertex."""
         is_last = self.usual.parts[row].endswith("Tip")
-        inside = (shares > _ALONG[0]) & ((shares < _ALONG[1]) | is_last)
+        first, last = _MEASURES.phalanx_range
+        inside = (shares > first) & ((shares < last) | is_last)
         ring = _ring(offsets[inside])
         if ring is None:
             return False
@@ -439,7 +480,7 @@ class _Fitting:
         self.radii[row] = radius * usual / usual.mean()
         length = float(np.linalg.norm(self.ends[row] - start))
         if is_last:
-            length = max(float(shares.max()) * length - self.radii[row, 1], _SHORTEST * length)
+            length = max(float(shares.max()) * length - self.radii[row, 1], _MEASURES.shortest_tip * length)
         self.starts[row] = start + middle @ frame
         self.ends[row] = start + length * axis + middle @ frame
         return True
@@ -460,14 +501,14 @@ class _Fitting:
         up /= np.linalg.norm(up)
         since = self.points.of(self.roles[f"{side}Hand"]) - start
         shares, height, sideways = since @ axis / length, since @ up, np.abs(since @ np.cross(axis, up))
-        (lows, long, wide), surfaces, thick = _SLICES, [], _THICK * self.usual.radii[row].max()
-        for low in lows:
-            inside = height[
-                (sideways < wide * spacing) & (shares >= low) & (shares < low + long) & (np.abs(height) < thick)
-            ]
+        is_palm = sideways < _MEASURES.palm_slice_half_width * spacing
+        is_palm &= np.abs(height) < _MEASURES.cloth_distance * self.usual.radii[row].max()
+        surfaces = []
+        for low in _MEASURES.palm_slice_starts:
+            inside = height[is_palm & (shares >= low) & (shares < low + _MEASURES.palm_slice_length)]
             if len(inside) < MIN_POINTS:
                 return False
-            surfaces.append((quantile(inside, _BETWEEN[0]), quantile(inside, _BETWEEN[1])))
+            surfaces.append([quantile(inside, share) for share in _MEASURES.surface_shares])
         (b0, t0), (b1, t1) = surfaces
         self.radii[row] = 0.5 * (t0 - b0), 0.5 * (t1 - b1)
         self.starts[row] = start + 0.5 * (t0 + b0) * up
@@ -487,7 +528,7 @@ class _Fitting:
 
     def trunk(self) -> None:
         """Fit chest and belly as three columns each, hips, back and collar."""
-        low = self.rest[self.roles.get("hips", 0)][1] - (HEM + _BELOW_HEM) * self.height
+        low = self.rest[self.roles.get("hips", 0)][1] - (TRUNK_SIZES.hem_drop + _MEASURES.hem_margin) * self.height
         legs = [self.roles[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in self.roles]
         trunk = [self.roles[role] for role in _TRUNK if role in self.roles]
         points = np.concatenate([self._surface(trunk), (p := self._surface(legs))[p[:, 1] > low]])
@@ -512,7 +553,7 @@ class _Fitting:
 
     def _surface(self, joints: Sequence[int]) -> FloatArray:
         """Returns points (N, 3) on the surface that these joints carry."""
-        return self.points.surface(joints, _STEP * self.height)[0]
+        return self.points.surface(joints, _MEASURES.point_spacing * self.height)[0]
 
     def head(self) -> None:
         """Fit the head's capsules, about its joint."""
@@ -536,5 +577,5 @@ def _ring(offsets: FloatArray, is_centred: bool = False) -> tuple[FloatArray, fl
         return None
     if is_centred:
         return np.zeros(2), quantile(np.linalg.norm(offsets, axis=1), 0.5)
-    middle = np.array([0.5 * sum(quantile(offsets[:, k], share) for share in _BETWEEN) for k in (0, 1)])
+    middle = np.array([0.5 * sum(quantile(offsets[:, k], share) for share in _MEASURES.surface_shares) for k in (0, 1)])
     return middle, quantile(np.linalg.norm(offsets - middle, axis=1), 0.5)

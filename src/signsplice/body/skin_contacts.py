@@ -22,28 +22,37 @@ from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import ARM
 from signsplice.body.collision import Near, SkinPairs
-from signsplice.body.fit import CLEAR_M, CONTACT_FADE_M, CONTACT_WEIGHT, PRESS_M, TOUCH_M, Fit, solve_blocks
+from signsplice.body.fit import CONTACTS, Fit, solve_blocks
 from signsplice.body.skin_surface import THICK_M, AvatarSkin, least_height
 from signsplice.motion import Clip, FloatArray, kinematics
 
-_NEAR_M = 0.045
-"""Largest distance of points of two skins that are compared as hands move, m."""
-_LOW_M = 0.025
-"""Points of a hand count up to this distance beyond the nearest one, m."""
-_MOST_ACROSS = 1.5
-"""Points farther than this from the normal through the nearest point of the surface, in distances between its points,
-are beyond its edge.
-"""
-_SHARP_M = 0.001
-"""Points that lie higher than the lowest by this, m, count less by a factor e."""
-_ROUNDS = 3
-"""Rounds of the solution."""
-_HOLD = 1.0
-"""mu."""
-_TOGETHER = 30.0
-"""h of hands that touch."""
-_TOGETHER_M = 0.01
-"""Clearance over which h falls by a factor e, m."""
+
+@dataclass(frozen=True)
+class SkinFitSettings:
+    """Distances and weights of the fit of hands to posed skin."""
+
+    comparison_m: float = 0.045
+    """Largest distance of points of two skins that are compared as hands move, m."""
+    hand_layer_m: float = 0.025
+    """Thickness of the layer of a hand, from its point nearest the other skin, whose points count, m."""
+    edge_spacings: float = 1.5
+    """Largest distance of a hand's point from the normal through the nearest point of the other skin, in distances
+    between the points of that skin; farther ones are beyond its edge.
+    """
+    lowest_fade_m: float = 0.001
+    """Height above the lowest point of a hand over which a point's weight falls by a factor e, m."""
+    rounds: int = 3
+    """Rounds of the solution."""
+    move_weight: float = 1.0
+    """mu: weight of the squared moves."""
+    together_weight: float = 30.0
+    """h of hands that touch: weight of the squared difference of their moves."""
+    together_fade_m: float = 0.01
+    """Clearance of the hands over which h falls by a factor e, m."""
+
+
+_SETTINGS = SkinFitSettings()
+
 _TIE = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(3))
 """The square of the difference of both moves, as a block."""
 _BODY = 0
@@ -97,7 +106,7 @@ class SkinFit:
         self._meetings = [meeting for side, what in _KINDS if len((meeting := _meeting(fit, side, what)).frames)]
         self._poses = [_poses(meeting, skin, carried, metres, moves) for meeting in self._meetings]
         extra = np.zeros_like(moves)
-        for _ in range(_ROUNDS if self._meetings else 0):
+        for _ in range(_SETTINGS.rounds if self._meetings else 0):
             extra = self._round(extra)
         self.moves = moves + extra
         self._heights = [self._lowest(k, extra)[0] for k in range(len(self._meetings))]
@@ -118,7 +127,7 @@ class SkinFit:
     def _round(self, extra: FloatArray) -> FloatArray:
         """Returns better moves than ``extra`` (T, 2, 3)."""
         n = len(extra)
-        block, rhs = np.tile(_HOLD * np.eye(6), (n, 1, 1)), np.zeros((n, 6))
+        block, rhs = np.tile(_SETTINGS.move_weight * np.eye(6), (n, 1, 1)), np.zeros((n, 6))
         for k, meeting in enumerate(self._meetings):
             heights, normals = self._lowest(k, extra)
             off = meeting.wanted - heights
@@ -128,7 +137,7 @@ class SkinFit:
             both[:, meeting.side] = normals[rows]
             if meeting.what == _HANDS:
                 both[:, 1] = -normals[rows]
-                block[meeting.frames] += _TOGETHER * meeting.together[:, None, None] * _TIE
+                block[meeting.frames] += _SETTINGS.together_weight * meeting.together[:, None, None] * _TIE
             jacobian, frames = both.reshape(-1, 6), meeting.frames[rows]
             goal = off[rows] + np.einsum("ni,ni->n", jacobian, extra[frames].reshape(-1, 6))
             block[frames] += weight[rows, None, None] * jacobian[:, :, None] * jacobian[:, None]
@@ -145,9 +154,9 @@ class SkinFit:
         for n, (pose, by) in enumerate(zip(self._poses[k], moved, strict=True)):
             if pose is None:
                 continue
-            most_across, thick = _MOST_ACROSS * self._spacing[meeting.what], THICK_M[meeting.what]
+            most_across, thick = _SETTINGS.edge_spacings * self._spacing[meeting.what], THICK_M[meeting.what]
             lowest[n], heights, normals = least_height(pose.hand + by, pose.points, pose.normals, most_across, thick)
-            direction = np.exp((lowest[n] - heights) / _SHARP_M) @ normals
+            direction = np.exp((lowest[n] - heights) / _SETTINGS.lowest_fade_m) @ normals
             directions[n] = direction / (np.linalg.norm(direction) + 1e-12)
         return lowest, directions
 
@@ -167,11 +176,12 @@ def _meeting(fit: Fit, side: int, what: int) -> _Meeting:
     np.minimum.at(least, fit.near.frames[rows], fit.near.distance[rows])
     active = fit.active[:, side] if what == _BODY else fit.active.min(axis=1)
     frames = np.flatnonzero(np.isfinite(least) & (active > 0.0))
-    distance, weight = least[frames], CONTACT_WEIGHT * active[frames]
-    deep = np.maximum(np.abs(distance + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0.0)
-    hold = np.where(distance < TOUCH_M, np.exp(-deep / CONTACT_FADE_M), 0.0)
-    together = np.exp(-np.maximum(distance, 0.0) / _TOGETHER_M)
-    return _Meeting(side, what, frames, np.clip(distance, -PRESS_M, CLEAR_M), hold * weight, weight, together)
+    distance, weight = least[frames], CONTACTS.weight * active[frames]
+    deep = np.maximum(np.abs(distance + 0.5 * CONTACTS.press_depth_m) - 0.5 * CONTACTS.press_depth_m, 0.0)
+    hold = np.where(distance < CONTACTS.touch_distance_m, np.exp(-deep / CONTACTS.fade_m), 0.0)
+    together = np.exp(-np.maximum(distance, 0.0) / _SETTINGS.together_fade_m)
+    wanted = np.clip(distance, -CONTACTS.press_depth_m, CONTACTS.clearance_m)
+    return _Meeting(side, what, frames, wanted, hold * weight, weight, together)
 
 
 def _poses(meeting: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, moves: FloatArray) -> list[_Pose | None]:
@@ -182,10 +192,10 @@ def _poses(meeting: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, mo
         hand = metres * skin.hands[meeting.side].deform(rotations[n], positions[n])[0] + moves[frame, meeting.side]
         by = moves[frame, 1] if meeting.what == _HANDS else np.zeros(3)
         middle = hand.mean(axis=0)
-        radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _NEAR_M
+        radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _SETTINGS.comparison_m
         points, normals = other_skin.deform(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
         tree = cKDTree(metres * points + by)
-        distances = np.asarray(tree.query(hand, distance_upper_bound=_NEAR_M)[0])
-        hand = hand[distances < min(_NEAR_M, distances.min() + _LOW_M)]
+        distances = np.asarray(tree.query(hand, distance_upper_bound=_SETTINGS.comparison_m)[0])
+        hand = hand[distances < min(_SETTINGS.comparison_m, distances.min() + _SETTINGS.hand_layer_m)]
         poses.append(_Pose(hand, tree, normals) if len(hand) else None)
     return poses

@@ -28,18 +28,68 @@ if TYPE_CHECKING:
 
 Index = NDArray[np.intp]
 
-_AROUND_M = 0.015
-"""R: distance from the line within which surface points count, m."""
-_SHARP_M = 0.005
-"""s: points that lie lower than the outermost by this, m, count less by a factor e."""
-_FARTHEST_M = 0.05
-"""Largest distance from the place at which surface points count, m."""
-_NEAREST = 64
-"""Largest number of surface points that count."""
-_HIDDEN_M = 0.008
-"""Depth in another capsule from which on a place is not skin, m."""
-_SHOWN_M = 0.003
-"""Depth in another capsule up to which a place is fully skin, m."""
+MIN_POINTS = 6
+"""Least number of vertices for a measurement."""
+THICK_M = (0.03, 0.015)
+"""Half the thickness of the body, and of a hand, m: a point deeper than that under the nearest skin sees it from
+behind, through the end of an open mesh.
+"""
+
+
+@dataclass(frozen=True)
+class ReliefSettings:
+    """Distances of the height of skin above capsules."""
+
+    line_distance_m: float = 0.015
+    """R: distance from the line within which surface points count, m."""
+    outermost_fade_m: float = 0.005
+    """s: depth below the outermost surface point over which a point's weight falls by a factor e, m."""
+    place_distance_m: float = 0.05
+    """Largest distance from the place at which surface points count, m."""
+    nearest_points: int = 64
+    """Largest number of surface points that count."""
+    hidden_depth_m: float = 0.008
+    """Depth in another capsule from which on a place is not skin, m."""
+    visible_depth_m: float = 0.003
+    """Depth in another capsule up to which a place is fully skin, m."""
+
+
+_RELIEF = ReliefSettings()
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """Numbers, weights and distances of points of skin."""
+
+    bare_multiple: int = 4
+    """Vertices of bare skin from which on clothes around it do not count, in multiples of ``MIN_POINTS``."""
+    triangle_rows: int = 8
+    """Largest number of rows of points on a triangle: limits the memory for large triangles."""
+    most_samples: int = 300_000
+    """Largest number of points on all triangles; beyond it each triangle has one."""
+    owned_weight: float = 0.49
+    """Least weight with which joints own a vertex: half, less the rounding of bytes."""
+    window_factors: tuple[float, ...] = (1.0, 2.0, 4.0)
+    """Factors by which a window grows while it holds too few points."""
+    blend_distance_m: float = 0.05
+    """Largest distance of a point from the place to which its main joint alone would carry it, m."""
+    most_weights: int = 20_000_000
+    """Product of the numbers of points and joints from which on a surface is too large."""
+    chunk: int = 4096
+    """Number of points that are processed together."""
+    cover_height_m: float = 0.0015
+    """Least height of a point above another that it covers, m."""
+    cover_distance_m: float = 0.015
+    """Largest distance of a point from another that it covers, m."""
+    cover_points: int = 24
+    """Number of points around each that may cover it."""
+    facing_cosine: float = 0.3
+    """Least cosine between the normals of two points that face the same way."""
+    comparison_m: float = 0.03
+    """Largest distance of points of two skins that are compared, m."""
+
+
+_SURFACE = SurfaceSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,22 +123,24 @@ class Relief:
         """
         heights = np.zeros(len(rows))
         on_relief = np.flatnonzero(np.isin(rows, self.rows))
-        for start in range(0, len(on_relief), _CHUNK):
-            part = on_relief[start : start + _CHUNK]
+        for start in range(0, len(on_relief), _SURFACE.chunk):
+            part = on_relief[start : start + _SURFACE.chunk]
             rest_points = points[part] + self.origins[rows[part]]
             visible = self._visible(rows[part], rest_points)
             heights[part] = visible * self._above(rest_points, directions[part])
         return heights
 
     def _above(self, points: FloatArray, directions: FloatArray) -> FloatArray:
-        distances, index = self._tree.query(points, _NEAREST, distance_upper_bound=_FARTHEST_M)
+        distances, index = self._tree.query(
+            points, _RELIEF.nearest_points, distance_upper_bound=_RELIEF.place_distance_m
+        )
         met = np.isfinite(distances)
         index = np.where(met, index, 0)
         offsets = self.points[index] - points[:, None]
         height = np.einsum("nkx,nx->nk", offsets, directions)
-        ratio = np.maximum(np.einsum("nkx,nkx->nk", offsets, offsets) - height**2, 0.0) / _AROUND_M**2
-        faces = met & (np.einsum("nkx,nx->nk", self.normals[index], directions) > _FACING)
-        weight = np.where(faces, np.maximum(1.0 - ratio, 0.0) ** 2, 0.0) * np.exp(height / _SHARP_M)
+        ratio = np.maximum(np.einsum("nkx,nkx->nk", offsets, offsets) - height**2, 0.0) / _RELIEF.line_distance_m**2
+        faces = met & (np.einsum("nkx,nx->nk", self.normals[index], directions) > _SURFACE.facing_cosine)
+        weight = np.where(faces, np.maximum(1.0 - ratio, 0.0) ** 2, 0.0) * np.exp(height / _RELIEF.outermost_fade_m)
         total = weight.sum(axis=1)
         return np.asarray((weight * height).sum(axis=1) / np.where(total > 0.0, total, 1.0))
 
@@ -101,21 +153,8 @@ class Relief:
         distances = np.linalg.norm(since - t[..., None] * axis, axis=-1)
         depth = self.radii[:, 0] + t * (self.radii[:, 1] - self.radii[:, 0]) - distances
         depth[rows[:, None] == self.rows] = 0.0
-        return np.asarray(np.clip((_HIDDEN_M - depth.max(axis=1)) / (_HIDDEN_M - _SHOWN_M), 0.0, 1.0))
-
-
-MIN_POINTS = 6
-"""Least number of vertices for a measurement."""
-_BARE = 4
-"""Vertices of bare skin from which on clothes around it do not count, in multiples of ``MIN_POINTS``."""
-_MOST_ROWS = 8
-"""Largest number of rows of points on a triangle: limits the memory for large triangles."""
-_MOST_SAMPLES = 300_000
-"""Largest number of points on all triangles; beyond it each triangle has one."""
-_OWN = 0.49
-"""Least weight with which joints own a vertex: half, less the rounding of bytes."""
-_WIDER = (1.0, 2.0, 4.0)
-"""Factors by which a window grows while it holds too few points."""
+        hidden, visible = _RELIEF.hidden_depth_m, _RELIEF.visible_depth_m
+        return np.asarray(np.clip((hidden - depth.max(axis=1)) / (hidden - visible), 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +181,9 @@ class SkinPoints:
         """Tells which vertices (V,) these joints carry together, by half or more; with ``bare`` only bare skin, if the
         mesh has enough of it.
         """
-        carried = np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _OWN)
+        carried = np.asarray((self.weights * np.isin(self.joints, joints)).sum(axis=1) >= _SURFACE.owned_weight)
         skin = carried & ~self.is_cloth
-        return skin if bare and skin.sum() >= _BARE * MIN_POINTS else carried
+        return skin if bare and skin.sum() >= _SURFACE.bare_multiple * MIN_POINTS else carried
 
     def surface(self, joints: Sequence[int], step: float) -> tuple[FloatArray, FloatArray]:
         """Returns points and normals (S, 3) on the triangles that these joints carry, about ``step`` apart."""
@@ -163,8 +202,8 @@ class SkinPoints:
         area = np.linalg.norm(cross, axis=1)
         rows, corners, cross = rows[area > 0.0], corners[area > 0.0], cross[area > 0.0] / area[area > 0.0, None]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-        n_rows = np.clip(np.ceil(longest / step), 1, _MOST_ROWS).astype(np.int64)
-        if (n_rows * (n_rows + 1) // 2).sum() > _MOST_SAMPLES:
+        n_rows = np.clip(np.ceil(longest / step), 1, _SURFACE.triangle_rows).astype(np.int64)
+        if (n_rows * (n_rows + 1) // 2).sum() > _SURFACE.most_samples:
             n_rows[:] = 1
         vertices, shares, normals = [np.empty((0, 3), np.int64)], [np.empty((0, 3))], [np.empty((0, 3))]
         for n in np.unique(n_rows).tolist():  # a triangle in n rows has its points at the middles of small ones
@@ -187,25 +226,11 @@ def window(points: FloatArray, at: tuple[float, float], half: float) -> FloatArr
     do; None if these are too few as well.
     """
     distance = np.maximum(np.abs(points[:, 0] - at[0]), np.abs(points[:, 1] - at[1]))
-    for wider in _WIDER:
+    for wider in _SURFACE.window_factors:
         close = points[distance < wider * half]
         if len(close) >= MIN_POINTS:
             return np.asarray(close)
     return None
-
-
-_BLEND_M = 0.05
-"""Largest distance of a point from the place to which its main joint alone would carry it, m."""
-_MOST_WEIGHTS = 20_000_000
-"""Points times joints of a surface, at most."""
-_CHUNK = 4096
-"""Points that are processed together."""
-_COVER = (0.0015, 0.015)
-"""Least height, and largest distance, of a point that covers another, m."""
-_AROUND = 24
-"""Points around each that may cover it."""
-_FACING = 0.3
-"""Least cosine between the normals of two points that face the same way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +261,7 @@ class SkinSurface:
         points, normals, weights = self.points, self.normals, self.weights
         if around is not None:
             places = np.einsum("kba,kb->ka", turn, around[0] - pivots) + self.origins  # as each joint sees it at rest
-            is_close = np.linalg.norm(points - places[self._main], axis=1) < around[1] + _BLEND_M
+            is_close = np.linalg.norm(points - places[self._main], axis=1) < around[1] + _SURFACE.blend_distance_m
             points, normals, weights = points[is_close], normals[is_close], weights[is_close]
         move = pivots - np.einsum("kab,kb->ka", turn, self.origins)
         blend = (weights @ turn.reshape(-1, 9)).reshape(-1, 3, 3)
@@ -271,7 +296,7 @@ def surface(
     points: SkinPoints, joints: Sequence[int], rest: FloatArray, spacing: float, bare: bool = False
 ) -> SkinSurface | None:
     """Returns the outermost skin that ``joints`` carry, with points about ``spacing`` apart; None if there is none, or
-    more than ``_MOST_WEIGHTS`` allows.
+    more than ``SurfaceSettings.most_weights`` allows.
 
     rest: (J, 3) joints in the rest pose, from the root. bare: without clothes, if the mesh has enough skin.
     """
@@ -280,7 +305,7 @@ def surface(
     one_each = np.unique(np.floor(places / spacing).astype(np.int64), axis=0, return_index=True)[1]
     outermost = one_each[~_is_covered(places[one_each], normals[one_each], spacing)]
     used = np.unique(points.joints[corners[outermost]])
-    if not 0 < len(outermost) * len(used) < _MOST_WEIGHTS:
+    if not 0 < len(outermost) * len(used) < _SURFACE.most_weights:
         return None
     corners, shares = corners[outermost], shares[outermost]
     columns = np.searchsorted(used, points.joints[corners])
@@ -290,14 +315,6 @@ def surface(
     return SkinSurface(places[outermost], normals[outermost], used.astype(np.intp), weights, rest[used], spacing)
 
 
-REACH_M = 0.03
-"""Largest distance of points of two skins that are compared, m."""
-THICK_M = (0.03, 0.015)
-"""Half the thickness of the body, and of a hand, m: a point deeper than that under the nearest skin sees it from
-behind, through the end of an open mesh.
-"""
-
-
 def least_height(
     hand: FloatArray, tree: cKDTree, normals: FloatArray, most_across: float, thick: float
 ) -> tuple[float, FloatArray, FloatArray]:
@@ -305,7 +322,7 @@ def least_height(
     one (infinite if none is near), and the heights (K,) and normals (K, 3) of all. Points farther from that normal
     than ``most_across``, or deeper than ``thick``, are beyond the surface's edge.
     """
-    distances, index = (np.asarray(values) for values in tree.query(hand, distance_upper_bound=REACH_M))
+    distances, index = (np.asarray(values) for values in tree.query(hand, distance_upper_bound=_SURFACE.comparison_m))
     met = np.flatnonzero(np.isfinite(distances))
     outward = normals[index[met]]
     height = np.einsum("nx,nx->n", hand[met] - tree.data[index[met]], outward)
@@ -318,15 +335,17 @@ def _is_covered(points: FloatArray, normals: FloatArray, spacing: float) -> NDAr
     from scipy.spatial import cKDTree  # takes long to import; only avatars need it
 
     tree, covered = cKDTree(points), np.zeros(len(points), bool)
-    for start in range(0, len(points), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        neighbours = tree.query(points[part], np.arange(1, _AROUND + 1), distance_upper_bound=_COVER[1])
+    for start in range(0, len(points), _SURFACE.chunk):
+        part = slice(start, start + _SURFACE.chunk)
+        neighbours = tree.query(
+            points[part], np.arange(1, _SURFACE.cover_points + 1), distance_upper_bound=_SURFACE.cover_distance_m
+        )
         distances, index = (np.asarray(values) for values in neighbours)
         met = np.isfinite(distances)
         index = np.where(met, index, 0)
         offsets = points[index] - points[part, None]
         height = np.einsum("nkx,nx->nk", offsets, normals[part])
         radial_squared = np.einsum("nkx,nkx->nk", offsets, offsets) - height**2
-        facing = np.einsum("nkx,nx->nk", normals[index], normals[part]) > _FACING
-        covered[part] = (met & (height > _COVER[0]) & (radial_squared < spacing**2) & facing).any(axis=1)
+        facing = np.einsum("nkx,nx->nk", normals[index], normals[part]) > _SURFACE.facing_cosine
+        covered[part] = (met & (height > _SURFACE.cover_height_m) & (radial_squared < spacing**2) & facing).any(axis=1)
     return covered

@@ -48,7 +48,7 @@ dial_options = combine_options(
     *(click.option(name, metavar=form, help=_AS_THERE) for name, form in _DIALS.items()),
     option("--avoid-collisions/--no-avoid-collisions", None, _AS_THERE, default=None),
     _off("spell", "Rows with words that the lexicon lacks fail; none is spelled."),
-    _off("pauses", "Hold no sign at a comma or a full stop."),
+    _off("pauses", "Hold no sign at punctuation."),
     option("--face-rules/--no-face-rules", None, f"{_AS_THERE}  [default: no]", default=None),
 )
 

@@ -24,7 +24,12 @@ if TYPE_CHECKING:
 
 OUTPUT_SUFFIXES = (*formats.WRITE_SUFFIXES, *PICTURE_SUFFIXES)
 """Suffixes that ``write`` writes, for help texts."""
-SKIN = option("--skin", "NAME", "Mesh, node or material of the avatar that is skin; others are cloth.", multiple=True)
+SKIN = option(
+    "--skin",
+    "NAME",
+    "Mesh, node or material of the avatar that is skin; others are cloth; may be repeated.",
+    multiple=True,
+)
 """Option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end of each span."""

@@ -124,7 +124,7 @@ def _mouthing(clip: Clip, sampa: str) -> Clip:
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar=f"OUT.({'|'.join(suffix[1:] for suffix in PICTURE_SUFFIXES)})")
 @option("--report", "R.json", "The splice's report, so that its transitions are marked.")
-@preset("--view", "front", "VIEW", "front, three-quarter or side.")
+@preset("--view", "front", "VIEW", "View: front, three-quarter or side.")
 @option("--size", "WxH", "Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]")
 @reads_poses
 def render(source: str, output: str, report: str | None, view: str, size: str | None, roles: str | None) -> None:

@@ -52,7 +52,7 @@ LEXICON = option("--lexicon", "LEX", "Lexicon of the words.  [default: the one t
 LEXICONS = option(
     "--lexicon lexicons",
     "LEX",
-    "Lexicon of the words; given again, the first that has a word counts; default: the words that ship.",
+    "Lexicon of the words; given again, the first that has a word counts. None, or `default`: the words that ship.",
     multiple=True,
 )
 DROP_FUNCTION_WORDS = flag(

@@ -22,7 +22,7 @@ _FOLDERS = {_WORKSHOP: "./workshop", _PAPER: "./research"}
 PSEUDO = "synth lexicon --pseudo"
 ELSEWHERE = {
     "evaluate": (_WORKSHOP, "Measure every method, and print tables of it."),
-    "export": (_WORKSHOP, "Write the networks of a bundle with 8-bit weights."),
+    "export": (_WORKSHOP, "Write the networks of a bundle with 16-bit weights."),
     "train": (_WORKSHOP, "Train networks."),
     "synth pairs": (_WORKSHOP, "Write all ordered pairs of words with true cut frames, transitions and splits."),
     "synth endless": (_WORKSHOP, "Write signing to train networks on."),

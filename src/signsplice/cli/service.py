@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from signsplice.service.settings import Settings
 
 
-_LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
+_LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; may be repeated; see docs/http.md."
 
 
 @click.command()
@@ -39,10 +39,22 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; see docs/http.md."
     "Avatar that callers may name, or a folder of some; may be repeated.",
     multiple=True,
 )
-@option("--allow-host allowed_hosts", "NAME", "Another host name to answer to; *: any.", multiple=True)
-@option("--allow-embed", "URL", "Origin of another page that may show the viewer in a frame.", multiple=True)
-@option("--allow-origin", "URL", "Origin of another page that may call.", multiple=True)
-@option("--proxy proxies", "ADDRESS", "A reverse proxy, whose X-Forwarded-For is believed.", multiple=True)
+@option("--allow-host allowed_hosts", "NAME", "Another host name to answer to; *: any; may be repeated.", multiple=True)
+@option(
+    "--allow-embed",
+    "URL",
+    "Origin, scheme://host[:port], of another page that may frame the viewer; may be repeated.",
+    multiple=True,
+)
+@option(
+    "--allow-origin",
+    "URL",
+    "Origin, scheme://host[:port], of another page that may call; may be repeated.",
+    multiple=True,
+)
+@option(
+    "--proxy proxies", "ADDRESS", "A reverse proxy, whose X-Forwarded-For is believed; may be repeated.", multiple=True
+)
 @option("--limit limits", "NAME=N", _LIMIT_HELP, multiple=True)
 def serve(
     limits: tuple[str, ...],

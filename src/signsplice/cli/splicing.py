@@ -73,14 +73,14 @@ _splicing_options = combine_options(
         "--transition-time",
         "auto",
         "auto|RULE|SECONDS",
-        "Length of a transition: a rule of `signsplice methods`, or seconds; auto: by distance.",
+        "Length of a transition: a rule of `signsplice methods`, or seconds (0 to 10); auto: by distance.",
     ),
-    preset("--sign-speed", 1.0, "X", "Speed of the signs."),
+    preset("--sign-speed", 1.0, "X", "How many times as fast the signs play, 0.1 to 10."),
     preset(
         "--tempo",
         "citation",
         "citation|natural|SECONDS",
-        "Signs as recorded, as fast as in running signing, or SECONDS a sign with its transition.",
+        "Signs as recorded, as fast as in running signing, or SECONDS (0.4 to 1.5) a sign with its transition.",
     ),
     option("--fps", "N", "Output frame rate.  [default: that of the first clip]", type=float),
     preset(
@@ -127,11 +127,13 @@ def splice(
 @click.command()
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICONS
-@option("--fallback", "FILE", "Written signs for words that the lexicon lacks: SiGML or HamNoSys.")
+@option(
+    "--fallback", "FILE", "Written signs (SiGML, HamNoSys) for words that the lexicon lacks, before they are spelled."
+)
 @flag("--no-spell", "Refuse words that are not in the lexicon instead of spelling them.")
 @flag("--no-compounds", "Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
 @DROP_FUNCTION_WORDS
-@flag("--no-pauses", "Hold no sign at a comma or a full stop.")
+@flag("--no-pauses", "Hold no sign at punctuation.")
 @option(
     "--face-rules/--no-face-rules",
     None,

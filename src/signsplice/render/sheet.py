@@ -20,6 +20,27 @@ from signsplice.motion import Clip
 from signsplice.progress import Progress, track_progress
 from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene
 
+
+@dataclass(frozen=True)
+class SheetLayout:
+    """Sizes and numbers of the cells of a contact sheet."""
+
+    picture_px: tuple[int, int] = (224, 224)
+    """Width and height of the picture in each cell, pixels."""
+    hand_px: int = 110
+    """Side of each enlarged hand, pixels."""
+    gap_px: int = 8
+    """Gap between cells, pixels."""
+    line_px: int = 20
+    """Height of a line of text, pixels."""
+    n_columns: int = 8
+    """Largest number of columns."""
+    n_cells: int = 32
+    """Usual number of cells."""
+
+
+_LAYOUT = SheetLayout()
+
 INK = (45, 45, 50)
 """Colour of text, RGB 0 to 255."""
 PAPER = (244, 241, 236)
@@ -104,50 +125,39 @@ def _text_and_font(text: str, size: int) -> tuple[str, Any]:
     return text, font_.load_default(size)
 
 
-CELL = (224, 224)
-"""Width and height of the picture in each cell, pixels."""
-HAND = 110
-"""Side of each enlarged hand, pixels."""
-GAP = 8
-"""Gap between cells, pixels."""
-COLUMNS = 8
-"""Largest number of columns."""
-N_CELLS = 32
-"""Usual number of cells."""
-_LINE = 20
-"""Height of a line of text, pixels."""
-
-
 def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], progress: Progress | None) -> None:
     """Write a sheet as PNG, with word, frame number and time under each picture and an amber border at transitions."""
     frames = sheet_frames(len(clip), marks)
     hands = has_hands(clip)
-    columns = min(COLUMNS, len(frames))
+    columns = min(_LAYOUT.n_columns, len(frames))
     w, h = cell_size(hands)
+    (width, height), gap, line = _LAYOUT.picture_px, _LAYOUT.gap_px, _LAYOUT.line_px
     image_ = pillow("Image")
     sheet = image_.new("RGB", (columns * w, -(-len(frames) // columns) * h), PAPER)
     pen = pillow("ImageDraw").Draw(sheet)
     for n, frame in enumerate(track_progress(frames, progress)):
-        x, y = n % columns * w + GAP // 2, n // columns * h + GAP // 2
-        sheet.paste(image_.fromarray(draw(scene, frame, *CELL)), (x, y))
+        x, y = n % columns * w + gap // 2, n // columns * h + gap // 2
+        sheet.paste(image_.fromarray(draw(scene, frame, width, height)), (x, y))
         text, in_transition = caption(marks, frame)
-        ink, centre, below = TRANSITION if in_transition else INK, x + 0.5 * CELL[0], y + CELL[1]
-        write_line(pen, text, centre, below + 2, CELL[0] - GAP, ink, 15)
-        write_line(pen, f"frame {frame}   {frame / clip.fps:.2f} s", centre, below + _LINE, CELL[0] - GAP, INK, 13)
+        ink, centre, below = TRANSITION if in_transition else INK, x + 0.5 * width, y + height
+        write_line(pen, text, centre, below + 2, width - gap, ink, 15)
+        write_line(pen, f"frame {frame}   {frame / clip.fps:.2f} s", centre, below + line, width - gap, INK, 13)
         if hands:  # the signer's right hand on the left, as in the picture
-            for side, hand_x in (("right", x + 1), ("left", x + CELL[0] - HAND - 1)):
-                sheet.paste(image_.fromarray(draw_hand(scene, frame, side, HAND)), (hand_x, below + 2 * _LINE))
+            for side, hand_x in (("right", x + 1), ("left", x + width - _LAYOUT.hand_px - 1)):
+                enlarged = image_.fromarray(draw_hand(scene, frame, side, _LAYOUT.hand_px))
+                sheet.paste(enlarged, (hand_x, below + 2 * line))
         if in_transition:
-            pen.rectangle((x - 2, y - 2, x + w - GAP + 1, y + h - GAP + 1), outline=TRANSITION, width=3)
+            pen.rectangle((x - 2, y - 2, x + w - gap + 1, y + h - gap + 1), outline=TRANSITION, width=3)
     sheet.save(path, format="PNG")
 
 
 def cell_size(hands: bool) -> tuple[int, int]:
     """Returns width and height of a cell with its gap, pixels; ``hands``: with enlarged hands."""
-    return CELL[0] + GAP, CELL[1] + 2 * _LINE + (HAND if hands else 0) + GAP
+    (width, height), gap = _LAYOUT.picture_px, _LAYOUT.gap_px
+    return width + gap, height + 2 * _LAYOUT.line_px + (_LAYOUT.hand_px if hands else 0) + gap
 
 
-def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = N_CELLS) -> list[int]:
+def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = _LAYOUT.n_cells) -> list[int]:
     """Returns the frames of a contact sheet: the kept frames at both sides of every seam, the ends and the middle of
     every transition, and evenly spread frames in the remaining cells.
     """
@@ -156,9 +166,9 @@ def sheet_frames(n_frames: int, marks: Sequence[Mark], n_cells: int = N_CELLS) -
         if mark.kind == "transition":
             chosen |= {mark.start - 1, mark.start, (mark.start + mark.stop - 1) // 2, mark.stop - 1, mark.stop}
     chosen = {frame for frame in chosen if 0 <= frame < n_frames}
-    limit = min(max(n_cells - len(chosen), COLUMNS), n_frames)
+    limit = min(max(n_cells - len(chosen), _LAYOUT.n_columns), n_frames)
     pages = [chosen | set(np.linspace(0, n_frames - 1, n).round().astype(int).tolist()) for n in range(limit, 0, -1)]
-    whole_rows = (page for page in pages if len(page) % COLUMNS == 0 or len(page) < COLUMNS)
+    whole_rows = (page for page in pages if len(page) % _LAYOUT.n_columns == 0 or len(page) < _LAYOUT.n_columns)
     return sorted(next(whole_rows, pages[0]))
 
 

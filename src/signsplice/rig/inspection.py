@@ -34,28 +34,54 @@ flip in otherwise correct motion.
 """
 JUMP_M_S = 4.0
 """Speed above which a hand or the root jumps, m/s; shipped words reach 3."""
-_ABOVE_NEIGHBOURS = 3.0
-"""Least ratio of a jump to the median of the two steps before and after it: fast motion accelerates gradually."""
-_END_S = 0.5
-"""Longest part beyond a jump that is left out, s."""
-_END_FRACTION = 1.0 / 3.0
-"""Largest part beyond a jump that is left out, as a fraction of the clip."""
-_NEAR_DEG = (12.0, 20.0)
-"""Largest angles in a reference pose followed by a jump, degrees: of arm bones to their nominal direction, and of hand
-and fingers to the forearm.
-"""
-_EXACT_DEG = (5.0, 8.0)
-"""The same without a jump: nobody holds both arms and all fingers that straight."""
-_T_DEG = 15.0
-"""Angle below the horizontal up to which straight arms form a T-pose, degrees."""
-_A_DEG = 60.0
-"""Angle below the horizontal up to which straight arms form an A-pose, degrees; beyond it they hang."""
-_REST_DEG = 0.5
-"""Largest angle of arm joints from the file's rest pose in a frame that shows it, degrees."""
-_WAY_S = 1.0
-"""Longest movement out of a reference pose that is left out with it, s."""
-_MOST_LINES = 5
-"""Largest number of lines about jumps."""
+
+
+@dataclass(frozen=True)
+class StrayLimits:
+    """Limits by which frames at the ends of clips are stray."""
+
+    jump_ratio: float = 3.0
+    """Least ratio of a jump to the median of the two steps before and after it: fast motion accelerates gradually."""
+    end_s: float = 0.5
+    """Longest part beyond a jump that is left out, seconds."""
+    end_fraction: float = 1.0 / 3.0
+    """Largest part beyond a jump that is left out, as a fraction of the clip."""
+    arm_deg: float = 12.0
+    """Largest angle of arm bones to their nominal direction in a reference pose followed by a jump, degrees."""
+    finger_deg: float = 20.0
+    """Largest angle of hand and fingers to the forearm in such a pose, degrees."""
+    exact_arm_deg: float = 5.0
+    """Largest angle of arm bones in a reference pose without a jump, degrees."""
+    exact_finger_deg: float = 8.0
+    """The same of hand and fingers: nobody holds both arms and all fingers that straight."""
+    t_pose_deg: float = 15.0
+    """Largest angle of straight arms above or below the horizontal in a T-pose, degrees."""
+    a_pose_deg: float = 60.0
+    """Largest angle of straight arms below the horizontal in an A-pose, degrees; arms beyond it hang."""
+    rest_pose_deg: float = 0.5
+    """Largest angle of arm joints from the file's rest pose in a frame that shows it, degrees."""
+    pose_exit_s: float = 1.0
+    """Longest movement out of a reference pose that is left out with it, seconds."""
+
+
+_STRAY = StrayLimits()
+
+
+@dataclass(frozen=True)
+class WarningLimits:
+    """Limits of warnings about clips."""
+
+    jump_lines: int = 5
+    """Largest number of lines about jumps."""
+    names: int = 12
+    """Largest number of names in a warning."""
+    raised_lift: float = 0.4
+    """Height of a wrist (``Arms.lift``) above which it signs."""
+    distance_behind: float = 0.15
+    """Median distance of signing wrists behind the shoulders above which left and right are exchanged, arm lengths."""
+
+
+_WARNINGS = WarningLimits()
 
 
 @dataclass(frozen=True)
@@ -155,7 +181,7 @@ def _jumps(steps: FloatArray, least: float) -> Mask:
     if len(steps) < 3 or not (steps > least).any():
         return np.zeros(len(steps), bool)
     windows = sliding_window_view(np.pad(steps, 2, "reflect"), 5)
-    return np.asarray((steps > least) & (steps > _ABOVE_NEIGHBOURS * np.median(windows[:, [0, 1, 3, 4]], axis=1)))
+    return np.asarray((steps > least) & (steps > _STRAY.jump_ratio * np.median(windows[:, [0, 1, 3, 4]], axis=1)))
 
 
 def _stray_at_start(clip: Clip, jumps: Mask, shown: str, is_exact: bool) -> tuple[int, str]:
@@ -165,7 +191,7 @@ def _stray_at_start(clip: Clip, jumps: Mask, shown: str, is_exact: bool) -> tupl
     n_stray = _n_until_out(clip) if shown else 0
     if not is_exact and not jumps[:n_stray].any():
         n_stray, shown = 0, ""
-    reach = n_stray + int(min(_END_S * clip.fps, _END_FRACTION * (len(clip) - n_stray)))
+    reach = n_stray + int(min(_STRAY.end_s * clip.fps, _STRAY.end_fraction * (len(clip) - n_stray)))
     steps = [n_stray + int(step) for step in np.flatnonzero(jumps[n_stray:reach])]
     breaks = [step for step in steps if not _is_spike(clip, jumps, step)]
     if breaks:
@@ -178,8 +204,8 @@ def _is_spike(clip: Clip, jumps: Mask, step: int) -> bool:
     away and back.
     """
     fps, metres = clip.fps, rig_info(clip.skeleton).sizes.unit.metres
-    close_steps = np.flatnonzero(jumps[: step + int(_END_S * fps) + 1])
-    for other_step in close_steps[(close_steps != step) & (close_steps >= step - int(_END_S * fps))]:
+    close_steps = np.flatnonzero(jumps[: step + int(_STRAY.end_s * fps) + 1])
+    for other_step in close_steps[(close_steps != step) & (close_steps >= step - int(_STRAY.end_s * fps))]:
         first, last = min(step, other_step), max(step, other_step) + 1  # the frames around the wrong ones
         body = clip.skeleton.derived[_body_joints]
         turned = rotation.angle_between(clip.local_rotations[first, body], clip.local_rotations[last, body]).max()
@@ -206,10 +232,11 @@ def _reference_poses(clip: Clip, info: RigInfo) -> list[tuple[str, bool]]:
 def _reference_pose(skeleton: Skeleton, bones: FloatArray, local_rotations: FloatArray) -> tuple[str, bool]:
     """The reference pose of one frame with these bones (2, 15, 3) and local rotations (J, 4), and whether exactly."""
     lowered = _arm_depression_deg(bones)
-    if not -_T_DEG <= lowered <= _A_DEG:
+    if not -_STRAY.t_pose_deg <= lowered <= _STRAY.a_pose_deg:
         return "", False
-    if _is_straight(bones, *_NEAR_DEG):
-        return "a T-pose" if lowered <= _T_DEG else "an A-pose", _is_straight(bones, *_EXACT_DEG)
+    if _is_straight(bones, _STRAY.arm_deg, _STRAY.finger_deg):
+        is_exact = _is_straight(bones, _STRAY.exact_arm_deg, _STRAY.exact_finger_deg)
+        return "a T-pose" if lowered <= _STRAY.t_pose_deg else "an A-pose", is_exact
     return ("the file's rest pose", True) if _is_rest_pose(skeleton, local_rotations) else ("", False)
 
 
@@ -218,7 +245,7 @@ def _is_rest_pose(skeleton: Skeleton, local_rotations: FloatArray) -> bool:
     canonical = rig_info(skeleton).canonical
     sides = np.r_[canonical.joints[LEFT], canonical.joints[RIGHT]]
     local = local_rotations[sides[sides >= 0]]
-    return bool(np.rad2deg(rotation.angle_between(local, rotation.IDENTITY)).max() <= _REST_DEG)
+    return bool(np.rad2deg(rotation.angle_between(local, rotation.IDENTITY)).max() <= _STRAY.rest_pose_deg)
 
 
 def _bone_directions(clip: Clip) -> FloatArray:
@@ -262,11 +289,11 @@ def _n_until_out(clip: Clip) -> int:
     bones = _bone_directions(clip)
     arms = bones[:, :, :2]
     angles = np.rad2deg(np.arccos(np.clip(np.einsum("tskc,skc->tsk", arms, arms[0]), -1.0, 1.0))).max(axis=(1, 2))
-    outside = np.flatnonzero(angles > _NEAR_DEG[0])
+    outside = np.flatnonzero(angles > _STRAY.arm_deg)
     if not len(outside):
         return len(clip)
     last = int(outside[0]) - 1  # the last frame in the pose
-    rates = np.diff(angles)[last : last + max(1, math.ceil(_WAY_S * clip.fps))]
+    rates = np.diff(angles)[last : last + max(1, math.ceil(_STRAY.pose_exit_s * clip.fps))]
     fastest = np.maximum.accumulate(rates)
     slow = np.flatnonzero(rates < 0.5 * fastest)
     end = int(slow[0]) if len(slow) else len(rates)
@@ -282,7 +309,7 @@ def _jump_warnings(clip: Clip, jumps: Mask, angles: FloatArray, speeds: FloatArr
     """A line about each of the first jumps between frames that belong."""
     lines = []
     steps = [step for step in np.flatnonzero(jumps | (angles.max(axis=1) > JUMP_DEG)) if start <= step < stop - 1]
-    for step in steps[:_MOST_LINES]:
+    for step in steps[: _WARNINGS.jump_lines]:
         joint = int(angles[step].argmax())
         turned = angles[step, joint] > JUMP_DEG
         what = (
@@ -291,17 +318,9 @@ def _jump_warnings(clip: Clip, jumps: Mask, angles: FloatArray, speeds: FloatArr
             else f"a hand or the root moves at {speeds[step]:.1f} m/s"
         )
         lines.append(f"{what} from frame {step} to {step + 1}: a fault of the capture?")
-    if len(steps) > _MOST_LINES:
-        lines.append(f"{len(steps) - _MOST_LINES} more such jumps")
+    if len(steps) > _WARNINGS.jump_lines:
+        lines.append(f"{len(steps) - _WARNINGS.jump_lines} more such jumps")
     return lines
-
-
-_RAISED = 0.4
-"""Height of a wrist (``Arms.lift``) from which on it signs."""
-_BEHIND = 0.15
-"""Median distance of signing wrists behind the shoulders from which on left and right are exchanged, arm lengths."""
-_NAMED = 12
-"""Largest number of names in a warning."""
 
 
 def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
@@ -375,13 +394,13 @@ def _arm_warnings(clip: Clip, stray: StrayFrames) -> list[str]:
         seen = arms(clip)
     except InputError as error:
         return [str(error)]
-    is_raised, lines = seen.lift > _RAISED, []
+    is_raised, lines = seen.lift > _WARNINGS.raised_lift, []
     spans = _rest_spans(clip, stray, seen)
     if all(a == b for a, b in spans):
         lines.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
     ahead = (seen.wrists - seen.shoulders.mean(axis=1, keepdims=True)) @ placement(clip).forward / seen.length
     signing = ahead[is_raised]
-    if len(signing) and np.median(signing) < -_BEHIND:
+    if len(signing) and np.median(signing) < -_WARNINGS.distance_behind:
         lines.append("the hands sign behind the body: left and right are exchanged, or the rig is mirrored")
     return lines
 
@@ -422,7 +441,7 @@ def left_out_warnings(clip: Clip) -> tuple[str, ...]:
     """Returns lines about content of a clip's file that the clip lacks or holds in another form."""
     lines = list(clip.notes)
     if clip.left_out:
-        names, n_more = clip.left_out[:_NAMED], len(clip.left_out) - _NAMED
+        names, n_more = clip.left_out[: _WARNINGS.names], len(clip.left_out) - _WARNINGS.names
         suffix = f" and {n_more} more" if n_more > 0 else ""
         lines.insert(0, f"{', '.join(names)}{suffix} left out: a clip holds the motion of joints and faces")
     return tuple(f"{clip.name}: {line}" for line in lines)

@@ -28,6 +28,52 @@ from signsplice.signer.phonology import MIRRORED_HANDS, Gesture, Local, Segment
 from signsplice.signer.signer import JOINTS, Signer, skeleton
 from signsplice.signer.timing import Events, TimedSegment
 
+
+@dataclass(frozen=True)
+class HandCarrying:
+    """How far parts of the body carry hands, by distance."""
+
+    free_cm: float = 14.0
+    """Distance from the skin at which a hand is free, cm."""
+    held_cm: float = 0.5
+    """Distance from the skin below which a hand is carried fully, cm."""
+    weight_decay_cm: float = 1.0
+    """Additional distance of a part of the body that divides its weight by e, cm."""
+    together_cm: float = 8.0
+    """Distance of two hands up to which they are carried alike, cm."""
+    hanging_cm: tuple[float, float] = (24.0, 38.0)
+    """Distances below the chest at which a hand begins to hang, and hangs fully, cm."""
+    touch_cm: float = 2.0
+    """Distance from the skin up to which it is kept although the wrist's limits would change it, cm."""
+    correction_rounds: int = 3
+    """Number of corrections of that distance."""
+    correction_smoothing_frames: float = 1.0
+    """Standard deviation of the Gaussian that spreads a correction in time, frames."""
+
+
+@dataclass(frozen=True)
+class HeadAndTrunk:
+    """Motion of head and trunk with the hands, and the timing of gestures."""
+
+    head_compensation: float = 0.9
+    """Fraction of the trunk's motion that the head compensates to keep facing the addressee."""
+    meeting_nod_deg: float = 4.0
+    """Nod of the head to meet a hand in front of it, degrees."""
+    meeting_tilt_deg: float = 4.0
+    """Tilt of the head to meet a hand at its side, degrees."""
+    meeting_begin_cm: float = 10.0
+    """Distance of a hand from the head's skin at which the head begins to meet it, cm."""
+    meeting_full_cm: float = 3.0
+    """Distance of a hand from the head's skin at which the head has moved fully, cm."""
+    gesture_ramp_s: float = 0.22
+    """Time in which a gesture rises, and falls, seconds."""
+    fastest_cycles_hz: float = 2.5
+    """Largest number of nods or shakes a second."""
+
+
+_CARRYING = HandCarrying()
+_HEAD_AND_TRUNK = HeadAndTrunk()
+
 _CARRIERS = ("Head", "Neck", "Spine2", "Hips")
 """Joints that carry parts of the body, and so hands. The chest carries the parts of all other joints."""
 _HEAD = 0
@@ -36,22 +82,6 @@ _CHEST = 2
 """Index of the chest in ``_CARRIERS``."""
 _HIPS = 3
 """Index of the hips in ``_CARRIERS``."""
-FREE_CM = 14.0
-"""Distance from the skin at which a hand is free, cm."""
-_HELD_CM = 0.5
-"""Distance from the skin below which a hand is carried fully, cm."""
-_WEIGHT_CM = 1.0
-"""Additional distance of a part of the body that divides its weight by e, cm."""
-TOGETHER_CM = 8.0
-"""Distance of two hands up to which they are carried alike, cm."""
-_HANGING_CM = (24.0, 38.0)
-"""Distances below the chest at which a hand begins to hang, and hangs fully, cm."""
-_TOUCH_CM = 2.0
-"""Distance from the skin up to which it is kept although the wrist's limits would change it, cm."""
-_ROUNDS = 3
-"""How often that distance is corrected."""
-_SMOOTHED_FRAMES = 1.0
-"""Standard deviation of the Gaussian that spreads a correction in time, frames."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +90,7 @@ class Nearness:
 
     weights: (T, 2, 4) how far head, neck, chest and hips carry each hand; the rest is free
     clearances: (T, 2, 4) distance of each hand's skin from that of each of these, cm, negative inside
-    apart: (T,) distance of the hands from one another or a forearm, cm, up to ``TOGETHER_CM`` by the signer's scale
+    apart: (T,) distance of the hands from one another or a forearm, cm, at most ``together_cm`` by the signer's scale
     head_side: (T, 2) side of the head at which each hand is, from -1 (strong side) over 0 (front) to 1 (weak side)
     """
 
@@ -76,17 +106,17 @@ class Nearness:
 
 
 def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearness:
-    """``Nearness`` of the hands of states (T, 65) with head and trunk made upright. ``most``, cm, at least ``FREE_CM``
-    times the signer's scale, limits the distances; a hanging hand counts as this far.
+    """``Nearness`` of the hands of states (T, 65) with head and trunk made upright. ``most``, cm, at least
+    ``free_cm`` times the signer's scale, limits the distances; a hanging hand counts as this far.
     """
     upright = states.copy()
     upright[:, 54:] = 0.0
     capsules = Figure(upright, signer).pose_arms(upright).capsules
-    begins, hangs = _HANGING_CM
+    begins, hangs = _CARRYING.hanging_cm
     height = pose.hands(states)[..., 1] / signer.scale
     hanging = pose.smooth_step((-height - begins) / (hangs - begins))[..., None]
     clearances, directions = _clearances(capsules, most, hanging[..., 0] < 1.0 if np.isfinite(most) else None)
-    hand_distance = _apart(capsules, TOGETHER_CM * signer.scale)
+    hand_distance = _apart(capsules, _CARRYING.together_cm * signer.scale)
     weights = _weights(clearances / signer.scale, hand_distance / signer.scale)
     weights = hanging * np.eye(len(_CARRIERS))[_HIPS] + (1.0 - hanging) * weights
     return Nearness(weights, clearances, hand_distance, directions[..., _HEAD, 0])
@@ -95,7 +125,7 @@ def nearness(states: FloatArray, signer: Signer, most: float = np.inf) -> Nearne
 def approximate_nearness(states: FloatArray, signer: Signer, fps: float) -> Nearness:
     """``nearness`` about 8 times a second, interpolated linearly, and limited to the range that carries hands."""
     frames = sparse(len(states), fps / 7.5)
-    sampled = nearness(states[frames], signer, FREE_CM * signer.scale)
+    sampled = nearness(states[frames], signer, _CARRYING.free_cm * signer.scale)
     return Nearness(*(between(x, frames) for x in vars(sampled).values()))
 
 
@@ -130,10 +160,11 @@ def _apart(capsules: PosedCapsules, most: float) -> FloatArray:
 def _weights(clearances: FloatArray, apart: FloatArray) -> FloatArray:
     """Weights (T, 2, 4) from the distances of hands to parts of the body (T, 2, 4) and to one another (T,), cm."""
     nearest = clearances.min(axis=-1, keepdims=True)
-    weights = np.exp((nearest - clearances) / _WEIGHT_CM)
+    weights = np.exp((nearest - clearances) / _CARRYING.weight_decay_cm)
     weights /= weights.sum(axis=-1, keepdims=True)
-    weights = weights * pose.smooth_step((FREE_CM - nearest) / (FREE_CM - _HELD_CM))
-    alike = 0.5 * pose.smooth_step((TOGETHER_CM - apart) / (TOGETHER_CM - _HELD_CM))[:, None, None]
+    weights = weights * pose.smooth_step((_CARRYING.free_cm - nearest) / (_CARRYING.free_cm - _CARRYING.held_cm))
+    together_cm = _CARRYING.together_cm
+    alike = 0.5 * pose.smooth_step((together_cm - apart) / (together_cm - _CARRYING.held_cm))[:, None, None]
     return np.asarray((1.0 - alike) * weights + alike * weights[:, ::-1])
 
 
@@ -172,32 +203,21 @@ def keep_distances(states: FloatArray, near: Nearness, signer: Signer) -> FloatA
     states = states.copy()
     nearest = near.clearances.argmin(axis=-1)[..., None]  # (T, 2, 1)
     targets = np.take_along_axis(near.clearances, nearest, axis=-1)
-    weight = pose.smooth_step((_TOUCH_CM - targets / signer.scale) / (_TOUCH_CM - _HELD_CM))
+    touch_cm = _CARRYING.touch_cm
+    weight = pose.smooth_step((touch_cm - targets / signer.scale) / (touch_cm - _CARRYING.held_cm))
     frames = weight.any(axis=(1, 2))
     pushes = np.zeros((len(states), 2, 3))
     nearest, targets, weight = nearest[frames], targets[frames], weight[frames]
     if not frames.any():
         return states
     figure = Figure(states[frames], signer)
-    for _ in range(_ROUNDS):
+    for _ in range(_CARRYING.correction_rounds):
         clearances, directions = _clearances(figure.pose_arms(states[frames]).capsules)
         missing = weight * (targets - np.take_along_axis(clearances, nearest, axis=-1))  # (F, 2, 1)
         pushes[frames] = missing * np.take_along_axis(directions, nearest[..., None], axis=2)[:, :, 0]
-        push = gaussian_filter1d(pushes, _SMOOTHED_FRAMES, axis=0, mode="nearest")
+        push = gaussian_filter1d(pushes, _CARRYING.correction_smoothing_frames, axis=0, mode="nearest")
         pose.hands(states)[..., pose.WRIST] += push * pose.MIRRORS
     return states
-
-
-_GAZE = 0.9
-"""Fraction of the trunk's motion that the head compensates to keep facing the addressee."""
-_MEET_NOD_DEG = 4.0
-"""How far the head nods to meet a hand in front of it, degrees."""
-_MEET_TILT_DEG = 4.0
-"""How far the head tilts to meet a hand at its side, degrees."""
-_MEET_CM = 10.0
-"""Distance of a hand from the head's skin at which the head begins to meet it, cm."""
-_MEET_FULL_CM = 3.0
-"""Distance at which the head has moved fully, cm."""
 
 
 def add_body_motion(
@@ -217,7 +237,7 @@ def add_body_motion(
     if manner.body_motion:
         trunk = manner.body_motion * level * _reaching(states, signer, fps)
         states[:, pose.TRUNK] += trunk
-        states[:, pose.HEAD] -= _GAZE * trunk
+        states[:, pose.HEAD] -= _HEAD_AND_TRUNK.head_compensation * trunk
     if manner.head_to_hand:
         states[:, pose.HEAD] += manner.head_to_hand * level * _meeting(near, signer, fps)
     states = attach_hands_to_body(states, near, right_handed)
@@ -248,14 +268,14 @@ def _meeting(near: Nearness, signer: Signer, fps: float) -> FloatArray:
     """Rotation vectors (T, 3) of a head that goes to meet the hands near it: forwards to a hand in front, sideways to a
     hand at its side.
     """
-    weight = pose.smooth_step((_MEET_CM - near.head / signer.scale) / (_MEET_CM - _MEET_FULL_CM))  # (T, 2)
+    begin, full = _HEAD_AND_TRUNK.meeting_begin_cm, _HEAD_AND_TRUNK.meeting_full_cm
+    weight = pose.smooth_step((begin - near.head / signer.scale) / (begin - full))  # (T, 2)
     wide = 2 * round(0.13 * fps) + 1  # early, and for as long as a repeated movement lasts
     weight = _smooth(maximum_filter1d(weight, wide, axis=0, mode="nearest"), fps, 0.10)
     front = weight.max(axis=1)
     aside = -_smooth(near.head_side, fps, 0.06) * weight
-    return np.asarray(
-        np.deg2rad(np.stack([_MEET_NOD_DEG * front, 0.0 * front, _MEET_TILT_DEG * aside.sum(axis=1)], axis=-1))
-    )
+    nod, tilt = _HEAD_AND_TRUNK.meeting_nod_deg * front, _HEAD_AND_TRUNK.meeting_tilt_deg * aside.sum(axis=1)
+    return np.asarray(np.deg2rad(np.stack([nod, 0.0 * front, tilt], axis=-1)))
 
 
 def _smooth(values: FloatArray, fps: float, seconds: float) -> FloatArray:
@@ -265,7 +285,7 @@ def _smooth(values: FloatArray, fps: float, seconds: float) -> FloatArray:
 def add_local_movement(states: FloatArray, segment: Segment, hands: str, signer: Signer, wrist: bool = True) -> None:
     """Add a segment's local movements to its states (n, 65), in place; ``wrist``: include those of the wrist."""
     for which, local, phase in _locals(segment, hands):
-        if wrist or local.kind not in _WRIST:
+        if wrist or local.kind not in _WRIST_ANGLES:
             _add_local(states[:, 27 * which : 27 * which + 27], local, phase, signer)
 
 
@@ -278,7 +298,7 @@ def _locals(segment: Segment, hands: str) -> Iterator[tuple[int, Local, float]]:
             local = local.also
 
 
-_WRIST = {"twist": (0,), "swing": (1,), "nod": (2,), "stir": (1, 2)}
+_WRIST_ANGLES = {"twist": (0,), "swing": (1,), "nod": (2,), "stir": (1, 2)}
 """Indices of the angles that wrist movements change: 0 forearm twist, 1 wrist deviation, 2 wrist flexion."""
 
 
@@ -289,7 +309,7 @@ def wrist_movements(segments: Sequence[TimedSegment], hands: str, n_frames: int)
         for which, local, phase in _locals(timed.segment, hands):
             angle, level = _cycles(local, timed.end - timed.begin + 1, phase)
             size = np.deg2rad(local.amplitude)
-            for k, axis in enumerate(_WRIST.get(local.kind, ())):
+            for k, axis in enumerate(_WRIST_ANGLES.get(local.kind, ())):
                 part = slice(timed.begin, timed.end + 1), which, axis
                 added[part] += (-abs(size) * np.cos(angle) if k else size * np.sin(angle)) * level
                 room[part] += abs(size) * level
@@ -308,7 +328,7 @@ def _add_local(hand_states: FloatArray, local: Local, phase: float, signer: Sign
     angle, level = _cycles(local, n, phase)
     swing = np.sin(angle) * level
     amplitude = np.deg2rad(local.amplitude)
-    for k, axis in enumerate(_WRIST.get(local.kind, ())):
+    for k, axis in enumerate(_WRIST_ANGLES.get(local.kind, ())):
         hand_states[:, 3 + axis] += abs(amplitude) * (1.0 - np.cos(angle)) * level if k else amplitude * swing
     if local.kind == "tremble":
         hand_states[:, 0] += local.amplitude * signer.scale * swing
@@ -349,12 +369,6 @@ def add_gesture(states: FloatArray, segment: Segment, begin: int, end: int, fps:
         trunk[:, axis] += np.deg2rad(angle) * level
 
 
-_RAMP_S = 0.22
-"""Time in which a gesture rises, and falls, seconds."""
-_MOST_HZ = 2.5
-"""Largest number of nods or shakes a second."""
-
-
 def add_gestures(states: FloatArray, gestures: tuple[Gesture, ...], events: Events, fps: float) -> None:
     """Add gestures to the states (T, 65) of a word of a right-handed signer, in place."""
     for gesture in gestures:
@@ -372,9 +386,11 @@ def gesture_level(
     t = np.arange(n_frames) / fps
     start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, 0.3)
     first, last = start + gesture.begin * seconds, start + gesture.end * seconds
-    height = pose.smooth_step((t - first + _RAMP_S) / _RAMP_S) * pose.smooth_step((last + _RAMP_S - t) / _RAMP_S)
+    ramp_s = _HEAD_AND_TRUNK.gesture_ramp_s
+    height = pose.smooth_step((t - first + ramp_s) / ramp_s) * pose.smooth_step((last + ramp_s - t) / ramp_s)
     if gesture.cycles:
-        cycles = max(1.0, min(gesture.cycles, float(np.floor(_MOST_HZ * (last - first)))))
+        most = float(np.floor(_HEAD_AND_TRUNK.fastest_cycles_hz * (last - first)))
+        cycles = max(1.0, min(gesture.cycles, most))
         phase = 2.0 * np.pi * cycles * np.clip((t - first) / (last - first), 0.0, 1.0)
         height = height * (np.sin(phase) if swings else 0.5 - 0.5 * np.cos(phase))
     return height

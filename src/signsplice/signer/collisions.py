@@ -4,6 +4,8 @@ hands from surfaces that they may touch, skin to skin.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,14 +16,31 @@ from signsplice.signer.figure import Figure, pose_signer
 from signsplice.signer.phonology import MIRRORED_HANDS, Posture, on_arm
 from signsplice.signer.signer import Signer, shoulder
 
+
+@dataclass(frozen=True)
+class ClearanceSettings:
+    """Limits and rounds of the movements that clear hands of the body."""
+
+    nearly_touching_cm: float = 1.0
+    """Distance from the skin up to which a hand counts as nearly touching, cm."""
+    n_rounds: int = 30
+    """Largest number of rounds of pushes, and of further rounds for hands that are stuck."""
+    stuck_depth_cm: float = 0.35
+    """Depth in the body from which on a hand counts as stuck after these rounds, and is pushed on steadily, cm."""
+    n_touch_rounds: int = 12
+    """How often a hand whose part touches is moved out of a collision, or back, at most."""
+    least_wrist_distance_cm: float = 16.5
+    """Smallest distance of a wrist from its shoulder, cm."""
+    largest_turn: float = np.deg2rad(40.0)
+    """Largest turn of a touching hand that keeps this distance, radians."""
+
+
+CLEARANCE = ClearanceSettings()
+
 TOLERANCE_CM = 0.2
 """Depth to which a touch may press into the body, cm."""
-NEAR_CM = 1.0
-"""Distance from the skin up to which a hand counts as nearly touching, cm."""
-_ROUNDS = 30
-_STUCK_CM = 0.35
-"""Depth, cm, at which a hand that is still in the body after these rounds is pushed on, in a steadier direction."""
-_KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
+_PUSH_KERNEL = np.array([0.12, 0.35, 0.72, 1.0, 0.72, 0.35, 0.12])
+"""Weights of a push in the frames around it."""
 
 
 def clear_collisions(
@@ -36,15 +55,15 @@ def clear_collisions(
     level = curves.fade_window(len(states)) if ends else np.ones(len(states))
     mean = np.zeros((len(states), 2, 3))
     depth, exits = _depths(figure.pose_arms(states).capsules)
-    for n in range(2 * _ROUNDS):
+    for n in range(2 * CLEARANCE.n_rounds):
         directions = exits
-        if n >= _ROUNDS:
-            if depth.max() < _STUCK_CM:
+        if n >= CLEARANCE.n_rounds:
+            if depth.max() < CLEARANCE.stuck_depth_cm:
                 break
             # The hand alternates between both sides of a nose or a finger: the mean direction leads out.
             mean = 0.8 * mean + 0.2 * directions
             directions = mean / (np.linalg.norm(mean, axis=-1, keepdims=True) + 1e-9)
-        gain = 0.6 if n < _ROUNDS // 2 else 1.0  # gently first: if two hands meet, both are pushed
+        gain = 0.6 if n < CLEARANCE.n_rounds // 2 else 1.0  # gently first: if two hands meet, both are pushed
         push = gain * np.maximum(depth - 0.7 * TOLERANCE_CM, 0.0) * (depth > TOLERANCE_CM)
         if not push.any():
             break
@@ -52,7 +71,7 @@ def clear_collisions(
         if mirrored:
             pushes = np.repeat(pushes.mean(axis=1, keepdims=True), 2, axis=1)
             pushes[..., 0] = -np.abs(pushes[..., 0])  # away from the other hand, even if they have crossed
-        displacements = curves.smooth_over_time(pushes, _KERNEL) * level[:, None, None]
+        displacements = curves.smooth_over_time(pushes, _PUSH_KERNEL) * level[:, None, None]
         states = states.copy()
         pose.hands(states)[..., pose.WRIST] += displacements
         frames = np.flatnonzero(displacements.any(axis=(1, 2)))
@@ -79,8 +98,8 @@ def _depths(capsules: PosedCapsules, slack: float = 0.0) -> tuple[FloatArray, Fl
 
 def touching(states: FloatArray, signer: Signer) -> NDArray[np.bool_]:
     """Whether either hand touches head, trunk or the other hand, or nearly does (T,)."""
-    depth, _ = penetration(states, signer, NEAR_CM)
-    return np.asarray(depth.max(axis=1) > -NEAR_CM)
+    depth, _ = penetration(states, signer, CLEARANCE.nearly_touching_cm)
+    return np.asarray(depth.max(axis=1) > -CLEARANCE.nearly_touching_cm)
 
 
 TOUCH_CM = 0.5
@@ -115,7 +134,8 @@ def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) 
     moves = np.zeros((2, 3))
     meets = hands in MIRRORED_HANDS
     if meets and posture.location.endswith("-mid"):
-        moves[:, 0] = 0.5 * min(float(between_hands(state[None], signer)[0]), NEAR_CM)  # hands apart do not cross
+        distance = float(between_hands(state[None], signer)[0])
+        moves[:, 0] = 0.5 * min(distance, CLEARANCE.nearly_touching_cm)  # hands apart do not cross
         return moves
     turned = np.concatenate([state[27:54], state[:27], state[54:]])  # the weak hand in the strong one's place
     for which, strong_state in enumerate((state, turned) if meets else (state,)):
@@ -125,14 +145,6 @@ def into_touch(state: FloatArray, posture: Posture, hands: str, signer: Signer) 
     return moves
 
 
-_TOUCH_ROUNDS = 12
-"""How often a hand whose part touches is moved out of a collision, or back, at most."""
-NEAREST_CM = 16.5
-"""Smallest distance of a wrist from its shoulder, cm."""
-_MOST_LEAN = np.deg2rad(40.0)
-"""Largest turn of a touching hand that keeps this distance, radians."""
-
-
 def clear_of_shoulder(
     wrist: FloatArray, quat: FloatArray, part: FloatArray, signer: Signer
 ) -> tuple[FloatArray, FloatArray]:
@@ -140,14 +152,14 @@ def clear_of_shoulder(
     than the elbow can bend; returns wrist (3,) and rotation (4,).
     """
     centre = shoulder(signer) * signer.scale
-    least = NEAREST_CM * signer.scale
+    least = CLEARANCE.least_wrist_distance_cm * signer.scale
     back, to_shoulder = -part, centre - wrist - part
     axis = np.cross(to_shoulder, back)
     lengths = float(np.linalg.norm(back) * np.linalg.norm(to_shoulder))
     if np.linalg.norm(wrist - centre) >= least or np.linalg.norm(axis) < 1e-6:
         return wrist, quat
     goal_angle = np.arccos(np.clip((back @ back + to_shoulder @ to_shoulder - least**2) / (2.0 * lengths), -1.0, 1.0))
-    angle = min(float(goal_angle - np.arccos(np.clip(back @ to_shoulder / lengths, -1.0, 1.0))), _MOST_LEAN)
+    angle = min(float(goal_angle - np.arccos(np.clip(back @ to_shoulder / lengths, -1.0, 1.0))), CLEARANCE.largest_turn)
     turn = rotation.exp(angle * axis / np.linalg.norm(axis))
     return wrist + part + rotation.rotate(turn, back), rotation.multiply(turn, quat)
 
@@ -161,7 +173,7 @@ def in_contact(
     """
     goal, moved, free = hand_state[:3].copy(), hand_state.copy(), hand_state
     figure = Figure(pose.of_hands(moved, moved if weak is None else weak)[None], signer)
-    for n in range(_TOUCH_ROUNDS):
+    for n in range(CLEARANCE.n_touch_rounds):
         state = pose.of_hands(moved, moved if weak is None else weak)
         depth, directions = penetration(state[None], signer, figure=figure)
         if depth[0, 0] > TOLERANCE_CM:
@@ -170,7 +182,7 @@ def in_contact(
             wrist = moved[:3] + (depth[0, 0] - 0.5 * TOLERANCE_CM) * share * direction / np.linalg.norm(direction)
         else:
             free = moved
-            if np.linalg.norm(goal - moved[:3]) < 0.1 or n >= _TOUCH_ROUNDS - 4:
+            if np.linalg.norm(goal - moved[:3]) < 0.1 or n >= CLEARANCE.n_touch_rounds - 4:
                 break
             wrist = 0.5 * (moved[:3] + goal)
         moved = np.concatenate([wrist, pose.hand_rotvecs(wrist, quat, signer), hand_state[6:]])

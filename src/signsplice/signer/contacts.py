@@ -28,29 +28,38 @@ from signsplice.signer.location_targets import (
 from signsplice.signer.phonology import MIRRORED_HANDS, in_space
 from signsplice.signer.signer import JOINTS, Signer
 
-_ROUNDS = 5
-"""How often all touches are solved."""
-_STEPS = 8
-"""Largest number of steps of one solution."""
-_GAP_CM = 0.12
-"""Distance of the part from the skin that costs 1, cm."""
-_DEEP_CM = 0.1
-"""Depth of the rest of the hand beyond ``_FREE_CM`` that costs 1, cm."""
-_PLACE_CM = 1.2
-"""Distance from the written place that costs 1, cm."""
-_TURNED = np.deg2rad(3.8)
-"""Angle from the written directions that costs 1, radians."""
-_FREE_CM = 0.12
-"""Depth that costs nothing, cm."""
-_SETTLED = 1.0
-"""Cost up to which a touch needs no solution."""
-_REACHED = 0.3
-"""Cost at which the solution of a touch stops."""
-_SIZE = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
+
+@dataclass(frozen=True)
+class ContactCosts:
+    """Costs of touches, and when their solution stops."""
+
+    gap_cm: float = 0.12
+    """Distance of the touching part from the skin that costs 1, cm."""
+    depth_cm: float = 0.1
+    """Depth of the rest of the hand beyond ``free_depth_cm`` that costs 1, cm."""
+    free_depth_cm: float = 0.12
+    """Depth that costs nothing, cm."""
+    place_cm: float = 1.2
+    """Distance from the written place that costs 1, cm."""
+    turn: float = np.deg2rad(3.8)
+    """Angle from the written directions that costs 1, radians."""
+    settled: float = 1.0
+    """Cost up to which a touch needs no solution."""
+    solved: float = 0.3
+    """Cost at which the solution of a touch stops."""
+    rounds: int = 5
+    """Number of rounds in which all touches are solved."""
+    steps: int = 8
+    """Largest number of steps of one solution."""
+
+
+_COSTS = ContactCosts()
+
+_MOVEMENT_SCALES = np.array([6.0] * 3 + [np.deg2rad(30.0)] * 3 + [np.deg2rad(15.0)])
 """Movements of wrist (cm), hand and elbow (radians) that cost 1."""
-_MOST = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
+_LARGEST_STEP = np.array([2.0] * 3 + [np.deg2rad(10.0)] * 3 + [np.deg2rad(8.0)])
 """Largest movements in one step."""
-_DIFFERENCE = np.array([0.02] * 3 + [0.004] * 3 + [0.01])
+_DERIVATIVE_STEPS = np.array([0.02] * 3 + [0.004] * 3 + [0.01])
 """Movements for finite-difference derivatives."""
 
 
@@ -123,7 +132,7 @@ def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
         return states
     best, moved = np.inf, states
     frames = np.array([target.first for target in targets])
-    for n in range(_ROUNDS + 1):
+    for n in range(_COSTS.rounds + 1):
         poses = _Poses.of(moved[frames], signer)
         posed = pose_figure(word.figure, poses.states, frames)
         goals = np.array([location_target(posed, row, target, sign) for row, target in enumerate(targets)])
@@ -131,9 +140,9 @@ def solve_contacts(states: FloatArray, word: WrittenMotion) -> FloatArray:
         cost = np.square(_residuals(touches, np.zeros((len(frames), 1, 7)))).sum(axis=(1, 2))
         if cost.sum() < best:
             best, states = float(cost.sum()), moved
-        if n == _ROUNDS:
+        if n == _COSTS.rounds:
             break
-        unsettled = np.flatnonzero(cost > _SETTLED).tolist()
+        unsettled = np.flatnonzero(cost > _COSTS.settled).tolist()
         if not unsettled:
             break
         like: dict[int, Hashable] = {row: row for row in unsettled}
@@ -177,20 +186,21 @@ def _solve_arm_steps(touches: _ContactProblem) -> FloatArray:
     going, damping = np.arange(n), np.full(n, 0.1)
     x, best_x, best = np.zeros((n, 7)), np.zeros((n, 7)), np.full(n, np.inf)
     slopes: dict[int, tuple[FloatArray, FloatArray]] = {}
-    probes = np.concatenate([np.zeros((1, 7)), np.diag(_DIFFERENCE)])
-    for _ in range(_STEPS):
+    probes = np.concatenate([np.zeros((1, 7)), np.diag(_DERIVATIVE_STEPS)])
+    for _ in range(_COSTS.steps):
         residuals = _residuals(touches[going], x[going, None] + probes)  # (G, 8, R)
         for n, values in zip(going.tolist(), residuals, strict=True):
             cost = float(values[0] @ values[0])
             damping[n] *= 0.3 if cost < best[n] else 8.0
             if cost < best[n]:
-                best[n], best_x[n], slopes[n] = cost, x[n], ((values[1:] - values[0]) / _DIFFERENCE[:, None], values[0])
+                slope = (values[1:] - values[0]) / _DERIVATIVE_STEPS[:, None]
+                best[n], best_x[n], slopes[n] = cost, x[n], (slope, values[0])
             slope, value = slopes[n]
             normal = slope @ slope.T
             normal += damping[n] * np.diag(np.diag(normal))
             step = -np.linalg.solve(normal, slope @ value)
-            x[n] = best_x[n] + step * min(1.0, float((_MOST / np.maximum(np.abs(step), 1e-9)).min()))
-        going = going[best[going] > _REACHED]
+            x[n] = best_x[n] + step * min(1.0, float((_LARGEST_STEP / np.maximum(np.abs(step), 1e-9)).min()))
+        going = going[best[going] > _COSTS.solved]
         if not len(going):
             break
     return best_x
@@ -226,5 +236,7 @@ def _missing(posed: PosedSigner, rows: slice, one: _ContactTarget, aim: FloatArr
     turned = mirror[:, None] * np.einsum("kba,kbc->kac", chest, posed.rotations[rows, wrist]) * mirror
     written = locations.facing(one.posture.palm, one.posture.fingers)
     turn = rotation.log(rotation.multiply(rotation.from_matrix(turned), rotation.inverse(written)))
-    deep = np.maximum(depth - _FREE_CM, 0.0) / _DEEP_CM
-    return np.hstack([gap[:, None] / _GAP_CM, deep, (place - aim) / _PLACE_CM, turn / _TURNED, x / _SIZE])
+    deep = np.maximum(depth - _COSTS.free_depth_cm, 0.0) / _COSTS.depth_cm
+    return np.hstack(
+        [gap[:, None] / _COSTS.gap_cm, deep, (place - aim) / _COSTS.place_cm, turn / _COSTS.turn, x / _MOVEMENT_SCALES]
+    )

@@ -44,6 +44,38 @@ from signsplice.signer.signer import skeleton
 from signsplice.signer.tables import sections
 
 
+@dataclass(frozen=True)
+class ThumbGaps:
+    """Distances between thumbs and fingers."""
+
+    pinch_cm: float = 1.5
+    """Distance from thumb tip to fingertip of a pinch, cm."""
+    cee_cm: float = 4.4
+    """Distance from thumb tip to fingertip of a cee, cm."""
+    largest_depth_cm: float = 0.3
+    """Largest depth of a finger in the thumb, cm."""
+
+
+@dataclass(frozen=True)
+class FingerBends:
+    """Bends of fingers of composed handshapes: degrees of MCP, PIP and DIP."""
+
+    straight_deg: tuple[float, float, float] = (2.0, 3.0, 3.0)
+    """A straight finger."""
+    folded_deg: tuple[float, float, float] = (86.0, 104.0, 67.0)
+    """A finger of a fist."""
+    tucked_deg: tuple[float, float, float] = (44.0, 104.0, 60.0)
+    """A finger that is double bent over the thumb, as in E."""
+    meeting_deg: tuple[float, float, float] = (66.0, 92.0, 62.0)
+    """A finger of a pinch or cee with a bend that the tables of these lack."""
+    quarter_deg: tuple[float, float, float] = (22.5, 27.0, 22.5)
+    """A quarter of the bend of each joint."""
+
+
+_GAPS = ThumbGaps()
+_BENDS = FingerBends()
+
+
 @dataclass(frozen=True, eq=False)
 class Handshape:
     """A configuration of the fingers.
@@ -70,12 +102,10 @@ HANDSHAPES = {name: Handshape(name, angles) for name, angles in _ANGLES.items()}
 """Every handshape by name."""
 
 
-_DEEPEST_CM = 0.3
-"""Largest depth of a finger in the thumb, cm."""
-_THUMB_STEPS = np.linspace(0.0, 1.0, 6)
-"""Candidate openings of a thumb, tried in order; 1 is the thumb of handshape 5."""
-_REACH = 5
+_OPENING_FRAMES = 5
 """Largest number of frames before and after a collision in which a thumb opens."""
+_THUMB_OPENINGS = np.linspace(0.0, 1.0, 6)
+"""Candidate openings of a thumb, tried in order; 1 is the thumb of handshape 5."""
 _THUMB = slice(16, 21)
 """The thumb's angles among a hand's."""
 _FINGER_BONES = [(3 * f + n, 3 * f + n + 1 if n < 2 else 15 + f) for f in (1, 2, 3, 4) for n in (0, 1, 2)]
@@ -93,19 +123,21 @@ def open_thumbs(states: FloatArray, ends: bool = False) -> FloatArray:
     """
     angles = pose.hands(states)[..., pose.FINGERS]  # (T, 2, 21)
     open_thumb = HANDSHAPES["5"].angles[_THUMB]
-    affected = maximum_filter1d(thumb_depth(angles) > _DEEPEST_CM, 2 * _REACH + 1, axis=0, mode="constant")
+    collides = thumb_depth(angles) > _GAPS.largest_depth_cm
+    affected = maximum_filter1d(collides, 2 * _OPENING_FRAMES + 1, axis=0, mode="constant")
     if not affected.any():
         return states
-    tried = np.repeat(angles[affected][:, None], len(_THUMB_STEPS), axis=1)  # (N, K, 21)
-    tried[..., _THUMB] += _THUMB_STEPS[:, None] * (open_thumb - tried[..., _THUMB])
+    tried = np.repeat(angles[affected][:, None], len(_THUMB_OPENINGS), axis=1)  # (N, K, 21)
+    tried[..., _THUMB] += _THUMB_OPENINGS[:, None] * (open_thumb - tried[..., _THUMB])
     depth = thumb_depth(tried)
-    free = depth <= _DEEPEST_CM
+    free = depth <= _GAPS.largest_depth_cm
     chosen = np.where(free.any(axis=1), free.argmax(axis=1), depth.argmin(axis=1))
     needed, limit = np.zeros(affected.shape), np.ones(affected.shape)
-    needed[affected] = _THUMB_STEPS[chosen]
-    beyond = ~free & (np.arange(len(_THUMB_STEPS)) > chosen[:, None])  # a thumb below fingers cannot open
-    limit[affected] = _THUMB_STEPS[np.where(beyond.any(axis=1), beyond.argmax(axis=1) - 1, -1)]
-    level = gaussian_filter1d(maximum_filter1d(needed, _REACH, axis=0, mode="nearest"), 1.0, axis=0, mode="nearest")
+    needed[affected] = _THUMB_OPENINGS[chosen]
+    beyond = ~free & (np.arange(len(_THUMB_OPENINGS)) > chosen[:, None])  # a thumb below fingers cannot open
+    limit[affected] = _THUMB_OPENINGS[np.where(beyond.any(axis=1), beyond.argmax(axis=1) - 1, -1)]
+    level = maximum_filter1d(needed, _OPENING_FRAMES, axis=0, mode="nearest")
+    level = gaussian_filter1d(level, 1.0, axis=0, mode="nearest")
     level = np.minimum(level, limit)
     if ends:
         level = level * fade_window(len(states))[:, None]
@@ -138,25 +170,22 @@ BASES: dict[str, str] = {
 }  # fmt: skip
 """Bases of handshapes with the fingers that they select."""
 THUMBS = ("out", "across", "opposed")
-_STRAIGHT = (2.0, 3.0, 3.0)
-_FOLDED = (86.0, 104.0, 67.0)
 _OPEN_BENDS = {
     "halfbent": (45.0, 4.0, 4.0), "bent": (86.0, 4.0, 4.0), "round": (45.0, 52.0, 36.0), "hooked": (8.0, 94.0, 60.0),
     "dblbent": (86.0, 98.0, 6.0), "dblhooked": (84.0, 102.0, 66.0),
 }  # fmt: skip
-_DOUBLE = ("dblbent", "dblhooked")
+"""Bend -> degrees of MCP, PIP and DIP of fingers that do not meet the thumb."""
+_DOUBLE_BENDS = ("dblbent", "dblhooked")
 _PINCH_BENDS = {"": (47.0, 50.0, 32.0), "bent": (81.0, 8.0, 4.0), "round": (50.0, 68.0, 60.0)}
 _CEE_BENDS = {"": (34.0, 52.0, 33.0), "bent": (62.0, 7.0, 4.0), "round": (40.0, 64.0, 56.0)}
-_ELSE_BENT = (66.0, 92.0, 62.0)  # of pinch and cee
-_QUARTERS = (22.5, 27.0, 22.5)
-"""Degrees of MCP, PIP and DIP."""
+"""The same for fingers of a pinch and of a cee."""
 _SPREADS = {"finger23spread": (15.0, -8.0, 0.0, 0.0), "finger2345": (15.0, 3.0, 10.0, 18.0)}
+"""Base -> degrees of spread of the four fingers."""
 _OPEN_SPREAD = (0.0, 0.0, 9.0, 16.0)
-_TUCKED = (44.0, 104.0, 60.0)
-"""Degrees of a finger that is double bent over the thumb, as in E."""
-_CROSSED = {"23": ((-8.0, 13.0, 4.0, 4.0), (12.0, -8.0, 15.0, 8.0))}
+"""The same for bases whose other fingers are open, and for spread bases with other selected fingers."""
+_CROSSED_FINGERS = {"23": ((-8.0, 13.0, 4.0, 4.0), (12.0, -8.0, 15.0, 8.0))}
 """Degrees of spread and of the joints of two fingers that cross."""
-_THUMBS: dict[str, tuple[float, float, float, float, float]] = {
+_THUMB_DEGREES: dict[str, tuple[float, float, float, float, float]] = {
     "side": (14.0, -18.0, 22.0, 20.0, 6.0), "fist": (8.0, -10.0, 31.0, 23.0, 11.0),
     "over": (4.0, 38.0, 35.0, 48.0, 54.0),
     "middle": (10.0, 26.0, 23.0, 45.0, 53.0), "ring": (26.0, 22.0, 26.0, 47.0, 44.0),
@@ -168,11 +197,8 @@ _THUMBS: dict[str, tuple[float, float, float, float, float]] = {
 """Degrees of the thumb: beside the index finger; of a fist, beside it, across its front, on the middle or the ring
 finger; across the palm; out; before the palm; below folded fingers; below fingertips; at the start of the search for a
 fingertip."""
-_PULP_CM = 1.5
-"""Distance from thumb tip to fingertip of a pinch, cm."""
-_GAP_CM = 4.4
-"""Distance from thumb tip to fingertip of a cee, cm."""
-_OPENINGS = np.linspace(0.0, 1.0, 11)
+_ROOM_OPENINGS = np.linspace(0.0, 1.0, 11)
+"""Candidate openings of the thumb of a composed handshape."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +225,7 @@ class _ComposedShape:
     @property
     def tucks(self) -> bool:
         """Whether double bent fingers of an open hand lie on the thumb."""
-        return self.enclosed and self.bend in _DOUBLE and self.base in ("flat", "finger2345")
+        return self.enclosed and self.bend in _DOUBLE_BENDS and self.base in ("flat", "finger2345")
 
 
 _WORD = re.compile(
@@ -268,19 +294,20 @@ def _angles(shape: _ComposedShape) -> FloatArray:
     if shape.base.endswith("open") or (shape.base in _SPREADS and set(shape.selected) != set(BASES[shape.base])):
         spread = np.array(_OPEN_SPREAD)
     fingers[:, 0] = spread * (1.0 - fingers[:, 1] / 90.0)
-    if shape.pair in _CROSSED and shape.crossed:
-        for digit, row in zip(shape.pair, _CROSSED[shape.pair], strict=True):
+    if shape.pair in _CROSSED_FINGERS and shape.crossed:
+        for digit, row in zip(shape.pair, _CROSSED_FINGERS[shape.pair], strict=True):
             fingers[int(digit) - 2] = row
     elif len(shape.pair) == 2 and shape.pair[0] != "1":
         for digit in shape.pair:  # together, or one a little before the other
             fingers[int(digit) - 2, 0] = 0.0
         fingers[int(shape.pair[1]) - 2, 1] += 14.0 * shape.crossed
-    degrees[_THUMB] = _THUMBS[_thumb(shape)]
+    degrees[_THUMB] = _THUMB_DEGREES[_thumb(shape)]
     angles = np.clip(np.deg2rad(degrees), *hand.LIMITS.T)
     if shape.pair.startswith("1") and len(shape.pair) == 2 and not shape.meets:
-        return _to_finger(angles, int(shape.pair[1]) - 2, _PULP_CM, at_tip=False)
+        return _to_finger(angles, int(shape.pair[1]) - 2, _GAPS.pinch_cm, at_tip=False)
     if shape.meets and shape.thumb != "out" and "1" not in shape.exempt:
-        gap = _GAP_CM * max(0.4, 2.0 - shape.opening) if shape.base.startswith("cee") else _PULP_CM
+        is_cee = shape.base.startswith("cee")
+        gap = _GAPS.cee_cm * max(0.4, 2.0 - shape.opening) if is_cee else _GAPS.pinch_cm
         return _to_finger(angles, (shape.opposed or int(shape.selected[0])) - 2, gap)
     return angles
 
@@ -291,24 +318,24 @@ def _bends(shape: _ComposedShape, digit: int) -> tuple[float, ...]:
     chosen = str(digit) in shape.selected and str(digit) not in shape.exempt
     bend = single_bend if single_bend is not None else shape.bend
     if bend.isdigit() and (single_bend is not None or chosen):
-        return tuple(int(quarters) * quarter_deg for quarters, quarter_deg in zip(bend, _QUARTERS, strict=True))
+        return tuple(int(n) * quarter for n, quarter in zip(bend, _BENDS.quarter_deg, strict=True))
     if single_bend is not None:
         return _OPEN_BENDS[single_bend]
     if shape.base == "fist":  # those named stay bent, the others open
         folded = not shape.selected or chosen
-        return _OPEN_BENDS.get(shape.bend, _FOLDED) if folded else _STRAIGHT
+        return _OPEN_BENDS.get(shape.bend, _BENDS.folded_deg) if folded else _BENDS.straight_deg
     if not chosen:
         straight = shape.base.endswith("open") or (shape.meets and str(digit) in shape.exempt)
         straight = straight or (shape.meets and "2" not in shape.selected)  # the thumb passes no folded index finger
-        return _STRAIGHT if straight else _FOLDED
+        return _BENDS.straight_deg if straight else _BENDS.folded_deg
     if not shape.meets:
-        return _TUCKED if shape.tucks else _OPEN_BENDS.get(shape.bend, _STRAIGHT)
+        return _BENDS.tucked_deg if shape.tucks else _OPEN_BENDS.get(shape.bend, _BENDS.straight_deg)
     table = _CEE_BENDS if shape.base.startswith("cee") else _PINCH_BENDS
-    return table.get(shape.bend, _ELSE_BENT)
+    return table.get(shape.bend, _BENDS.meeting_deg)
 
 
 def _thumb(shape: _ComposedShape) -> str:
-    """Position of the thumb, a name of ``_THUMBS``."""
+    """Position of the thumb, a name of ``_THUMB_DEGREES``."""
     fist = shape.base in ("fist", "finger2", "finger23", "finger23spread")
     if shape.enclosed and fist:
         return "below"
@@ -321,7 +348,7 @@ def _thumb(shape: _ComposedShape) -> str:
     if not fist:
         if shape.tucks:
             return "tucked"
-        closed = shape.bend in _DOUBLE and len(shape.selected) == 4
+        closed = shape.bend in _DOUBLE_BENDS and len(shape.selected) == 4
         return "side" if shape.thumb != "across" else "over" if closed else "across"
     if shape.base == "fist":
         return "over" if shape.thumb == "across" else "fist"
@@ -354,9 +381,9 @@ def _to_finger(angles: FloatArray, finger: int, gap_cm: float, at_tip: bool = Tr
 
 def _with_room(angles: FloatArray) -> FloatArray:
     """Opens the thumb in angles (21,) so that fingers lie at most 3 mm deep in it."""
-    ways = np.deg2rad([_THUMBS["out"], _THUMBS["over"], _THUMBS["opposed"]])
-    tried = np.repeat(angles[None], len(ways) * len(_OPENINGS), axis=0)
-    steps = np.tile(_OPENINGS, len(ways))
-    tried[:, _THUMB] += steps[:, None] * (np.repeat(ways, len(_OPENINGS), axis=0) - angles[_THUMB])
+    ways = np.deg2rad([_THUMB_DEGREES["out"], _THUMB_DEGREES["over"], _THUMB_DEGREES["opposed"]])
+    tried = np.repeat(angles[None], len(ways) * len(_ROOM_OPENINGS), axis=0)
+    steps = np.tile(_ROOM_OPENINGS, len(ways))
+    tried[:, _THUMB] += steps[:, None] * (np.repeat(ways, len(_ROOM_OPENINGS), axis=0) - angles[_THUMB])
     depth = thumb_depth(tried)
-    return np.asarray(tried[np.lexsort((depth, steps, np.maximum(depth, _DEEPEST_CM)))[0]])
+    return np.asarray(tried[np.lexsort((depth, steps, np.maximum(depth, _GAPS.largest_depth_cm)))[0]])

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,38 @@ from signsplice.signer.phonology import IN_SPACE, MIRRORED_HANDS, ON_BASE, ROLES
 from signsplice.signer.signer import STANDARD
 from signsplice.signer.tables import Vector, to_vector
 
+
+@dataclass(frozen=True)
+class FormSettings:
+    """Sizes and tempos of plural and aspect."""
+
+    plural_step_cm: float = 8.0
+    """Distance between the places of a plural, cm."""
+    continuative_arch_cm: float = 7.0
+    """Height of the way back of a continuative form, cm."""
+    habitual_tempo: float = 1.4
+    """Tempo of a habitual form over the usual one."""
+    continuative_tempo: float = 0.55
+    """Tempo of a continuative form over the usual one."""
+
+
+@dataclass(frozen=True)
+class HandSearch:
+    """Settings of the search for a hand that faces a person and is easy for its arm."""
+
+    n_directions: int = 150
+    """Number of finger directions that are tried."""
+    n_rolls: int = 24
+    """Number of rolls of the hand that are tried about each direction."""
+    n_batches: int = 30
+    """Number of batches in which the cheaper half is tried."""
+    other_direction_weight: float = 0.6
+    """Weight of the turn of the direction, palm or fingers, that does not face the object; the other one counts 1."""
+
+
+_FORMS = FormSettings()
+_SEARCH = HandSearch()
+
 PERSONS = ("1", "2", "3", "3-weak")
 """The signer, the addressee, a third person on the strong side, and one on the weak side."""
 _PRONOUNS = {"I": "1", "ME": "1", "YOU": "2", "HE": "3", "HIM": "3", "SHE": "3", "HER": "3", "IT": "3"}
@@ -35,20 +67,6 @@ INFLECTIONS = {
     "habitual": "three times, fast",
     "continuative": "three times, slow, the way back a wide arch",
 }
-_STEP_CM = 8.0
-_ARCH_CM = 7.0
-_HABITUAL_TEMPO = 1.4
-"""Tempo of a habitual form over the usual one."""
-_CONTINUATIVE_TEMPO = 0.55
-"""Tempo of a continuative form over the usual one."""
-_N_DIRECTIONS = 150
-"""Number of finger directions that are tried."""
-_N_ROLLS = 24
-"""Number of rolls of the hand that are tried about each direction."""
-_N_BATCHES = 30
-"""Number of batches in which the cheaper half is tried."""
-_LESS = 0.6
-"""Weight of the turn of the direction, palm or fingers, that does not face the object; the other one counts 1."""
 _PERSON = "|".join(sorted((*PERSONS, *_PRONOUNS), key=len, reverse=True))
 _FORM = re.compile(
     rf"(?:(?P<subject>{_PERSON})-)?(?P<gloss>.+?)(?:-(?P<object>{_PERSON}))?"
@@ -120,14 +138,14 @@ def inflect(sign: Sign, kind: str) -> Sign:
     goes = (segment.strong, segment.weak) != (before.strong, before.weak)
     segments = list(sign.segments)
     if kind == "plural" and goes:
-        segments[last] = replace(segment, times=3, step=(_STEP_CM, 0.0, 0.0), lift=segment.lift or 3.0)
+        segments[last] = replace(segment, times=3, step=(_FORMS.plural_step_cm, 0.0, 0.0), lift=segment.lift or 3.0)
     elif kind == "plural":
         segments[last:] = [_sidewards(s, sign) for s in segments[last:]]
     elif kind == "habitual":
-        segments[last] = replace(_repeat_movement(segment, goes, 2), tempo=_HABITUAL_TEMPO, seconds=None)
+        segments[last] = replace(_repeat_movement(segment, goes, 2), tempo=_FORMS.habitual_tempo, seconds=None)
     else:
-        lift = _ARCH_CM if goes else 0.0
-        segments[last] = replace(_repeat_movement(segment, goes, 2), tempo=_CONTINUATIVE_TEMPO, lift=lift, seconds=None)
+        repeated, lift = _repeat_movement(segment, goes, 2), _FORMS.continuative_arch_cm if goes else 0.0
+        segments[last] = replace(repeated, tempo=_FORMS.continuative_tempo, lift=lift, seconds=None)
     gloss = f"{sign.gloss}-{kind.upper()}"
     return _check_sign(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
 
@@ -151,8 +169,8 @@ def _sidewards(segment: Segment, sign: Sign) -> Segment:
         what = f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place"
         raise InputError(f"{what}, and only hands=one or base in space go on from it")
     if strong.location not in ON_BASE:
-        strong = replace(strong, shift=_plus(strong.shift, 2.0 * _STEP_CM))
-    weak = weak and replace(weak, shift=_plus(weak.shift, -2.0 * _STEP_CM))
+        strong = replace(strong, shift=_plus(strong.shift, 2.0 * _FORMS.plural_step_cm))
+    weak = weak and replace(weak, shift=_plus(weak.shift, -2.0 * _FORMS.plural_step_cm))
     moved = replace(segment, strong=strong, weak=weak)
     return replace(_repeat_movement(moved, False, 1), seconds=None) if segment.kind == "M" else moved
 
@@ -176,7 +194,7 @@ def _yaw(subject: str | None, object: str | None) -> float:
     """The angle about the vertical, radians, positive to the strong side, from straight ahead to the direction from
     subject to object. The default subject is the signer, whose hand turns round if the signer is the object.
     """
-    start, end = (locations.locate(f"locus:{person}", _NOBODY).point for person in (subject or "1", object or "2"))
+    start, end = (locations.locate(f"locus:{person}", _WEAK_ARM).point for person in (subject or "1", object or "2"))
     outward, forward = -(end - start)[0], (end - start)[2]
     if abs(outward) < 1e-9 and forward <= 0.0:
         return -np.pi  # by the weak side: a hand turns to its own body palm first
@@ -204,16 +222,17 @@ def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_w
 def _facing(posture: Posture, by_palm: bool) -> Posture:
     """Turns the posture's hand as far as is easy for its arm, the leading direction, palm or fingers, first."""
     targets = np.array([posture.palm, posture.fingers])
-    directions = _directions(_N_DIRECTIONS)
-    rolls = 2.0 * np.pi * np.arange(_N_ROLLS) / _N_ROLLS
-    fingers = np.repeat(directions, _N_ROLLS, axis=0)  # (N, 3)
+    directions = _directions(_SEARCH.n_directions)
+    rolls = 2.0 * np.pi * np.arange(_SEARCH.n_rolls) / _SEARCH.n_rolls
+    fingers = np.repeat(directions, _SEARCH.n_rolls, axis=0)  # (N, 3)
     side = np.cross(fingers, np.array([0.3, 0.8, 0.5]))
     side /= np.linalg.norm(side, axis=-1, keepdims=True)
-    angle = np.tile(rolls, _N_DIRECTIONS)[:, None]
+    angle = np.tile(rolls, _SEARCH.n_directions)[:, None]
     palms = np.cos(angle) * side + np.sin(angle) * np.cross(fingers, side)
     off = [np.arccos(np.clip(v @ w, -1.0, 1.0)) for v, w in zip((palms, fingers), targets, strict=True)]
-    cost = off[0] + _LESS * off[1] if by_palm else _LESS * off[0] + off[1]
-    for batch in np.array_split(np.argsort(cost)[: len(cost) // 2], _N_BATCHES):
+    weight = _SEARCH.other_direction_weight
+    cost = off[0] + weight * off[1] if by_palm else weight * off[0] + off[1]
+    for batch in np.array_split(np.argsort(cost)[: len(cost) // 2], _SEARCH.n_batches):
         tried = [replace(posture, palm=to_vector(palms[k]), fingers=to_vector(fingers[k])) for k in batch]
         taken = np.flatnonzero(are_easy(tried))
         if len(taken):
@@ -229,11 +248,12 @@ def _directions(n: int) -> FloatArray:
     return np.stack([flat * np.cos(turn), up, flat * np.sin(turn)], axis=-1)
 
 
-_NOBODY = locations.WeakArm(STANDARD, np.zeros(27))
+_WEAK_ARM = locations.WeakArm(STANDARD, np.zeros(27))
+"""A weak arm for ``locations``, which ask for one; strong hands in space do not touch it."""
 
 
 def are_easy(postures: Sequence[Posture]) -> NDArray[np.bool_]:
     """Whether the standard signer's strong arm takes postures in space easily (``pose.is_easy``)."""
-    solved = [locations.strong_wrist(posture, _NOBODY) for posture in postures]
+    solved = [locations.strong_wrist(posture, _WEAK_ARM) for posture in postures]
     wrists, quats, angles = (np.stack(parts) for parts in zip(*solved, strict=True))
     return pose.is_easy(np.concatenate([wrists, pose.hand_rotvecs(wrists, quats, STANDARD), angles], axis=-1))

@@ -20,8 +20,8 @@ from signsplice.motion import FloatArray, rotation
 from signsplice.motion.curves import minimum_jerk
 from signsplice.motion.kinematics import rest_positions
 from signsplice.signer import arms, hand, locations, pose
-from signsplice.signer.arms import GRID, hardship
-from signsplice.signer.collisions import NEAREST_CM, clear_collisions, penetration
+from signsplice.signer.arms import CANDIDATE_SWIVELS, hardship
+from signsplice.signer.collisions import CLEARANCE, clear_collisions, penetration
 from signsplice.signer.figure import ARMS, Figure, PosedSigner, pose_figure
 from signsplice.signer.hand import hand_part
 from signsplice.signer.locations import WeakArm, axes, facing, locate, on_joint, on_weak_arm
@@ -31,16 +31,50 @@ from signsplice.signer.signer import JOINTS, Signer, shoulder, skeleton
 from signsplice.signer.timing import LANDING_S, TimedSegment
 from signsplice.signer.trajectory import wendland
 
-_MOVES = np.array([(0.0, up, fwd) for up in (0.0, -2.0, -4.0, 2.0) for fwd in (0.0, 2.0, 4.0, 6.0)])
-"""Candidate displacements, chest axes, cm."""
-_OFF_CM = 16.0
-"""Displacement across the fingers that costs 1, cm."""
-_ALONG_CM = 32.0
-"""Displacement along the fingers that costs 1, cm: another part of the hand is at the place then."""
-_FIRST_OFF_CM = 2.6
-"""Largest displacement across the fingers in the first posture, whose place is written, cm."""
-_MOST_OFF_CM = 4.5
-"""Largest displacement across the fingers in later postures, cm."""
+
+@dataclass(frozen=True)
+class PlaceMoves:
+    """Costs and limits of moves of places in open space."""
+
+    across_cost_cm: float = 16.0
+    """Displacement across the fingers that costs 1, cm."""
+    along_cost_cm: float = 32.0
+    """Displacement along the fingers that costs 1, cm: another part of the hand is at the place then."""
+    first_across_cm: float = 2.6
+    """Largest displacement across the fingers in the first posture, whose place is written, cm."""
+    later_across_cm: float = 4.5
+    """Largest displacement across the fingers in later postures, cm."""
+
+
+@dataclass(frozen=True)
+class HandCorrections:
+    """Limits of corrections that bring hands to their written places."""
+
+    rounds: int = 3
+    """Largest number of corrections."""
+    stopping_ratio: float = 0.85
+    """Error over the previous one from which on corrections stop."""
+    reach_s: float = 0.3
+    """Distance from a posture in time at which its correction ends, seconds."""
+    tolerance_cm: float = 0.2
+    """Distance from its place that a hand without a touch may keep, cm."""
+    largest_cm: float = 8.0
+    """Largest correction of a hand, cm."""
+    largest_push_cm: float = 8.0
+    """Largest push of a hand out of the body, cm."""
+    behind_shoulder_cm: float = 12.0
+    """Distance behind the shoulder beyond which wrists stay, cm."""
+
+
+_PLACE_MOVES = PlaceMoves()
+CORRECTIONS = HandCorrections()
+
+UNCORRECTED_LOCATIONS = ON_ARM | {REST}
+"""Locations at which hands are not corrected: a forearm that crosses the other arm would be pushed about."""
+_FRONT_DIRECTION = np.array([-0.35, 0.0, 0.9367])
+"""Direction in which wrists too near the shoulder are moved, a unit vector: forward and outwards."""
+_CANDIDATE_MOVES = np.array([(0.0, up, fwd) for up in (0.0, -2.0, -4.0, 2.0) for fwd in (0.0, 2.0, 4.0, 6.0)])
+"""Candidate displacements of places in open space, in the chest's axes, cm."""
 
 
 def ease_places(sign: Sign, signer: Signer) -> Sign:
@@ -58,19 +92,19 @@ def ease_places(sign: Sign, signer: Signer) -> Sign:
     if not wrist_poses:
         return sign
     wrists, quats = (np.array(x) for x in zip(*wrist_poses, strict=True))
-    arms = pose.solve_arm(wrists + signer.scale * _MOVES[:, None], signer)  # (M, N)
+    arms = pose.solve_arm(wrists + signer.scale * _CANDIDATE_MOVES[:, None], signer)  # (M, N)
     rotvecs = rotation.log(rotation.multiply(rotation.inverse(arms.fore), quats))
-    hard, effort = hardship(arms, rotvecs, signer, GRID[::3])  # (M, N, S)
+    hard, effort = hardship(arms, rotvecs, signer, CANDIDATE_SWIVELS[::3])  # (M, N, S)
     easiest = (hard + effort).argmin(axis=-1)[..., None]
-    lengthwise = _MOVES @ rotation.to_matrix(quats)[..., 0].T  # (M, N)
-    off = np.sqrt(np.maximum(np.square(_MOVES).sum(axis=-1)[:, None] - np.square(lengthwise), 0.0))
+    lengthwise = _CANDIDATE_MOVES @ rotation.to_matrix(quats)[..., 0].T  # (M, N)
+    across = np.sqrt(np.maximum(np.square(_CANDIDATE_MOVES).sum(axis=-1)[:, None] - np.square(lengthwise), 0.0))
     costs = (
         np.take_along_axis(hard, easiest, axis=-1)[..., 0]
-        + np.square(off / _OFF_CM)
-        + np.square(lengthwise / _ALONG_CM)
+        + np.square(across / _PLACE_MOVES.across_cost_cm)
+        + np.square(lengthwise / _PLACE_MOVES.along_cost_cm)
     )
-    costs[(off[:, :1] > _FIRST_OFF_CM) | (off > _MOST_OFF_CM)] = np.inf
-    move = _MOVES[costs.sum(axis=-1).argmin()]
+    costs[(across[:, :1] > _PLACE_MOVES.first_across_cm) | (across > _PLACE_MOVES.later_across_cm)] = np.inf
+    move = _CANDIDATE_MOVES[costs.sum(axis=-1).argmin()]
     if not move.any():
         return sign
     segments = (
@@ -93,30 +127,10 @@ def _shift_posture(posture: Posture, move: FloatArray) -> Posture:
     return replace(posture, shift=(outward, up, fwd))
 
 
-_ROUNDS = 3
-"""Largest number of corrections."""
-_BETTER = 0.85
-"""Corrections stop when the error stays above this fraction of the previous one."""
-RADIUS_S = 0.3
-"""How far from a posture in time a correction reaches, seconds."""
-_LEFT_CM = 0.2
-"""Distance from its place that a hand without a touch may keep, cm."""
-LEFT_ALONE = ON_ARM | {REST}
-"""Locations at which hands are not corrected: a forearm that crosses the other arm would be pushed about."""
-_MOST_CM = 8.0
-"""Largest correction of a hand, cm."""
-_MOST_PUSH_CM = 8.0
-"""Largest push of a hand out of the body, cm."""
-_BEHIND_CM = 12.0
-"""Distance behind the shoulder beyond which wrists stay, cm."""
-_BEFORE = np.array([-0.35, 0.0, 0.9367])
-"""Direction in which other wrists are moved, a unit vector."""
-
-
 def apply_location_targets(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """Moves hands of a whole word's states (T, 65) to their places at the end of each segment."""
     signer = word.signer
-    targets, still = word.partition_holds(lambda posture: posture.location not in LEFT_ALONE)
+    targets, still = word.partition_holds(lambda posture: posture.location not in UNCORRECTED_LOCATIONS)
     moves = np.zeros((len(states), 2, 3))
     if not targets:
         return states
@@ -124,17 +138,17 @@ def apply_location_targets(states: FloatArray, word: WrittenMotion) -> FloatArra
     rows = {frame: row for row, frame in enumerate(frames)}
     centres = [part_centre(states, hold, signer) for hold in targets]
     least, best = np.inf, moves
-    for n in range(_ROUNDS + 1):
+    for n in range(CORRECTIONS.rounds + 1):
         posed = pose_figure(word.figure, move_hands(states[frames], moves[frames], signer), np.array(frames))
         missing = [
             _missing(posed, rows[hold.first], hold, word.sign, centre)
             for hold, centre in zip(targets, centres, strict=True)
         ]
         total = sum(float(np.linalg.norm(miss)) for miss in missing)
-        if total >= _BETTER * least:
+        if total >= CORRECTIONS.stopping_ratio * least:
             break
         least, best = total, moves
-        if n == _ROUNDS or total == 0.0:
+        if n == CORRECTIONS.rounds or total == 0.0:
             break
         step = word.interpolate_displacements(zip(targets, missing, strict=True), still)
         if word.sign.hands == "base":  # a hand at the other hand moves with it
@@ -143,7 +157,7 @@ def apply_location_targets(states: FloatArray, word: WrittenMotion) -> FloatArra
                 for hold, miss in zip(targets, missing, strict=True)
             ]
             step = word.interpolate_displacements(zip(targets, missing, strict=True), still)
-        moves = limit_length(moves + step, _MOST_CM)
+        moves = limit_length(moves + step, CORRECTIONS.largest_cm)
     return move_hands(states, best, signer)
 
 
@@ -199,7 +213,7 @@ def resolve_collisions(states: FloatArray, word: WrittenMotion) -> FloatArray:
     mirrored = word.sign.hands == "symmetric"
     free = clear_collisions(states, word.signer, figure=word.figure, mirrored=mirrored).copy()
     wrists = pose.hands(states)[..., pose.WRIST]
-    moves = limit_length(pose.hands(free)[..., pose.WRIST] - wrists, _MOST_PUSH_CM)
+    moves = limit_length(pose.hands(free)[..., pose.WRIST] - wrists, CORRECTIONS.largest_push_cm)
     pose.hands(free)[..., pose.WRIST] = move_into_reach(wrists + moves, word.signer)
     return free
 
@@ -209,11 +223,11 @@ def move_into_reach(wrists: FloatArray, signer: Signer) -> FloatArray:
     behind it stay.
     """
     offset = wrists / signer.scale - shoulder(signer)
-    forward = offset @ _BEFORE
+    forward = offset @ _FRONT_DIRECTION
     sideways_sq = np.square(offset).sum(axis=-1) - np.square(forward)
-    push = np.maximum(np.sqrt(np.maximum(NEAREST_CM**2 - sideways_sq, 0.0)) - forward, 0.0)
-    push = push * pose.smooth_step((forward + _BEHIND_CM) / 8.0)
-    return np.asarray(wrists + push[..., None] * _BEFORE * signer.scale)
+    push = np.maximum(np.sqrt(np.maximum(CLEARANCE.least_wrist_distance_cm**2 - sideways_sq, 0.0)) - forward, 0.0)
+    push = push * pose.smooth_step((forward + CORRECTIONS.behind_shoulder_cm) / 8.0)
+    return np.asarray(wrists + push[..., None] * _FRONT_DIRECTION * signer.scale)
 
 
 def limit_length(vectors: FloatArray, most: float) -> FloatArray:
@@ -269,12 +283,12 @@ class WrittenMotion:
         self, missing: Iterable[tuple[PostureHold, FloatArray]], still: Sequence[PostureHold] = (), parts: int = 1
     ) -> FloatArray:
         """Displacements (T, 2, C) that equal ``missing`` (C,) in its holds and 0 in the holds ``still``, pass from one
-        hold to the next between them, and fade within ``RADIUS_S`` / ``parts`` before the first and after the last.
+        hold to the next between them, and fade within ``reach_s`` / ``parts`` before the first and after the last.
         """
         values = [*missing]
         size, times = len(values[0][1]), np.arange(len(self.figure.positions))
         values += [(hold, np.zeros(size)) for hold in still]
-        moves, radius = np.zeros((len(times), 2, size)), max(3.0, RADIUS_S * self.fps / parts)
+        moves, radius = np.zeros((len(times), 2, size)), max(3.0, CORRECTIONS.reach_s * self.fps / parts)
         for which in (0, 1):
             by_frame = {
                 frame: miss for hold, miss in values if hold.which == which for frame in (hold.first, hold.last)
@@ -324,8 +338,8 @@ def _missing(posed: PosedSigner, frame: int, hold: PostureHold, sign: Sign, part
     place = mirror * (place @ posed.rotations[frame, JOINTS["Spine2"]])
     missing = location_target(posed, frame, hold, sign) - place
     length = float(np.linalg.norm(missing))
-    tolerance = 0.05 if hold.posture.touch else _LEFT_CM * posed.signer.scale
-    return np.asarray(missing * max(0.0, min(length, _MOST_CM) - tolerance) / max(length, 1e-9))
+    tolerance = 0.05 if hold.posture.touch else CORRECTIONS.tolerance_cm * posed.signer.scale
+    return np.asarray(missing * max(0.0, min(length, CORRECTIONS.largest_cm) - tolerance) / max(length, 1e-9))
 
 
 def location_target(posed: PosedSigner, frame: int, hold: PostureHold, sign: Sign) -> FloatArray:

@@ -19,8 +19,8 @@ from signsplice.signer.collisions import TOLERANCE_CM
 from signsplice.signer.figure import Figure
 from signsplice.signer.hand import hand_part
 from signsplice.signer.location_targets import (
-    LEFT_ALONE,
-    RADIUS_S,
+    CORRECTIONS,
+    UNCORRECTED_LOCATIONS,
     PostureHold,
     WrittenMotion,
     limit_length,
@@ -120,7 +120,7 @@ def keep_base_hand(states: FloatArray, word: WrittenMotion) -> FloatArray:
         if not back.any():
             continue
         within = np.clip(times, first, last)
-        fade = wendland(times, within[:, None], RADIUS_S * word.fps)
+        fade = wendland(times, within[:, None], CORRECTIONS.reach_s * word.fps)
         frames = np.flatnonzero(fade[:, 0])
         capsules = word.figure.pose_arms(states[frames], frames).capsules
         groups = capsules.body.groups
@@ -171,7 +171,7 @@ def _in_rows(places: Sequence[FloatArray], rows: Sequence[Sequence[int]], word: 
 
 
 def _is_open(posture: Posture) -> bool:
-    return not posture.touch and posture.location not in LEFT_ALONE
+    return not posture.touch and posture.location not in UNCORRECTED_LOCATIONS
 
 
 def _rows(word: WrittenMotion) -> list[list[int]]:
@@ -186,7 +186,7 @@ def _rows(word: WrittenMotion) -> list[list[int]]:
             and before.which == hold.which
             and not (led and hold.which)
             and _is_open(hold.posture)
-            and before.posture.location not in LEFT_ALONE
+            and before.posture.location not in UNCORRECTED_LOCATIONS
             and not on_arm(hold.posture.location)
             and (before.posture.location == hold.posture.location or in_space(hold.posture.location))
         ):

@@ -52,14 +52,48 @@ from signsplice.signer.trajectory import Knot, low_passed
 
 FPS = 30.0
 
-FIRST_HOLD_S = 0.15
-"""Usual first hold of a citation form, seconds."""
-INNER_HOLD_S = 0.07
-"""Usual hold inside a citation form, seconds."""
-LAST_HOLD_S = 0.40
-"""Usual last hold of a citation form, seconds; it is the longest (Liddell and Johnson 1989)."""
-LAST_TOUCH_S = 0.1
-"""Usual last hold that touches the body, seconds: hands rest there for a moment only."""
+
+@dataclass(frozen=True)
+class CitationDurations:
+    """Usual durations of the parts of a citation form."""
+
+    first_hold_s: float = 0.15
+    """First hold, seconds."""
+    inner_hold_s: float = 0.07
+    """Hold between movements, seconds."""
+    last_hold_s: float = 0.40
+    """Last hold, seconds; it is the longest (Liddell and Johnson 1989)."""
+    last_touch_s: float = 0.1
+    """Last hold that touches the body, seconds: hands rest there for a moment only."""
+    preparation_pace: float = 1.06
+    """Duration of the reach from rest, over that of the travel law."""
+    retraction_pace: float = 1.25
+    """Duration of the reach to rest, over that of the travel law."""
+    rest_s: float = 0.17
+    """Rest before and after the word, seconds."""
+
+
+@dataclass(frozen=True)
+class Undershoot:
+    """How far short of their places the movements of a signer of usual undershoot stay."""
+
+    usual_cm: float = 0.5
+    """Distance at the usual tempo, cm."""
+    largest_cm: float = 2.0
+    """Largest distance, cm."""
+    largest_share: float = 0.1
+    """Largest distance as a fraction of the movement."""
+    head_lowering: float = 0.5
+    """Lowering of signs at the head over the distance by which movements stay short; the sum is limited."""
+
+
+DURATIONS = CitationDurations()
+_UNDERSHOOT = Undershoot()
+
+_LARGEST_DEPTH_CM = 0.4
+"""Largest depth of a hand of a written sign in the body, cm."""
+_N_CLEARINGS = 3
+"""How often a deeper hand is moved out again, at most."""
 
 
 class SegmentPlan:
@@ -164,10 +198,10 @@ class SegmentPlan:
             elif not (close[n] or touches(sign.segments[n], sign)):
                 before = states[n - 1] if n else resting(signer, sign.gloss)
                 back = before[pose.WRIST] - strong[pose.WRIST]
-                shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _OF_DISTANCE)
+                shift = back * min(amount / max(float(np.linalg.norm(back)), 1e-9), _UNDERSHOOT.largest_share)
                 if sign.segments[n].strong.location in ON_HEAD:
-                    shift = shift - np.array([0.0, _LOWER * amount, 0.0])
-                    limit = _MOST_CM * signer.manner.undershoot * signer.scale
+                    shift = shift - np.array([0.0, _UNDERSHOOT.head_lowering * amount, 0.0])
+                    limit = _UNDERSHOOT.largest_cm * signer.manner.undershoot * signer.scale
                     shift *= min(1.0, limit / float(np.linalg.norm(shift)))
                 short = translate_hand(strong, shift, signer)
             moved.append((short, short if weak is strong else weak))
@@ -194,10 +228,10 @@ class SegmentPlan:
         if segment.kind == "M":
             passes = self._add_passes(n, segment)
         elif segment.kind == "H":
-            usual = LAST_HOLD_S if last else FIRST_HOLD_S if n == 0 else INNER_HOLD_S
+            usual = DURATIONS.last_hold_s if last else DURATIONS.first_hold_s if n == 0 else DURATIONS.inner_hold_s
             factor = self.pace.last_hold if last else self.pace.first_hold if n == 0 else 1.0
             if last and n > 0 and touches(segment, self.sign):
-                usual, factor = LAST_TOUCH_S, self.pace.last_touch
+                usual, factor = DURATIONS.last_touch_s, self.pace.last_touch
             pause_s, drift = hold_pause(self.signer, self.sign, self.take, n)
             n_frames = max(2, self._frames(segment.seconds or usual, factor) + round(self.fps * pause_s))
             if self.landed is not None:
@@ -293,31 +327,9 @@ def touches(segment: Segment, sign: Sign) -> bool:
     return not free and abs(posture.off) < 1.0 and all(abs(c) < 1.0 for c in posture.shift)
 
 
-_USUAL_CM = 0.5
-"""How far short a movement stays at the usual tempo, cm."""
-_MOST_CM = 2.0
-"""How far short a movement stays at most, cm."""
-_OF_DISTANCE = 0.1
-"""How far short a movement stays at most, as a fraction of its distance."""
-_LOWER = 0.5
-"""How much lower signs at the head are, over how far short movements stay; the sum is limited."""
-
-
 def short_cm(tempo: float, signer: Signer) -> float:
     """How far short of its place a movement of a tempo (1 is usual) stays, cm: a few mm to 2 cm."""
-    return signer.manner.undershoot * min(_USUAL_CM * tempo**3, _MOST_CM) * signer.scale
-
-
-PREPARATION_PACE = 1.06
-"""Duration of the reach from rest, over that of the travel law."""
-RETRACTION_PACE = 1.25
-"""Duration of the reach to rest, over that of the travel law."""
-REST_S = 0.17
-"""Usual rest before and after the word, seconds."""
-_DEEPEST_CM = 0.4
-"""Largest depth of a hand of a written sign in the body, cm."""
-_CLEARED_AGAIN = 3
-"""How often a deeper hand is moved out again, at most."""
+    return signer.manner.undershoot * min(_UNDERSHOOT.usual_cm * tempo**3, _UNDERSHOOT.largest_cm) * signer.scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,9 +365,9 @@ def synthesize_word(sign: Sign, signer: Signer = STANDARD, take: int = 0, fps: f
     plan = SegmentPlan(sign, signer, fps, rng, take)
     knots = between_frames(plan.knots, plan.stops(), signer, sign.gloss, take)
     rest = resting(signer, sign.gloss, take)
-    before, after = (max(2, round(fps * REST_S * rng.uniform(0.7, 1.6))) for _ in range(2))
-    up = _reach_frames(rest, knots[0].state, signer, fps, PREPARATION_PACE * rng.uniform(0.94, 1.06))
-    down = _reach_frames(knots[-1].state, rest, signer, fps, RETRACTION_PACE * rng.uniform(0.94, 1.06))
+    before, after = (max(2, round(fps * DURATIONS.rest_s * rng.uniform(0.7, 1.6))) for _ in range(2))
+    up = _reach_frames(rest, knots[0].state, signer, fps, DURATIONS.preparation_pace * rng.uniform(0.94, 1.06))
+    down = _reach_frames(knots[-1].state, rest, signer, fps, DURATIONS.retraction_pace * rng.uniform(0.94, 1.06))
     word = trajectory.from_rest_to_rest(knots, rest, up, down, signer)
     states = np.concatenate([np.tile(rest, (before, 1)), word, np.tile(rest, (after, 1))])
     offset = before + up
@@ -403,8 +415,8 @@ def _refine_written_states(
     states = arms.limit_forearm_speed(arms.limit_elbow_speed(touching, hanging, fps), hanging, fps)
     if states is not touching:
         states = arms.keep_elbows(resolve_collisions(states, word), states, hanging)
-    for _ in range(_CLEARED_AGAIN):
-        if word.depth(states) <= _DEEPEST_CM:
+    for _ in range(_N_CLEARINGS):
+        if word.depth(states) <= _LARGEST_DEPTH_CM:
             break
         states = path_shape.keep_base_hand(resolve_collisions(states, word), word)
     return arms.from_easy(states, signer)

@@ -39,6 +39,51 @@ from signsplice.signer.signer import (
     skeleton,
 )
 
+
+@dataclass(frozen=True)
+class ArmCosts:
+    """Costs of an arm's posture, by which elbows find their easy places."""
+
+    easy_angles: tuple[float, ...] = tuple(np.deg2rad([60.0, 22.0, 42.0, 32.0]))
+    """Forearm twist, wrist deviation, wrist flexion, and swivel of the elbow that cost 1 each, radians."""
+    strain: float = np.deg2rad(20.0)
+    """Excess of an angle over its comfortable range that costs 1 in written signs, radians."""
+    elbow_height: float = 12.0
+    """Cost of raising an elbow by an upper arm's length, for low elbows."""
+    limit_excess: float = np.deg2rad(14.0)
+    """Excess of an angle over its limit that costs 1, for low elbows, radians."""
+    limit_onset: float = np.deg2rad(6.0)
+    """Distance from the soft approach to a limit at which that cost begins, radians."""
+    pressed_cm: float = 3.0
+    """Depth of elbow or forearm in the trunk that costs 0.5, for low elbows, cm."""
+    sharpness: float = 2.5
+    """Sharpness of the mean over candidate swivels that is the easy place: weights are exp(-sharpness * cost)."""
+    low_elbow_blunting: float = 4.0
+    """Factor on the trait of low elbows that lowers the sharpness: their cost can have two minima, and an elbow would
+    jump between them."""
+
+
+@dataclass(frozen=True)
+class JointShares:
+    """Shares of single joints in the motion of trunk, head, collar bones and legs."""
+
+    lowest_spine: float = 0.7
+    """Share of the spine's lowest joint in the trunk's rotation if trunk and head move much."""
+    neck: float = 0.4
+    """Share of the neck in the head's rotation."""
+    head: float = 0.6
+    """Share of the head's own joint in the head's rotation."""
+    collar_rise: float = np.deg2rad(15.0)
+    """Largest rise of a collar bone, radians."""
+    collar_swing: float = np.deg2rad(14.0)
+    """Largest forward swing of a collar bone, radians."""
+    leg_cm: float = 81.0
+    """Distance from hip to ankle of the standard body, about which legs lean, cm."""
+
+
+_COSTS = ArmCosts()
+_SHARES = JointShares()
+
 WRIST_LIMITS = np.deg2rad([[-38.0, 28.0], [-72.0, 82.0]])
 """Least and greatest deviation (positive towards the thumb) and flexion (positive towards the palm) of the wrist,
 radians; American Academy of Orthopaedic Surgeons 1965, widened by 5 degrees for passive range."""
@@ -46,23 +91,17 @@ FOREARM_LIMIT = np.deg2rad(95.0)
 """Greatest twist of the forearm in either direction from thumb-up, radians (80 to 90 in the same source)."""
 _ANGLE_LIMITS = ((-FOREARM_LIMIT, FOREARM_LIMIT), *WRIST_LIMITS)
 
-MARGIN = 0.15  # distance from a limit at which angles begin to approach it softly, radians
+LIMIT_MARGIN = 0.15
+"""Distance from a limit at which angles begin to approach it softly, radians."""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 """Mirrors a vector of one hand to the other side."""
 MIRRORS = np.array([np.ones(3), MIRROR])
 """Mirror factors of the strong hand, which stays, and of the weak one."""
 MIRROR_QUAT = np.array([1.0, -1.0, -1.0, 1.0])
-_X = np.array([1.0, 0.0, 0.0])
-COMFORT = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
+"""Mirrors a rotation of one hand, a quaternion, to the other side."""
+_COMFORTABLE_ANGLES = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
 """Comfortable ranges of the forearm's twist and the wrist's deviation and flexion, radians."""
-_STRAINED = np.deg2rad(20.0)  # excess over them that costs 1 in written signs, radians
-_EASE = np.deg2rad([60.0, 22.0, 42.0, 32.0])  # forearm twist, wrist deviation, wrist flexion, swivel that cost 1
-_HEIGHT_COST = 12.0  # cost of raising an elbow by an upper arm's length, for low elbows
-_BREACH = np.deg2rad(14.0)  # excess over a limit that costs 1, for low elbows, radians
-_PRESSED_CM = 3.0  # depth of elbow or forearm in the trunk that costs 0.5, for low elbows
-_TINY = 1e-300
-_ONSET = np.deg2rad(6.0)  # how far before the soft approach to a limit that cost begins, radians
 
 
 def swivel_costs(
@@ -74,11 +113,12 @@ def swivel_costs(
     """
     turned = _wrist_rotations(arm, rotvecs, swivels)
     angles = angles_of(turned)
-    limited = [soft_clip(x, low, high, MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
+    limited = [soft_clip(x, low, high, LIMIT_MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
     reached = _from_forearm(np.stack(limited, axis=-1))
     # The angle between both rotations, from the cosine of its half.
     half = np.minimum(np.abs(np.einsum("...c,...c->...", reached, turned)), 1.0)
-    strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(limited, COMFORT, strict=True)) / _STRAINED**2
+    strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(limited, _COMFORTABLE_ANGLES, strict=True))
+    strain = strain / _COSTS.strain**2
     return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels), np.asarray(strain)
 
 
@@ -94,7 +134,8 @@ def _wrist_rotations(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> Floa
 def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: FloatArray) -> FloatArray:
     """Costs (..., S) of elbows at ``swivels`` (S,) with twist, deviation and flexion ``angles``, each (..., S)."""
     usual = -np.deg2rad(signer.elbow_deg)
-    cost = sum(np.square(angle / ease) for angle, ease in zip((*angles, swivels - usual), _EASE, strict=True))
+    turns = (*angles, swivels - usual)
+    cost = sum(np.square(angle / easy) for angle, easy in zip(turns, _COSTS.easy_angles, strict=True))
     if signer.manner.low_elbows:
         cost = cost + signer.manner.low_elbows * _low_elbow_cost(arm, np.stack(angles, axis=-1), signer, swivels)
     return np.asarray(cost)
@@ -113,7 +154,7 @@ def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: Float
     cos, sin = np.cos(swivels)[:, None], np.sin(swivels)[:, None]
     off = (bone - projection)[..., None, :] * cos + side[..., None, :] * sin  # (..., S, 3)
     low, high = np.array(_ANGLE_LIMITS).T
-    breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + MARGIN + _ONSET)
+    breach = np.maximum(0.0, np.maximum(angles - high, low - angles) + LIMIT_MARGIN + _COSTS.limit_onset)
     broad = np.array([-signer.shoulders, 1.0, 1.0])
     upper_arm, forearm = UPPER_ARM * signer.arms, FOREARM * signer.arms
     reach = np.sqrt(upper_arm**2 + forearm**2 + 2.0 * upper_arm * forearm * np.cos(arm.bend))[..., None]
@@ -121,8 +162,8 @@ def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: Float
     elbow = (shoulder + upper_arm * projection)[..., None, :] + upper_arm * off
     wrist = (shoulder + reach * arm.direction)[..., None, :]
     depth = np.maximum(0.0, np.stack([_trunk_depth(elbow), _trunk_depth(0.55 * elbow + 0.45 * wrist)]))
-    cost = _HEIGHT_COST * off[..., 1] + np.square(breach / _BREACH).sum(axis=-1)
-    return np.asarray(cost + (np.square(depth) / (_PRESSED_CM * (_PRESSED_CM + depth))).sum(axis=0))
+    cost = _COSTS.elbow_height * off[..., 1] + np.square(breach / _COSTS.limit_excess).sum(axis=-1)
+    return np.asarray(cost + (np.square(depth) / (_COSTS.pressed_cm * (_COSTS.pressed_cm + depth))).sum(axis=0))
 
 
 def _trunk_depth(points: FloatArray) -> FloatArray:
@@ -143,7 +184,7 @@ def angles_of(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     sin, cos = np.sin(half), np.cos(half)
     y, z, w = cos * y + sin * z, cos * z - sin * y, cos * w + sin * x  # of the swing, which has no x
     off = np.sqrt(y * y + z * z)
-    scale = 2.0 * np.arctan2(off, w) / np.maximum(off, _TINY)
+    scale = 2.0 * np.arctan2(off, w) / np.maximum(off, 1e-300)
     return 2.0 * half, scale * y, scale * z
 
 
@@ -181,17 +222,14 @@ TURNS = slice(63, 65)
 ELBOW_LIMIT = np.deg2rad(148.0)
 """Greatest flexion of the elbow, radians."""
 
-_HINT = np.array([-0.55, -1.0, -0.35])  # a right elbow hangs down, out and a little back
-_SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))  # negative lifts the elbow outwards
-_KEPT = 6
-"""Number of solved arms in the cache."""
-_SHARPNESS = 2.5
-_BLUNTER = 4.0  # for low elbows: their cost can have two minima, and an elbow would jump between them
-_LOWEST_SPINE = 0.7  # share of the trunk's rotation if trunk and head move much
-_HALF_COLLAR = 0.5 * np.deg2rad([15.0, 14.0])  # half of the largest rise and forward swing of a collar bone, radians
-_HEAD_PARTS = (0.4, 0.6)  # shares of neck and head in the head's rotation
-_LEG_CM = 81.0  # hip to ankle of the standard body
-_MIDDLE = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
+_HANGING_DIRECTION = np.array([-0.55, -1.0, -0.35])
+"""Direction to which a right elbow hangs: down, out and a little back."""
+_CANDIDATE_SWIVELS = np.deg2rad(np.linspace(-75.0, 45.0, 13))
+"""Candidates for an elbow's easy place, radians; negative ones lift it outwards."""
+_N_CACHED = 6
+"""Number of solved arms, and of easy places, in the cache."""
+_TRUNK_AND_HEAD = [JOINTS[name] for name in ("Spine", "Spine1", "Spine2", "Neck", "Head")]
+"""Joints of trunk and head, in the order of the skeleton."""
 _LEGS = [JOINTS[name] for name in ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot")]
 
 
@@ -233,7 +271,7 @@ def solve_arm(wrists: ArrayLike, signer: Signer) -> Arm:
     wrists = np.asarray(wrists, np.float64)
     # The same states are posed several times in a row.
     return CACHE.recent(
-        _solve_arm, wrists.tobytes(), wrists.shape, signer.scale, signer.shoulders, signer.arms, most=_KEPT
+        _solve_arm, wrists.tobytes(), wrists.shape, signer.scale, signer.shoulders, signer.arms, most=_N_CACHED
     )
 
 
@@ -248,7 +286,7 @@ def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: flo
     half = np.empty((2, *x.shape))
     half[0], half[1] = (y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9
     half = smooth_step(half)
-    half *= _HALF_COLLAR.reshape(2, *(1,) * x.ndim)
+    half *= 0.5 * np.reshape((_SHARES.collar_rise, _SHARES.collar_swing), (2, *(1,) * x.ndim))
     (rise, forward), (level, ahead) = np.sin(half), np.cos(half)
     collar = np.empty((*x.shape, 4))  # Y after -Z
     collar[..., 0], collar[..., 1], collar[..., 2], collar[..., 3] = (
@@ -261,7 +299,7 @@ def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: flo
     # The elbow: ``projected`` on the line from shoulder to wrist, ``off`` that line towards the hint.
     projected = (upper_arm**2 - forearm**2 + distance**2) / (2.0 * distance)
     off = np.sqrt(np.maximum(upper_arm**2 - projected**2, 0.0))
-    hint = _HINT - (direction @ _HINT)[..., None] * direction
+    hint = _HANGING_DIRECTION - (direction @ _HANGING_DIRECTION)[..., None] * direction
     elbow = projected * direction + off * hint / _length(hint)
     bones = np.empty((2, *elbow.shape))  # unit vectors along upper arm and forearm
     bones[0], bones[1] = elbow / upper_arm, (distance * direction - elbow) / forearm
@@ -347,15 +385,16 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
     """
     if isinstance(signer, HangingElbowSigner):
         return np.zeros(arm.bend.shape)
-    return CACHE.recent(_easy_swivels, arm, rotvecs.tobytes(), rotvecs.shape, signer, most=_KEPT)
+    return CACHE.recent(_easy_swivels, arm, rotvecs.tobytes(), rotvecs.shape, signer, most=_N_CACHED)
 
 
 def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer) -> FloatArray:
     """``easy_swivels`` for rotation vectors given as bytes."""
-    cost = _costs(arm, angles_of(_wrist_rotations(arm, np.frombuffer(data).reshape(shape), _SWIVELS)), signer, _SWIVELS)
-    sharpness = _SHARPNESS / (1.0 + _BLUNTER * signer.manner.low_elbows)
+    swivels = _CANDIDATE_SWIVELS
+    cost = _costs(arm, angles_of(_wrist_rotations(arm, np.frombuffer(data).reshape(shape), swivels)), signer, swivels)
+    sharpness = _COSTS.sharpness / (1.0 + _COSTS.low_elbow_blunting * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
-    return np.asarray((weight @ _SWIVELS) / weight.sum(axis=-1))
+    return np.asarray((weight @ swivels) / weight.sum(axis=-1))
 
 
 def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray | float = 0.0) -> Wrist:
@@ -424,9 +463,10 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
     local_quats[..., 3] = 1.0
     # Legs lean against the root's displacement, so that the feet stay in place.
     displacement = states[:, ROOT] * (MIRROR if signer.left_handed else 1.0)
-    lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _LEG_CM
-    parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)] + [f * states[:, HEAD] for f in _HEAD_PARTS]
-    local_quats[:, _MIDDLE + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
+    lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _SHARES.leg_cm
+    parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)]
+    parts += [_SHARES.neck * states[:, HEAD], _SHARES.head * states[:, HEAD]]
+    local_quats[:, _TRUNK_AND_HEAD + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
     fingers = hand.rotations(hands(states)[..., FINGERS])
     for n, side in enumerate(_sides(signer)):
         first = JOINTS[f"{side}HandThumb1"]
@@ -434,7 +474,7 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
         local_quats[:, first : first + 15] = fingers[:, n] * mirror
     roots = displacement * signer.scale + skeleton(signer).offsets[0]
     if signer.left_handed:  # trunk and head are written for a right-handed signer, too
-        local_quats[:, _MIDDLE] *= MIRROR_QUAT
+        local_quats[:, _TRUNK_AND_HEAD] *= MIRROR_QUAT
     return local_quats, roots
 
 
@@ -452,9 +492,10 @@ def arm_rotations(arm: Arm, wrist: Wrist) -> tuple[FloatArray, FloatArray, Float
     swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
     upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
     # Half of the twist at the elbow, half at the wrist.
-    half_twist = rotation.exp(0.5 * soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, MARGIN)[..., None] * _X)
+    half = 0.5 * soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, LIMIT_MARGIN)
+    half_twist = rotation.exp(half[..., None] * [1.0, 0.0, 0.0])
     low, high = WRIST_LIMITS.T
-    bent = soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, MARGIN)
+    bent = soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, LIMIT_MARGIN)
     swing = rotation.exp(np.concatenate([np.zeros((*bent.shape[:-1], 1)), bent], axis=-1))
     fore = rotation.multiply(fore, half_twist)
     return arm.collar, upper, fore, rotation.multiply(fore, rotation.multiply(half_twist, swing))
@@ -464,5 +505,5 @@ def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
     """Divisors of the trunk's rotation for each joint of the spine: 3 each in plain motion; in captured signing the
     lowest joint turns several times as fast as the others.
     """
-    lowest = 1.0 / 3.0 + (_LOWEST_SPINE - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
+    lowest = 1.0 / 3.0 + (_SHARES.lowest_spine - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
     return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)

@@ -18,37 +18,51 @@ from signsplice.signer.phonology import Segment, Sign
 from signsplice.signer.signer import Signer, stream
 from signsplice.signer.trajectory import Knot
 
-_MOVEMENT = 0.03
-"""Mean over words of the logarithm of the factor on a movement's duration."""
-_MOVEMENT_SPREAD = 0.16
-"""Standard deviation over words of that logarithm."""
-_HOLD_SPREAD = 0.30
-"""The same deviation for a word's holds."""
-_TAKE_SPREAD = 0.03
-"""The same for takes of one word."""
-_FIRST = 1.1
-"""Usual first hold of a citation form over the plain one."""
-_LAST = 1.15
-"""Usual last hold of a citation form over the plain one."""
-_LAST_TOUCH = 1.8
-"""Usual last hold that touches over the plain one."""
-_STROKE_S = 0.28
-"""Least duration of a movement that is made once, seconds."""
-_REVOLUTION_S = 0.50
-"""Least duration of a revolution of a circle, seconds."""
-_LANDING = 0.10
-"""Fraction of its path that a movement with an open end leaves to the hold after it."""
-_LEAST_S = 0.35
-"""Least duration of a word with a movement, seconds."""
 
-_HESITATES = 0.07
-"""Fraction of holds and transitions with a hesitation."""
-_HOLD_PAUSE_S = (0.15, 0.45)
-_DRIFT_CM = 1.2
-"""How far hands drift in a second of hesitation, cm."""
-_MOST_OFF = 0.45
-"""How far from its frame a stop may lie, frames: less than half, so that the frame stays the nearest one."""
+@dataclass(frozen=True)
+class TempoVariation:
+    """Durations of citation forms, and their variation, over the plain durations."""
 
+    movement_log_mean: float = 0.03
+    """Mean over words of the logarithm of the factor on a movement's duration."""
+    movement_log_spread: float = 0.16
+    """Standard deviation over words of that logarithm."""
+    hold_log_spread: float = 0.30
+    """Standard deviation over words of the logarithm of the factor on a hold's duration."""
+    take_log_spread: float = 0.03
+    """Standard deviation of both logarithms over takes of one word."""
+    first_hold: float = 1.1
+    """Usual first hold of a citation form over the plain one."""
+    last_hold: float = 1.15
+    """Usual last hold of a citation form over the plain one."""
+    last_touch: float = 1.8
+    """Usual last hold that touches over the plain one."""
+    least_stroke_s: float = 0.28
+    """Least duration of a movement that is made once, seconds."""
+    least_revolution_s: float = 0.50
+    """Least duration of a revolution of a circle, seconds."""
+    landing: float = 0.10
+    """Fraction of its path that a movement with an open end leaves to the hold after it."""
+    least_word_s: float = 0.35
+    """Least duration of a word with a movement, seconds."""
+
+
+@dataclass(frozen=True)
+class Hesitation:
+    """Hesitations of a signer, and stops that lie between frames."""
+
+    share: float = 0.07
+    """Fraction of holds and transitions with a hesitation."""
+    hold_pause_s: tuple[float, float] = (0.15, 0.45)
+    """Least and greatest duration that a hesitation adds to a hold, seconds."""
+    drift_cm_s: float = 1.2
+    """Speed at which hands drift in a hesitation, cm/s."""
+    largest_offset_frames: float = 0.45
+    """Largest distance of a stop from its frame, frames: less than half, so that the frame stays the nearest one."""
+
+
+_TEMPO = TempoVariation()
+_HESITATION = Hesitation()
 
 LANDING_S = 0.2
 """Longest time in which a movement with an open end comes to rest within the hold after it, seconds."""
@@ -98,17 +112,18 @@ def tempo_of(sign: Sign, signer: Signer, take: int) -> Tempo:
     word = np.clip(stream("tempo-spread", sign.gloss).standard_normal(2), -2.0, 2.0)
     once = np.clip(stream("tempo-spread", signer.name, sign.gloss, take).standard_normal(2), -2.0, 2.0)
     still = len(sign.segments) == 1 or sign.kind == "letter"
-    varied = spread * (np.array([_MOVEMENT_SPREAD, 0.5 * _HOLD_SPREAD if still else _HOLD_SPREAD]) * word)
-    movement, hold = np.exp(varied + spread * _TAKE_SPREAD * once)
+    hold_spread = 0.5 * _TEMPO.hold_log_spread if still else _TEMPO.hold_log_spread
+    varied = spread * (np.array([_TEMPO.movement_log_spread, hold_spread]) * word)
+    movement, hold = np.exp(varied + spread * _TEMPO.take_log_spread * once)
     return Tempo(
-        movement=float(movement * (1.0 if still else np.exp(spread * _MOVEMENT))),
-        first_hold=float(hold * (1.0 if still else _FIRST**spread)),
-        last_hold=float(hold * (1.0 if still else _LAST**spread)),
-        last_touch=float(hold * _LAST_TOUCH**spread),
-        least_s=0.0 if still else _LEAST_S * min(spread, 1.0),
-        stroke_s=_STROKE_S * min(spread, 1.0) * float(movement**0.5),
-        revolution_s=_REVOLUTION_S * min(spread, 1.0) * float(movement**0.5),
-        landing=_LANDING * min(spread, 1.0),
+        movement=float(movement * (1.0 if still else np.exp(spread * _TEMPO.movement_log_mean))),
+        first_hold=float(hold * (1.0 if still else _TEMPO.first_hold**spread)),
+        last_hold=float(hold * (1.0 if still else _TEMPO.last_hold**spread)),
+        last_touch=float(hold * _TEMPO.last_touch**spread),
+        least_s=0.0 if still else _TEMPO.least_word_s * min(spread, 1.0),
+        stroke_s=_TEMPO.least_stroke_s * min(spread, 1.0) * float(movement**0.5),
+        revolution_s=_TEMPO.least_revolution_s * min(spread, 1.0) * float(movement**0.5),
+        landing=_TEMPO.landing * min(spread, 1.0),
     )
 
 
@@ -118,15 +133,15 @@ def hold_pause(signer: Signer, sign: Sign, take: int, number: int) -> tuple[floa
     """
     if len(sign.segments) == 1:
         return 0.0, np.zeros(3)
-    pause, rng = draw_pause(signer, _HOLD_PAUSE_S, sign.gloss, take, number)
+    pause, rng = draw_pause(signer, _HESITATION.hold_pause_s, sign.gloss, take, number)
     direction = rng.standard_normal(3) + np.array([0.0, -1.5, 0.0])
-    return pause, _DRIFT_CM * signer.scale * pause * direction / float(np.linalg.norm(direction))
+    return pause, _HESITATION.drift_cm_s * signer.scale * pause * direction / float(np.linalg.norm(direction))
 
 
 def draw_pause(signer: Signer, seconds: tuple[float, float], *names: str | int) -> tuple[float, np.random.Generator]:
     """A pause, seconds, mostly 0, and the random stream for further draws."""
     rng = stream("hesitation", signer.name, *names)
-    hesitates = rng.random() < _HESITATES * signer.manner.hesitation
+    hesitates = rng.random() < _HESITATION.share * signer.manner.hesitation
     return (rng.uniform(*seconds) if hesitates else 0.0), rng
 
 
@@ -137,7 +152,8 @@ def between_frames(knots: Sequence[Knot], stops: Iterable[int], signer: Signer, 
         return list(knots)
     frames = np.array(sorted(set(stops)), np.float64)
     rng = stream("off-frame", signer.name, gloss, take)
-    moved = frames + np.clip(off * rng.uniform(-0.5, 0.5, len(frames)), -_MOST_OFF, _MOST_OFF)
+    most = _HESITATION.largest_offset_frames
+    moved = frames + np.clip(off * rng.uniform(-0.5, 0.5, len(frames)), -most, most)
     times = np.interp([knot.frame for knot in knots], frames, moved).tolist()
     return [replace(knot, frame=time) for knot, time in zip(knots, times, strict=True)]
 

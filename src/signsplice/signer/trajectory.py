@@ -18,13 +18,48 @@ from signsplice.motion import FloatArray
 from signsplice.signer import hand, pose
 from signsplice.signer.signer import PLAIN, Signer, shoulder, stream
 
-_LEAST_PASS = 0.18
-"""Largest standard deviation of the smoothing over the duration of a movement's shortest pass: a repeated movement
-keeps 85 % of its size."""
-_AT_TOUCH = 0.4
-"""Largest standard deviation of the smoothing at a touch, frames: hands come and go as straight as before."""
-_REACH = 4.0
-"""How far from a touch the correction of its posture reaches, in standard deviations of the smoothing."""
+
+@dataclass(frozen=True)
+class LowPass:
+    """Limits of the smoothing of a word's states near repeated movements and touches."""
+
+    pass_share: float = 0.18
+    """Largest standard deviation of the smoothing over the duration of a movement's shortest pass: a repeated movement
+    keeps 85 % of its size."""
+    touch_frames: float = 0.4
+    """Largest standard deviation of the smoothing at a touch, frames: hands come and go as straight as before."""
+    correction_reach: float = 4.0
+    """Distance from a touch in time at which the correction of its posture ends, in standard deviations."""
+
+
+@dataclass(frozen=True)
+class HandPaths:
+    """Speed and form of paths between postures, and the timing of fingers on them."""
+
+    largest_delay_frames: float = 1.2
+    """Largest lead or lag of a finger relative to the hand within a sign, frames of 30 a second."""
+    hand_advance: float = 0.12
+    """Difference between reaches in the timing of all fingers of a hand: height of a bump on time, 0 to 1."""
+    finger_advance: float = 0.15
+    """Further difference in the timing of a single finger: height of a bump on time, 0 to 1."""
+    largest_advance: float = 0.27
+    """Largest advance of time; from 0.29 on, fingers would go back."""
+    shoulder_width_cm: float = 36.0
+    """Shoulder width of the standard body, the unit of the travel law, cm."""
+    flow: float = 0.6
+    """Speed of hands at a first or last knot without a stop, over the speed of the path there."""
+    largest_lead: float = 0.15
+    """Largest lead of a part of a state at half time of a reach: the largest that never reverses."""
+    falling_weak_lead: float = -0.08
+    """Lead of a weak hand that goes down: it lags."""
+    shoulder_distance_cm: float = 23.0
+    """Least distance at which a wrist passes its shoulder, cm; any nearer, the elbow would have to swing round."""
+    largest_shoulder_bow_cm: float = 16.0
+    """Largest bow of a path around the shoulder, cm; plain motion has no limit and sometimes throws a hand forward."""
+
+
+_LOW_PASS = LowPass()
+_PATHS = HandPaths()
 
 
 def low_passed(
@@ -48,7 +83,7 @@ def low_passed(
     centres = np.array(sorted(set(touches)), np.intp)
     if not len(centres):
         return np.asarray(smooth)
-    radius = max(_REACH * deviation, 2.0)
+    radius = max(_LOW_PASS.correction_reach * deviation, 2.0)
     factors = np.linalg.solve(wendland(centres, centres, radius), states[centres] - smooth[centres])
     return np.asarray(smooth + wendland(frames, centres, radius) @ factors)
 
@@ -60,11 +95,11 @@ def _deviations(
     frames = np.arange(n_frames)
     widths = np.minimum(deviation, np.minimum(frames, n_frames - 1 - frames) / 3.0)
     if len(passes) > 1:
-        least = _LEAST_PASS * min(stop - begin for begin, stop in passes)
+        least = _LOW_PASS.pass_share * min(stop - begin for begin, stop in passes)
         distance = np.maximum(np.maximum(passes[0][0] - frames, frames - passes[-1][1]), 0)
         widths = np.minimum(widths, least + distance / 3.0)
     for touch in touches:
-        widths = np.minimum(widths, _AT_TOUCH + np.abs(frames - touch) / 3.0)
+        widths = np.minimum(widths, _LOW_PASS.touch_frames + np.abs(frames - touch) / 3.0)
     return np.asarray(widths, np.float64)
 
 
@@ -78,15 +113,8 @@ def wendland(frames: NDArray[np.intp], centres: NDArray[np.intp], radius: float)
 
 _PER_FINGER = (4, 4, 4, 4, 5)
 """How many of ``hand.ANGLES`` belong to each finger, the thumb last."""
-_MOST_FRAMES = 1.2
-"""Largest lead or lag of a finger relative to the hand within a sign, frames of 30 a second."""
-_HAND_ADVANCE = 0.12
-"""How much the timing of all fingers of a hand differs between reaches: height of a bump on time."""
-_FINGER_ADVANCE = 0.15
-"""How much the timing of a single finger differs besides: height of a bump on time."""
-_MOST_ADVANCE = 0.27
-"""Largest advance of time; from 0.29 on, fingers would go back."""
-_SCALE = np.concatenate([np.full(3, 15.0), np.full(24, 0.5)])  # of a hand state: cm, radians
+_HAND_STATE_SCALES = np.concatenate([np.full(3, 15.0), np.full(24, 0.5)])
+"""Usual sizes of the numbers of a hand state: cm of the wrist, then radians."""
 
 
 def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
@@ -96,7 +124,7 @@ def delays(signer: Signer, gloss: str, take: int) -> FloatArray:
     """
     rngs = stream("finger_stagger", signer.name), stream("finger_stagger", signer.name, gloss, take)
     fingers = sum(0.5 * rng.uniform(-1.0, 1.0, (2, 5)) for rng in rngs)
-    return np.repeat(signer.manner.finger_stagger * _MOST_FRAMES * fingers, _PER_FINGER, axis=1)
+    return np.repeat(signer.manner.finger_stagger * _PATHS.largest_delay_frames * fingers, _PER_FINGER, axis=1)
 
 
 def advances(start: FloatArray, end: FloatArray, leads: FloatArray, signer: Signer) -> FloatArray:
@@ -109,25 +137,22 @@ def advances(start: FloatArray, end: FloatArray, leads: FloatArray, signer: Sign
     """
     advance = np.zeros(pose.SIZE)
     for which, first in enumerate((0, 27)):
-        seen = np.concatenate([s[first : first + 27] / _SCALE for s in (start, end)])
+        seen = np.concatenate([s[first : first + 27] / _HAND_STATE_SCALES for s in (start, end)])
         rng = stream("finger_stagger", signer.name, "reach", which)
         waves = np.sin(0.5 * rng.standard_normal((6, len(seen))) @ seen + 2.0 * np.pi * rng.random(6))
-        spread = np.repeat(_HAND_ADVANCE * waves[0] + _FINGER_ADVANCE * waves[1:], _PER_FINGER)
+        spread = np.repeat(_PATHS.hand_advance * waves[0] + _PATHS.finger_advance * waves[1:], _PER_FINGER)
         usual = leads / 1.875  # the slope of a minimum-jerk movement at half time
         fingers = advance[first : first + 27][pose.FINGERS]
-        fingers += np.clip(usual + signer.manner.finger_stagger * spread, -_MOST_ADVANCE, _MOST_ADVANCE)
+        most = _PATHS.largest_advance
+        fingers += np.clip(usual + signer.manner.finger_stagger * spread, -most, most)
     return advance
-
-
-SHOULDERS_CM = 36.0
-"""Shoulder width of the standard body, the unit of the travel law."""
 
 
 def travel_seconds(travel_cm: float, signer: Signer) -> float:
     """Duration, seconds, of a reach of ``travel_cm`` by the travel law T = 51 + 149 log2(1 + D / 0.15) ms, D in
     shoulder widths, over the signer's tempo (fitted to 124 gaps of the DGS Corpus).
     """
-    widths = travel_cm / (SHOULDERS_CM * signer.scale)
+    widths = travel_cm / (_PATHS.shoulder_width_cm * signer.scale)
     return (0.051 + 0.149 * float(np.log2(1.0 + widths / 0.15))) / signer.tempo
 
 
@@ -143,10 +168,6 @@ class Knot:
     frame: float
     state: FloatArray
     stop: bool
-
-
-_FLOW = 0.6
-"""Speed of hands at a first or last knot without a stop, over the speed of the path there."""
 
 
 def through(knots: Sequence[Knot]) -> FloatArray:
@@ -168,7 +189,7 @@ def through(knots: Sequence[Knot]) -> FloatArray:
             states = np.array([knot.state for knot in piece])
             speeds = (_speed(frames, states), _speed(frames[::-1], states[::-1]))
             ends = [
-                [(1, np.zeros(pose.SIZE) if knot.stop else _FLOW * speed), (2, np.zeros(pose.SIZE))]
+                [(1, np.zeros(pose.SIZE) if knot.stop else _PATHS.flow * speed), (2, np.zeros(pose.SIZE))]
                 for knot, speed in zip((piece[0], piece[-1]), speeds, strict=True)
             ]
             parts.append(make_interp_spline(frames, states, k=5, bc_type=tuple(ends))(inner))  # type: ignore[arg-type]
@@ -185,14 +206,11 @@ def _speed(frames: FloatArray, states: FloatArray) -> FloatArray:
     return np.asarray(slopes[0] + share * (slopes[0] - slopes[1]))
 
 
-# Lead of each part of a hand state at half time of a reach: the height of a bump on its progress. 0.15 (progress 0.65
-# at half time) is the largest lead that never reverses. Fingers form early, one after another, as the hand rotates.
-_LEAD = np.zeros(27)
-_LEAD[pose.ROTVEC] = 0.04
-_LEAD[pose.FINGERS] = np.repeat([0.14, 0.12, 0.10, 0.09, 0.13], [4, 4, 4, 4, 5])
-_MAX_LEAD = 0.15
-_FALLING_WEAK_LEAD = -0.08
-_BOW_DIRECTION = np.array([-0.25, 0.35, 0.9])  # outwards, up and forward, away from the body
+_HALFWAY_LEADS = np.concatenate([np.zeros(3), np.full(3, 0.04), np.repeat([0.14, 0.12, 0.10, 0.09, 0.13], _PER_FINGER)])
+"""Lead of each number of a hand state at half time of a reach: the height of a bump on its progress. 0.15 is progress
+0.65 at half time. Fingers form early, one after another, as the hand rotates."""
+_BOW_DIRECTION = np.array([-0.25, 0.35, 0.9])
+"""Direction of a reach's bow: outwards, up and forward, away from the body."""
 
 
 def bump(u: FloatArray) -> FloatArray:
@@ -215,7 +233,7 @@ def reach(
     start, end = before[-1], after[0]
     hill = bump(u)
     change = end - start
-    lead = np.concatenate([_LEAD, _LEAD, np.zeros(pose.SIZE - 54)])
+    lead = np.concatenate([_HALFWAY_LEADS, _HALFWAY_LEADS, np.zeros(pose.SIZE - 54)])
     lead[lead > 0.05] -= signer.lag
     times = u
     if signer.manner.finger_stagger:  # fingers are advanced in time, which leaves more room than a lead
@@ -223,8 +241,8 @@ def reach(
         lead[6:27] = lead[33:54] = 0.0
     states = joining(before, after, steps, times)
     if change[27 + 1] < -12.0:  # the weak hand goes down
-        lead[27:30] = _FALLING_WEAK_LEAD
-    states += hill * np.minimum(lead, _MAX_LEAD) * change
+        lead[27:30] = _PATHS.falling_weak_lead
+    states += hill * np.minimum(lead, _PATHS.largest_lead) * change
     for first in (0, 27):
         wrist = slice(first, first + 3)
         length = float(np.linalg.norm(change[wrist]))
@@ -266,26 +284,23 @@ def _passing(state: FloatArray, step: FloatArray, stop: bool) -> FloatArray:
     return _still(state) if stop else state + np.arange(3)[:, None] * step
 
 
-_SHOULDER_DISTANCE_CM = 23.0
-"""Least distance at which a wrist passes its shoulder, cm; any nearer, the elbow would have to swing round."""
-_PASSING_DIRECTION = np.array([-0.35, 0.0, 0.94])
-_MOST_PASSING_CM = 16.0
-"""Largest forward bow of a path for that, cm; plain motion has no limit and sometimes throws a hand forward."""
+_SHOULDER_BOW_DIRECTION = np.array([-0.35, 0.0, 0.94])
+"""Direction in which a path bows around the shoulder: outwards and forward."""
 
 
 def _avoid_shoulder(path: FloatArray, hill: FloatArray, start: FloatArray, end: FloatArray, signer: Signer) -> None:
     """Bow a wrist's path (n, 3) forward and out, in place, if it would come nearer to the shoulder than its ends."""
     centre = shoulder(signer) * signer.scale
     ends = min(float(np.linalg.norm(start - centre)), float(np.linalg.norm(end - centre)))
-    least = min(_SHOULDER_DISTANCE_CM * signer.scale, ends)
-    remaining = np.inf if signer.manner == PLAIN else _MOST_PASSING_CM * signer.scale
+    least = min(_PATHS.shoulder_distance_cm * signer.scale, ends)
+    remaining = np.inf if signer.manner == PLAIN else _PATHS.largest_shoulder_bow_cm * signer.scale
     for _ in range(4):
         lack = least - np.linalg.norm(path - centre, axis=-1)
         if lack.max() <= 0.0:
             break
         bow = min(float((lack / np.maximum(hill[:, 0], 0.2)).max()), remaining)
         remaining -= bow
-        path += hill * bow * _PASSING_DIRECTION
+        path += hill * bow * _SHOULDER_BOW_DIRECTION
 
 
 def joining(before: FloatArray, after: FloatArray, steps: int, u: FloatArray) -> FloatArray:

@@ -25,27 +25,37 @@ from signsplice.motion import Clip, FloatArray, Skeleton, batch_clips, concatena
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
 
+
+@dataclass(frozen=True)
+class AvoidanceSettings:
+    """Limits and weights of the pushes that lead hands around the body."""
+
+    frames_at_once: int = 250
+    """Frames tested together, of several transitions: each takes a number per pair of capsules."""
+    most_rounds: int = 30
+    """Largest number of rounds of pushes per path."""
+    most_tries: int = 10
+    """Largest number of paths that are tried: an arm may be too short for the first."""
+    least_gain: float = 0.05
+    """Fraction of the remaining depth that a try must remove for another to follow."""
+    listed_travel_m: float = 0.03
+    """Distance that hands may move before the pairs of close capsules are listed again, m."""
+    least_cosine: float = 0.35
+    """Lower limit of the cosine, by which pushes are divided, of a stretch's direction and a frame's exit direction."""
+    forward_weight: float = 0.3
+    """Weight of the chest's forward direction against the exit directions; 0 when two hands meet, since it would push
+    both the same way.
+    """
+    touch_fade_m: float = 0.006
+    """Skin distance of two hands over which the weight of a touch at both ends decays by a factor e, m."""
+    place_fade_m: float = 0.025
+    """Change of one hand's place on the other between the ends over which that weight decays by a factor e, m."""
+
+
+_AVOIDANCE = AvoidanceSettings()
+
 TOLERANCE_M = 0.003
 """Depth that still counts as a touch, m."""
-_FRAMES_AT_ONCE = 250
-"""Frames tested together, of several transitions: each takes a number per pair of capsules."""
-_MAX_ROUNDS = 30
-"""Largest number of rounds of pushes per path."""
-_SLACK_M = 0.03
-"""Distance that hands may move, m, before the pairs of close capsules are listed again."""
-_MAX_TRIES = 10
-"""Largest number of paths that are tried: an arm may be too short for the first."""
-_LEAST_GAIN = 0.05
-"""Fraction of the remaining depth that a try must remove for another to follow."""
-_LEAST_COSINE = 0.35
-"""Lower limit of the cosine between a stretch's direction and a frame's exit direction; pushes are divided by it."""
-_FORWARD_WEIGHT = 0.3
-"""Weight of the chest's forward direction against the exit directions; 0 when two hands meet, since it would push both
-the same way."""
-_TOUCH_M = 0.006
-"""Skin distance of two hands, m, over which the weight of a touch at both ends decays."""
-_SAME_PLACE_M = 0.025
-"""Change of one hand's place on the other between the ends, m, over which the weight of a touch decays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +89,7 @@ def avoid_all_collisions(
     """``avoid_collisions`` of several transitions, each (``filled``, ``before``, ``after``)."""
     results = [ClearedTransition(filled, None, None) for filled, _, _ in transitions]
     windows = [(before[-1:], filled, after[:1]) for filled, before, after in transitions]
-    for block in batch_clips(windows, _FRAMES_AT_ONCE):
+    for block in batch_clips(windows, _AVOIDANCE.frames_at_once):
         info = rig_info(block.clip.skeleton)
         if not info.has_arms:
             continue
@@ -185,10 +195,10 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, f
     """``avoid_collisions`` for a posed transition."""
     metres = rig_info(filled.skeleton).sizes.unit.metres
     best, first, least, hold_weight = filled, 0.0, np.inf, 0.0
-    for n in range(_MAX_TRIES + 1):
+    for n in range(_AVOIDANCE.most_tries + 1):
         if n > 0:
             posed = _pose(_window(filled, before, after), fixed)
-        close_pairs = posed.capsules.near_pairs(_SLACK_M / metres)
+        close_pairs = posed.capsules.near_pairs(_AVOIDANCE.listed_travel_m / metres)
         start = np.zeros((len(posed.positions), 2, 3))
         if n == 0 and fixed is None:
             start, hold_weight = _holding_moves(posed, close_pairs, metres)
@@ -198,7 +208,7 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, f
         gained = least - worst
         if gained > 0.0:
             best, least = filled, worst
-        if worst == 0.0 or gained < _LEAST_GAIN * worst or n == _MAX_TRIES:
+        if worst == 0.0 or gained < _AVOIDANCE.least_gain * worst or n == _AVOIDANCE.most_tries:
             break
         filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, close_pairs, metres, start, fixed, hold_weight))
     return ClearedTransition(best, first, least)
@@ -221,7 +231,7 @@ def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float
     hands = posed.rotations[:, [arm_joints[2], arm_joints[5]]]
     first, last = (hands[k].swapaxes(1, 2) @ offset[k] for k in (0, -1))  # (2, 3) in each hand's axes
     change = float(np.linalg.norm(last - first, axis=-1).max()) * metres
-    weight = float(np.exp(-max(distance, 0.0) / _TOUCH_M - (change / _SAME_PLACE_M) ** 2))
+    weight = float(np.exp(-max(distance, 0.0) / _AVOIDANCE.touch_fade_m - (change / _AVOIDANCE.place_fade_m) ** 2))
     places = first + np.linspace(0.0, 1.0, len(offset))[:, None, None] * (last - first)
     closer = weight * (np.einsum("thij,thj->thi", hands, places).mean(axis=1) - offset)
     return np.stack([0.5 * closer, -0.5 * closer], axis=1), weight
@@ -231,16 +241,16 @@ def _avoiding_moves(
     posed: _PosedWindow, near: collision.NearPairs, metres: float, moves: FloatArray, fixed: int | None, held: float
 ) -> FloatArray:
     """Returns moves (n, 2, 3) of the hands that lead the new frames around the body if the arms are long enough,
-    starting from ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_SLACK_M``; ``fixed``: side of a hand
-    that does not move; ``held``: weight with which hands are held together.
+    starting from ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_AVOIDANCE.listed_travel_m``; ``fixed``:
+    side of a hand that does not move; ``held``: weight with which hands are held together.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
     fade, kernel = curves.fade_window(n_between)[:, None, None], _kernel(n_between)
-    moves, slack = moves.copy(), _SLACK_M / metres
-    for _ in range(_MAX_ROUNDS):
+    moves, slack = moves.copy(), _AVOIDANCE.listed_travel_m / metres
+    for _ in range(_AVOIDANCE.most_rounds):
         farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # two hands may move apart
         if farthest > slack:
-            slack = farthest + _SLACK_M / metres
+            slack = farthest + _AVOIDANCE.listed_travel_m / metres
             near = posed.capsules.near_pairs(slack)
         depth, exits = near.penetration(moves)
         excess = _excess_depth(_depths_of(depth, fixed) * metres, held) / metres
@@ -278,13 +288,14 @@ def _pushes(excess: FloatArray, exits: FloatArray, forward: FloatArray) -> Float
     """
     push = np.zeros_like(exits)
     meeting = (exits[:, 0] == -exits[:, 1]).all(axis=-1) & (excess > 0.0).all(axis=-1)
-    forward, fraction = np.where(meeting[:, None], 0.0, _FORWARD_WEIGHT * forward), np.where(meeting[:, None], 0.5, 1.0)
+    forward = np.where(meeting[:, None], 0.0, _AVOIDANCE.forward_weight * forward)
+    fraction = np.where(meeting[:, None], 0.5, 1.0)
     for side in (0, 1):
         for stretch in _stretches(excess[:, side] > 0.0):
             deep = excess[stretch, side, None]
             direction = (deep * (exits[stretch, side] + forward[stretch])).sum(axis=0)
             direction /= np.linalg.norm(direction) + 1e-12
-            cosine = np.maximum(exits[stretch, side] @ direction, _LEAST_COSINE)
+            cosine = np.maximum(exits[stretch, side] @ direction, _AVOIDANCE.least_cosine)
             push[stretch, side] = fraction[stretch] * deep / cosine[:, None] * direction
     return push
 

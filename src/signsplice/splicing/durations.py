@@ -2,12 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip
 from signsplice.rig.info import Arms, arms
 from signsplice.splicing.contracts import Cut, Duration
+
+
+@dataclass(frozen=True)
+class HumanTiming:
+    """Durations and speeds of people's signs and transitions.
+
+    The durations are those of motion capture of Czech Sign Language, measured by ``measure.lengths`` of the workshop.
+    """
+
+    median_transition_s: float = 0.25
+    """Median of 621 annotated transitions between two signs, s (5 and 95 %: 0.16 and 0.48 s)."""
+    sign_fraction: float = 0.62
+    """Duration of a sign in running signing over its duration alone: median of 151 glosses."""
+    mean_sign_s: float = 0.44
+    """Mean duration of a sign in running signing, s (917 signs)."""
+    still_transition_s: float = 0.10
+    """Duration of a transition without travel, s, fitted with ``doubling_s`` to the distances at the default cutter's
+    cuts and the durations of the transitions.
+    """
+    doubling_s: float = 0.20
+    """Additional duration for each doubling of one shoulder width plus the travel, s."""
+    largest_speed_m_s: float = 2.5
+    """Largest wrist speed of signs, m/s: peaks of isolated words reach 1.7 to 2.5 m/s."""
+    peak_over_mean: float = 1.875
+    """Peak speed over mean speed of a minimum-jerk movement from rest to rest."""
+
+
+HUMAN = HumanTiming()
 
 CITATION = "citation"
 """Tempo of signs as recorded."""
@@ -19,29 +49,8 @@ FASTEST_S = 0.4
 """Fastest tempo, seconds a sign."""
 SLOWEST_S = 1.5
 """Slowest tempo, seconds a sign."""
-FAST_M_S = 2.5
-"""Largest wrist speed of signs, m/s: peaks of isolated words reach 1.7 to 2.5 m/s."""
-HUMAN_MEDIAN_S = 0.25
-"""Median of 621 transitions between two signs, s, annotated in motion capture of Czech Sign Language (5 and 95 %: 0.16
-and 0.48 s).
-"""
-
-SIGN_FRACTION = 0.62
-"""Duration of a sign in running signing over its duration alone: median of 151 glosses of Czech Sign Language, measured
-by ``measure.lengths`` of the workshop.
-"""
-MEAN_SIGN_S = 0.44
-"""Mean duration of a sign in running signing, s (917 signs, the same measurement)."""
-TRAVEL_S = 0.10
-"""Duration of a transition without travel, s, fitted with ``DOUBLING_S`` to the distances at the default cutter's cuts
-and the durations of Czech transitions (the same measurement).
-"""
-DOUBLING_S = 0.20
-"""Additional duration for each doubling of one shoulder width plus the travel, s."""
 MAX_TRANSITION_S = 10.0
 """Longest transition, s, whatever asks for it."""
-_PEAK_OVER_MEAN = 1.875
-"""Peak speed over mean speed of a minimum-jerk movement from rest to rest."""
 
 
 def seconds_a_sign(tempo: str | float) -> float | None:
@@ -65,7 +74,7 @@ def running_sign_s(alone_s: float, seconds_a_sign: float = RUNNING_S) -> float:
     """Returns the seconds that a sign takes at a tempo, from the seconds that it takes alone: proportional, but at most
     the mean. Dictionaries show signs so slowly that longer durations carry little information.
     """
-    return min(SIGN_FRACTION * alone_s, MEAN_SIGN_S) * seconds_a_sign / RUNNING_S
+    return min(HUMAN.sign_fraction * alone_s, HUMAN.mean_sign_s) * seconds_a_sign / RUNNING_S
 
 
 def most_frames(fps: float) -> int:
@@ -81,10 +90,10 @@ def travel_widths(before: Arms, after: Arms, pre: int, post: int) -> float:
 
 class TravelDuration(Duration):
     """The human duration for the distance of the hand that moves farther, proportionally longer at tempos slower than
-    running signing, and at least the human median. Longer if that hand would exceed ``FAST_M_S``.
+    running signing, and at least the human median. Longer if that hand would exceed ``HUMAN.largest_speed_m_s``.
 
-    seconds_a_sign: the tempo, by default that of signs as recorded: they last 1 / ``SIGN_FRACTION`` of their time in
-        running signing, and a transition at that tempo is as smooth as they are.
+    seconds_a_sign: the tempo, by default that of signs as recorded: they last 1 / ``HUMAN.sign_fraction`` of their time
+        in running signing, and a transition at that tempo is as smooth as they are.
 
     Deaf viewers of avatars prefer transitions slower than human ones (Al-khazraji et al. 2021), so none is shorter than
     the human median.
@@ -93,17 +102,17 @@ class TravelDuration(Duration):
     name = "tempo"
     summary = "160 + 320 log2(1 + D) ms for D shoulder widths (Czech Sign Language), at least 0.25 s"
 
-    def __init__(self, seconds_a_sign: float = RUNNING_S / SIGN_FRACTION) -> None:
+    def __init__(self, seconds_a_sign: float = RUNNING_S / HUMAN.sign_fraction) -> None:
         self.slowness = max(1.0, seconds_a_sign / RUNNING_S)
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
         """Seconds that the new frames take."""
         body = arms(before)
         widths = travel_widths(body, arms(after), cut.pre, cut.post)
-        mean_m_s = FAST_M_S / _PEAK_OVER_MEAN
+        mean_m_s = HUMAN.largest_speed_m_s / HUMAN.peak_over_mean
         least = widths * body.shoulder_width * body.metres / mean_m_s - 1.0 / before.fps
-        people_s = TRAVEL_S + DOUBLING_S * float(np.log2(1.0 + widths))
-        return max(self.slowness * people_s, HUMAN_MEDIAN_S, least)
+        people_s = HUMAN.still_transition_s + HUMAN.doubling_s * float(np.log2(1.0 + widths))
+        return max(self.slowness * people_s, HUMAN.median_transition_s, least)
 
 
 class FixedDuration(Duration):
@@ -114,7 +123,7 @@ class FixedDuration(Duration):
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
         """Seconds that the new frames take."""
-        return HUMAN_MEDIAN_S
+        return HUMAN.median_transition_s
 
 
 DURATIONS: dict[str, Duration] = {duration.name: duration for duration in (TravelDuration(), FixedDuration())}

@@ -5,7 +5,7 @@ first half of the transition and opens for the next word in the second. A blink 
 the cut finish closing before they open, lids that open continue, and likewise at the entry of the next word. Brows move
 directly from one word to the next, so they stay up, or down, if both words need it. The easing is minimum jerk (Flash
 and Hogan 1985), flattened if a coefficient would change from one frame to the next by more than the
-``LIMIT_PERCENTILE`` percentile of such changes in the two words.
+``EASING.step_percentile`` percentile of such changes in the two words.
 
 **By rule** faces blink, and brows mark questions. The rules follow grammars of ASL; no signer has judged them here.
 Signers blink at the ends of phrases (Baker and Padden 1978; Wilbur 1994, Sign Language Studies 84: 221-240), and people
@@ -29,20 +29,48 @@ from signsplice.splicing.result import Piece
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.word import AlignedWord
 
-LIMIT_PERCENTILE = 95.0
-"""Percentile of the changes from frame to frame in two words that limits those of the face between them."""
+
+@dataclass(frozen=True)
+class EasingSettings:
+    """Limits of faces over a seam."""
+
+    step_percentile: float = 95.0
+    """Percentile of the changes from frame to frame in two words that limits those of the face between them."""
+    longest_blink_s: float = 0.3
+    """Longest blink, s (Bentivoglio et al. 1997 and others: 0.1 to 0.4 s)."""
+    blinking_speed: float = 0.6
+    """Change of the lids per second from which on they count as closing or opening."""
+    blinking_depth: float = 0.06
+    """Lids that are lower than usual by more than this blink; 1 is closed."""
+
+
+@dataclass(frozen=True)
+class RuleTimes:
+    """Times of blinks and brows by rule."""
+
+    brow_ramp_s: float = 0.3
+    """Time that brows take at the beginning and end of the text, s; in between they move with transitions."""
+    lid_closing_s: float = 0.1
+    """Time in which lids close, s: they close faster than they open (VanderWerf et al. 2003)."""
+    lid_opening_s: float = 0.18
+    """Time in which lids open, s."""
+    least_blink_interval_s: float = 3.0
+    """Shortest time from one blink to the next, s."""
+    added_blink_interval_s: float = 3.0
+    """Range of the time added to ``least_blink_interval_s``, s."""
+    last_blink_s: float = 0.4
+    """Time from a blink to the end of a text without a final mark, s: hands go down then."""
+
+
+EASING = EasingSettings()
+_RULE_TIMES = RuleTimes()
+
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
 _OPENINGS = (
     "jawOpen", "mouthClose", "mouthFunnel", "mouthPucker", "mouthLowerDownLeft", "mouthLowerDownRight",
     "mouthUpperUpLeft", "mouthUpperUpRight", "tongueOut",
 )  # fmt: skip
 """Coefficients that part or round the lips; smiles and the like extend over several words and are interpolated."""
-_BLINK_S = 0.3
-"""Longest blink, s (Bentivoglio et al. 1997 and others: 0.1 to 0.4 s)."""
-_SPEED = 0.6
-"""Change of the lids per second from which on they count as closing or opening."""
-_LOWERED = 0.06
-"""Lids that are lower than usual by more than this blink."""
 
 
 @dataclass(frozen=True)
@@ -96,11 +124,11 @@ def ease_face(
 
 
 def largest_step(*faces: Face) -> float:
-    """Returns the ``LIMIT_PERCENTILE`` percentile, over the frames of all faces, of the largest change of a coefficient
-    from one frame to the next.
+    """Returns the ``EASING.step_percentile`` percentile, over the frames of all faces, of the largest change of a
+    coefficient from one frame to the next.
     """
     steps = [np.abs(np.diff(face.weights, axis=0)).max(axis=1) for face in faces if len(face) > 1]
-    return float(np.percentile(np.concatenate(steps), LIMIT_PERCENTILE)) if steps else 0.0
+    return float(np.percentile(np.concatenate(steps), EASING.step_percentile)) if steps else 0.0
 
 
 def _ease_weights(start: FloatArray, stop: FloatArray, n_frames: int, limit: float) -> FloatArray:
@@ -133,10 +161,10 @@ def _lid_path(x: FloatArray, y: FloatArray, last: int, first: int, fps: float) -
     """Returns the path of lids between frame ``last`` of one word and ``first`` of the next, from both words' lids
     (T, 2), which completes a blink that is under way at the cut or at the entry of the next word; None if none is.
     """
-    n_blink, change = max(1, round(_BLINK_S * fps)), _SPEED / fps
+    n_blink, change = max(1, round(EASING.longest_blink_s * fps)), EASING.blinking_speed / fps
     lids_before, lids_after = x.mean(axis=1), y.mean(axis=1)
-    leaves_low = last > 0 and lids_before[last] > np.percentile(lids_before, 25.0) + _LOWERED
-    enters_low = first + 1 < len(y) and lids_after[first] > np.percentile(lids_after, 25.0) + _LOWERED
+    leaves_low = last > 0 and lids_before[last] > np.percentile(lids_before, 25.0) + EASING.blinking_depth
+    enters_low = first + 1 < len(y) and lids_after[first] > np.percentile(lids_after, 25.0) + EASING.blinking_depth
     before = lids_before[last] - lids_before[last - 1] if leaves_low else 0.0  # per frame; positive if lids close
     after = lids_after[first + 1] - lids_after[first] if enters_low else 0.0
     is_open = np.minimum(np.percentile(x, 25.0, axis=0), np.percentile(y, 25.0, axis=0))
@@ -190,20 +218,8 @@ _BROWS = {
 }
 CHANNELS = tuple(name for name in ARKIT_CHANNELS if name in (*LIDS, *_BROWS[RAISED], *_BROWS[FURROWED]))
 """The coefficients of a face by rule, the lids first; all others are at rest."""
-_RAMP_S = 0.3
-"""Time that brows take at the beginning and end of the text, s; in between they move with transitions."""
-_CLOSING_S = 0.1
-"""Time in which lids close, s: they close faster than they open (VanderWerf et al. 2003)."""
-_OPENING_S = 0.18
-"""Time in which lids open, s."""
-_LEAST_S = 3.0
-"""Shortest time from one blink to the next, s."""
-_MORE_S = 3.0
-"""Range of the time added to ``_LEAST_S``, s."""
-_GOLDEN = 0.6180339887
+_GOLDEN_RATIO = 0.6180339887
 """Fractions of its multiples are spread evenly: blinks come at irregular times, the same in every call."""
-_BEFORE_END_S = 0.4
-"""Time from a blink to the end of a text without a final mark, s: hands go down then."""
 
 
 def check_rules(rules: Sequence[str]) -> None:
@@ -230,16 +246,17 @@ def with_rules(word: AlignedWord, brow: str | None, is_first: bool) -> AlignedWo
 def relax_brows(piece: Piece) -> Piece:
     """Returns the last piece of a sentence with its brows relaxed after its pause, or at its end."""
     weights, fps, pause = np.array(_face(piece.clip).weights), piece.clip.fps, piece.span.pause
-    n_held = len(weights) - round(_RAMP_S * fps) if pause is None else pause.frames[1] - pause.frames[0]
-    n_held = max(0, min(n_held, len(weights) - round(_RAMP_S * fps)))
+    most_held = len(weights) - round(_RULE_TIMES.brow_ramp_s * fps)
+    n_held = most_held if pause is None else pause.frames[1] - pause.frames[0]
+    n_held = max(0, min(n_held, most_held))
     weights[n_held:, len(LIDS) :] *= 1.0 - _ramp(len(weights) - n_held, fps)[:, None]
     weights[-1, len(LIDS) :] = 0.0
     return replace(piece, clip=copy_unchecked(piece.clip, face=Face(CHANNELS, weights)))
 
 
 def _ramp(n_frames: int, fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Returns a smooth ramp (T,) from 0 to 1 within ``_RAMP_S``."""
-    u = np.minimum(np.arange(n_frames) / max(1.0, _RAMP_S * fps), 1.0)
+    """Returns a smooth ramp (T,) from 0 to 1 within ``_RULE_TIMES.brow_ramp_s``."""
+    u = np.minimum(np.arange(n_frames) / max(1.0, _RULE_TIMES.brow_ramp_s * fps), 1.0)
     return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
 
 
@@ -251,7 +268,7 @@ class Blinks:
     n: number of blinks so far.
     """
 
-    due_s: float = _LEAST_S
+    due_s: float = _RULE_TIMES.least_blink_interval_s
     n: int = 0
 
     def on(self, piece: Piece, is_last: bool) -> tuple[Piece, Blinks]:
@@ -264,19 +281,21 @@ class Blinks:
         ends_phrase = is_last or piece.span.pause is not None
         start = max(0, int(np.ceil(self.due_s * fps)) - first)
         if ends_phrase:
-            start = 0 if piece.span.pause is not None else max(0, room - round(_BEFORE_END_S * fps))
+            start = 0 if piece.span.pause is not None else max(0, room - round(_RULE_TIMES.last_blink_s * fps))
         if not 0 <= start <= room:
             return piece, self
         weights = np.array(_face(piece.clip).weights)
         weights[start : start + len(lids), : len(LIDS)] = lids[:, None]
         n, blinked_s = self.n + 1, (first + start) / fps
-        after = Blinks(blinked_s + _LEAST_S + _MORE_S * (n * _GOLDEN % 1.0), n)
+        added_s = _RULE_TIMES.added_blink_interval_s * (n * _GOLDEN_RATIO % 1.0)
+        after = Blinks(blinked_s + _RULE_TIMES.least_blink_interval_s + added_s, n)
         return replace(piece, clip=copy_unchecked(piece.clip, face=Face(CHANNELS, weights))), after
 
 
 def _lids(fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Returns the lids of one blink, closed in one frame, without the open frames before and after it."""
-    n_closing, n_opening = (max(1, round(seconds * fps)) for seconds in (_CLOSING_S, _OPENING_S))
+    times = _RULE_TIMES.lid_closing_s, _RULE_TIMES.lid_opening_s
+    n_closing, n_opening = (max(1, round(seconds * fps)) for seconds in times)
     u = np.concatenate([np.arange(1, n_closing + 1) / n_closing, 1.0 - np.arange(1, n_opening) / n_opening])
     return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
 

@@ -39,6 +39,46 @@ from signsplice.rig.info import (
 )
 from signsplice.rig.roles import ARM
 
+
+@dataclass(frozen=True)
+class StrokeLimits:
+    """Limits by which phases of frames and movements of hands give a word's strokes; frames at ``FEATURE_FPS``."""
+
+    least_probability: float = 0.02
+    """Probability from which on a frame may belong to a stroke. Of 300 synthetic words 7 lose a part at 0.05, 4 at
+    0.02, which keeps 0.3 frames more; seams of the shipped words hardly change.
+    """
+    sure_probability: float = 0.5
+    """Probability that at least one frame of a stroke must exceed."""
+    least_pause_frames: int = 4
+    """Length of the shortest pause between two strokes, frames: a shorter pause joins them, unless the hands move from
+    or to rest in it.
+    """
+    parting_frames: int = 9
+    """Longest time in which hands that rest on one another part before they rise, or meet as they sink, frames."""
+    parting_height: float = 0.05
+    """Largest height above the rest height of the higher hand at which hands part or meet, arm lengths."""
+    least_stroke_frames: int = 5
+    """Length of the shortest stroke within a movement from or to rest, frames."""
+    rest_distance: float = 0.12
+    """Distance from its first or last position up to which a hand rests, arm lengths."""
+    one_hand_frames: int = 6
+    """Shortest time, 0.2 s, from which on a hand counts as moving alone, frames."""
+
+
+@dataclass(frozen=True)
+class OutputLimits:
+    """Limits from which on the output of the transition network has full weight."""
+
+    gap_s: float = 0.6
+    """Length of a gap, s."""
+    hand_speed: float = 0.4
+    """Mean speed of a hand, arm lengths a second: half of that in continuous signing."""
+
+
+_STROKES = StrokeLimits()
+_FULL_OUTPUT = OutputLimits()
+
 VERSION = 5
 """Version of the features and of the networks' outputs: increased when either changes."""
 N_ROTATION = 6 * len(ROLES)
@@ -194,24 +234,6 @@ def word_tokens(word: CanonicalTrajectory) -> NDArray[np.float32]:
 Mask = NDArray[np.bool_]
 
 _PREPARATION, _HOLD, _STROKE, _RETRACTION = range(1, len(PHASES))
-_POSSIBLE = 0.02
-"""Probability from which on a frame may belong to a stroke. Of 300 synthetic words 7 lose a part at 0.05, 4 at 0.02,
-which keeps 0.3 frames more; seams of the shipped words hardly change.
-"""
-_SURE = 0.5
-"""Probability that at least one frame of a stroke must exceed."""
-_JOINED = np.ones(4, bool)
-"""Strokes fewer frames apart than this mask is long are joined, unless the hands move from or to rest in between."""
-_PARTING = 9
-"""Hands that rest on one another part before they rise, and meet as they sink, within at most this number of frames."""
-_PARTING_HEIGHT = 0.05
-"""Largest height above the rest height of the higher hand at which hands part or meet, arm lengths."""
-_MOMENT = 5
-"""Least number of frames of a stroke within a movement from or to rest."""
-_AT_REST = 0.12
-"""Distance from its first or last position up to which a hand rests, arm lengths."""
-_ALONE = 6
-"""Number of frames, 0.2 s, from which on a hand counts as moving alone."""
 
 
 def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.floating]) -> tuple[int, int] | None:
@@ -224,14 +246,14 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.fl
     """
     weights = np.exp(scores.astype(np.float64) - scores.max(axis=-1, keepdims=True))
     phases = weights / weights.sum(axis=-1, keepdims=True)
-    possible = phases[:, _STROKE] > _POSSIBLE
+    possible = phases[:, _STROKE] > _STROKES.least_probability
     surest = phases.argmax(axis=-1)
     goes = np.isin(surest, (_PREPARATION, _RETRACTION))
-    strokes, _ = label((binary_closing(possible, _JOINED) & ~goes) | possible)
+    strokes, _ = label((binary_closing(possible, np.ones(_STROKES.least_pause_frames, bool)) & ~goes) | possible)
     rows = [
         rows.start + np.flatnonzero(possible[rows])
         for (rows,) in find_objects(strokes)
-        if raised[rows].any() and phases[rows, _STROKE].max() > _SURE
+        if raised[rows].any() and phases[rows, _STROKE].max() > _STROKES.sure_probability
     ]
     heights, last = wrists[..., 1].max(axis=1), len(surest) - 1
     rows = _without_rest_moves(rows, heights, surest, _PREPARATION)
@@ -253,9 +275,11 @@ def _without_rest_moves(
     while len(strokes) > 1:
         first, stop, between = int(strokes[0][0]), int(strokes[0][-1]) + 1, phases[strokes[0][-1] + 1 : strokes[1][0]]
         between = between[between != _HOLD]
-        is_low = stop - first <= _PARTING and heights[strokes[0]].max() <= heights[0] + _PARTING_HEIGHT
+        n_frames, low = stop - first, heights[0] + _STROKES.parting_height
+        is_low = n_frames <= _STROKES.parting_frames and heights[strokes[0]].max() <= low
         goes = len(between) > 0 and np.isin(between, (_PREPARATION, _RETRACTION)).mean() > 0.5
-        is_moment = stop - first < _MOMENT and first > 0 and phases[first - 1] == phases[stop] == rest_phase
+        is_short = n_frames < _STROKES.least_stroke_frames
+        is_moment = is_short and first > 0 and phases[first - 1] == phases[stop] == rest_phase
         if not (is_low and goes) and not is_moment:
             break
         strokes = strokes[1:]
@@ -264,7 +288,7 @@ def _without_rest_moves(
 
 def are_away(wrists: NDArray[np.floating]) -> Mask:
     """Returns whether (T, 2) each wrist is away from its first and last position; ``wrists`` (T, 2, 3), arm lengths."""
-    is_away = [np.linalg.norm(wrists - wrists[end], axis=-1) > _AT_REST for end in (0, -1)]
+    is_away = [np.linalg.norm(wrists - wrists[end], axis=-1) > _STROKES.rest_distance for end in (0, -1)]
     return np.asarray(is_away[0] & is_away[1])
 
 
@@ -273,7 +297,7 @@ def frames_alone(wrists: NDArray[np.floating]) -> Mask:
     for longer than one hand moves before or after the other.
     """
     is_away = are_away(wrists)
-    return np.asarray(binary_opening(is_away[:, 0] & ~is_away[:, 1], np.ones(_ALONE, bool)))
+    return np.asarray(binary_opening(is_away[:, 0] & ~is_away[:, 1], np.ones(_STROKES.one_hand_frames, bool)))
 
 
 N_CONTEXT = 8
@@ -376,8 +400,7 @@ def gap_features(joined: CanonicalMotion, n_before: int, n_between: int) -> GapF
 def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, int]]) -> list[GapFeatures]:
     """Returns the features of gaps in one motion, each gap as (its frames, ``n_before``, ``n_between``)."""
     moments = [
-        CACHE.recent(gap_moments, frames.stop - frames.start, *counts, motion.fps, most=_MOMENTS_KEPT)
-        for frames, *counts in gaps
+        CACHE.recent(gap_moments, frames.stop - frames.start, *counts, motion.fps, most=512) for frames, *counts in gaps
     ]
     firsts = [frames.start for frames, _, _ in gaps]
     low = np.concatenate([first + gap.frames.low for first, gap in zip(firsts, moments, strict=True)])
@@ -398,23 +421,16 @@ def all_gap_features(motion: CanonicalMotion, gaps: Sequence[tuple[slice, int, i
     ]
 
 
-_CONTEXT_S = 2.0 * (N_CONTEXT - 1) / FEATURE_FPS
-_MOMENTS_KEPT = 512
-_FULL_SPEED = 0.4
-"""Mean speed of a hand, arm lengths a second, from which on the output has full weight: half of continuous signing."""
-FULL_S = 0.6
-"""Length of a gap, s, from which on the output has full weight."""
-
-
 def answer_weights(lengths: FloatArray, seconds: float) -> FloatArray:
     """Returns factors (A,) of the network's output for a gap of ``seconds``, from the path lengths (12,) of the joints
-    of ``TIPS`` over the gap and its context: min(1, seconds / FULL_S)^1.5, times min(1, v / _FULL_SPEED)^3, with v the
-    mean speed of the arm's wrist and fingers.
+    of ``TIPS`` over the gap and its context: min(1, seconds / gap_s)^1.5, times min(1, v / hand_speed)^3, with v the
+    mean speed of the arm's wrist and fingers, and the limits of ``OutputLimits``.
 
     Short gaps and resting hands, which a cubic bridges well, stay close to it (docs/decisions.md).
     """
-    speeds = lengths.reshape(2, -1).mean(axis=1) / (seconds + _CONTEXT_S)  # (2,)
-    sides = min(1.0, seconds / FULL_S) ** 1.5 * np.minimum(1.0, speeds / _FULL_SPEED) ** 3
+    context_s = 2.0 * (N_CONTEXT - 1) / FEATURE_FPS
+    speeds = lengths.reshape(2, -1).mean(axis=1) / (seconds + context_s)  # (2,)
+    sides = min(1.0, seconds / _FULL_OUTPUT.gap_s) ** 1.5 * np.minimum(1.0, speeds / _FULL_OUTPUT.hand_speed) ** 3
     return np.repeat(sides, IS_ARM.sum() // 2)
 
 

@@ -3,7 +3,7 @@
 Like the rest of the body such a hand moves within the transition, and may have to fall from the face to the hip. Two
 modes give it more time.
 
-**transition**, the default: if it would exceed ``FASTEST_M_S``, the transition is lengthened for the whole body.
+**transition**, the default: if it would exceed ``SPEEDS.largest_m_s``, the transition is lengthened for the whole body.
 **natural**: it moves to rest over the first frames of the next sign, or leaves rest in the last frames of the sign
 before, as long as it rests there. Its arm follows one curve over the transition and those frames (``quintic``: minimum
 jerk between the velocities of both ends), avoids the body and the other hand, and is as slow as human hands. All other
@@ -32,21 +32,44 @@ from signsplice.splicing.passes import Pass, Refill
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.word import apply_edits, edit_of
 
-_NEAR_REST = 0.13
-"""Distance from its rest position, seen from the hips, within which a hand rests, arm lengths. While the other hand
-signs, the synthetic signer's resting hand stays within 0.12; a hand that signs too has at least 0.20. (From the
-shoulders, which sway, the values are 0.20 and 0.22.)
-"""
-_TURNED_RAD = np.deg2rad(20.0)
-"""Largest rotation of a resting hand, radians; the synthetic signer's stays within 16 degrees."""
-_HANGING = 0.25
-"""Height above a hanging wrist up to which an arm hangs, arm lengths."""
-_LOW = 0.6
-"""Height up to which both hands rest if both are still (folded at the belly, held at the waist), arm lengths."""
-_STILL_M_S = 0.3
-"""Speed below which a hand is still, m/s."""
-_CLEAR_M = 0.03
-"""Distance from the other arm within which a signing hand may touch it soon, m: the arm then keeps its frames."""
+
+@dataclass(frozen=True)
+class RestLimits:
+    """Limits within which a hand rests."""
+
+    distance: float = 0.13
+    """Distance from its rest position, seen from the hips, within which a hand rests, arm lengths. While the other hand
+    signs, the synthetic signer's resting hand stays within 0.12; a hand that signs too has at least 0.20. (From the
+    shoulders, which sway, the values are 0.20 and 0.22.)
+    """
+    rotation: float = np.deg2rad(20.0)
+    """Largest rotation of a resting hand, radians; the synthetic signer's stays within 16 degrees."""
+    hanging_height: float = 0.25
+    """Height above a hanging wrist up to which an arm hangs, arm lengths."""
+    folded_height: float = 0.6
+    """Height up to which both hands rest if both are still (folded at the belly, held at the waist), arm lengths."""
+    speed_m_s: float = 0.3
+    """Speed below which a hand is still, m/s."""
+    other_hand_m: float = 0.03
+    """Distance from the arm within which the signing hand may touch it soon, m: the arm then keeps its frames."""
+
+
+@dataclass(frozen=True)
+class IdleHandSpeeds:
+    """Speeds of idle hands, and the limit of attempts to reach them."""
+
+    largest_m_s: float = 2.2
+    """Largest speed of an idle hand, m/s."""
+    natural_m_s: float = 1.4
+    """Largest speed under ``natural``, m/s: that of 9 of 10 sinking hands in running signing (15 movements of 0.15 to
+    0.4 m in 16 sentences of the DGS Corpus: median 0.8 m/s, at most 1.8).
+    """
+    most_lengthenings: int = 8
+    """Largest number of times that a transition is lengthened."""
+
+
+_REST = RestLimits()
+SPEEDS = IdleHandSpeeds()
 
 
 @dataclass(frozen=True)
@@ -85,14 +108,14 @@ def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
     positions = motion.wrists - motion.hips[:, None]  # (T, 2, 3)
     edge = positions[:4] if step > 0 else positions[-4:]
     speeds = np.linalg.norm(np.diff(edge, axis=0), axis=-1).max(axis=0, initial=0.0) * motion.fps * motion.metres
-    heights, is_still = motion.lift[end], speeds < _STILL_M_S
-    hangs = heights[side] < _HANGING and is_still[side]
-    if not (hangs or (heights.max() < _LOW and is_still.all())):
+    heights, is_still = motion.lift[end], speeds < _REST.speed_m_s
+    hangs = heights[side] < _REST.hanging_height and is_still[side]
+    if not (hangs or (heights.max() < _REST.folded_height and is_still.all())):
         return 0
     frames, end_rotation = slice(frame, None, step), motion.hand_rotations[end, side]
-    is_close = np.linalg.norm(positions[frames, side] - positions[end, side], axis=-1) < _NEAR_REST * motion.length
+    is_close = np.linalg.norm(positions[frames, side] - positions[end, side], axis=-1) < _REST.distance * motion.length
     cosines = 0.5 * (np.einsum("tab,ab->t", motion.hand_rotations[frames, side], end_rotation) - 1.0)
-    run = is_close & (cosines > np.cos(_TURNED_RAD))
+    run = is_close & (cosines > np.cos(_REST.rotation))
     return len(run) if run.all() else int(np.argmin(run))
 
 
@@ -105,7 +128,7 @@ def is_approached(clip: Clip, side: int) -> NDArray[np.bool_]:
     if not arm_capsules or not hand_capsules:
         return np.zeros(len(clip), bool)
     overlap, _ = collision.overlap(posed.starts, posed.ends, body.radii, hand_capsules, arm_capsules)
-    return np.asarray(-overlap.max(axis=(1, 2)) * rig_info(clip.skeleton).sizes.unit.metres < _CLEAR_M)
+    return np.asarray(-overlap.max(axis=(1, 2)) * rig_info(clip.skeleton).sizes.unit.metres < _REST.other_hand_m)
 
 
 def arm_joints(clip: Clip, side: int) -> tuple[int, ...]:
@@ -117,14 +140,6 @@ def arm_joints(clip: Clip, side: int) -> tuple[int, ...]:
 
 TRANSITION, NATURAL = FREE_HANDS = ("transition", "natural")
 """Modes for the time of idle hands."""
-FASTEST_M_S = 2.2
-"""Largest speed of an idle hand, m/s."""
-_UNHURRIED_M_S = 1.4
-"""Largest speed under ``natural``, m/s: that of 9 of 10 sinking hands in running signing (15 movements of 0.15 to 0.4 m
-in 16 sentences of the DGS Corpus: median 0.8 m/s, at most 1.8).
-"""
-_ROUNDS = 8
-"""Largest number of times that a transition is lengthened."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +171,7 @@ class FreeHands(Pass):
     def change(self, seam: Seam) -> Seam:
         """Returns the seam with slower idle hands, or unchanged if they are slow enough."""
         seam = self.refill.fresh(seam)
-        least = _UNHURRIED_M_S if self.natural else FASTEST_M_S
+        least = SPEEDS.natural_m_s if self.natural else SPEEDS.largest_m_s
         if not _is_faster(seam, least):
             return seam
         hands, longest = (
@@ -164,15 +179,15 @@ class FreeHands(Pass):
             most_frames(seam.gap.before.fps),
         )
         done = seam
-        for _ in range(_ROUNDS if hands else 0):
+        for _ in range(SPEEDS.most_lengthenings if hands else 0):
             done = seam
             for hand in hands if self.natural else ():
                 done = _let_free(done, hand, self.avoids)
             peak = max(_peak_with_rest(done, hand) for hand in hands)
             n_frames = seam.gap.n_frames
-            if not self.lengthens or peak <= FASTEST_M_S or n_frames >= longest:
+            if not self.lengthens or peak <= SPEEDS.largest_m_s or n_frames >= longest:
                 break
-            n_needed = math.ceil((n_frames + 1) * peak / FASTEST_M_S) - 1
+            n_needed = math.ceil((n_frames + 1) * peak / SPEEDS.largest_m_s) - 1
             seam = self.refill.again(seam, min(max(n_needed, n_frames + 1), longest))
         return done
 
@@ -184,8 +199,8 @@ def _let_free(seam: Seam, hand: IdleHand, avoids: bool) -> Seam:
     limit = _frames_free(seam, hand)
     best: _ArmPath | None = None
     n_more = 0
-    while peak > _UNHURRIED_M_S and n_more < limit:
-        n_wanted = math.ceil((n_frames + n_more + 1) * peak / _UNHURRIED_M_S) - 1 - n_frames
+    while peak > SPEEDS.natural_m_s and n_more < limit:
+        n_wanted = math.ceil((n_frames + n_more + 1) * peak / SPEEDS.natural_m_s) - 1 - n_frames
         n_more = min(max(n_wanted, n_more + 1), limit)
         path = _arm_path(seam, hand, n_more, avoids)
         peak = path.peak

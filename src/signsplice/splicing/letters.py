@@ -40,16 +40,53 @@ from signsplice.splicing.passes import AvoidCollisions, Pass, Refill
 from signsplice.splicing.seam import LETTERS, REFORMED, SLID, Seam, SeamKind
 from signsplice.splicing.word import Edit, edit_of
 
-LEAST_HOLD_S = 0.13
-"""Shortest hold of a letter, s."""
-END_HOLD_S = 0.25
-"""Shortest hold of the first and last letter, s: signers stress them (Lapiak, handspeak.com)."""
-_STILL_M_S = 0.15
-"""Speed of a wrist below which a hand holds its letter, m/s."""
-_STILL_RAD_S = 1.5
-"""Speed of finger joints below which a hand holds its letter, radians a second."""
-_RAISED = 0.4
-"""Lift of the other hand (``Arms.lift``) from which on a letter is two-handed, of another alphabet."""
+
+@dataclass(frozen=True)
+class LetterTempo:
+    """Times of letters and of the movements between them, at the playback speed of the recording."""
+
+    least_hold_s: float = 0.13
+    """Shortest hold of a letter, s."""
+    least_end_hold_s: float = 0.25
+    """Shortest hold of the first and last letter, s: signers stress them (Lapiak, handspeak.com)."""
+    least_transition_s: float = 0.1
+    """Shortest time from one letter to the next, s."""
+    doubled_transition_s: float = 0.2
+    """Time from a letter to the same letter again, s."""
+    joint_speed_rad_s: float = 11.0
+    """Mean speed of the joint of hand or fingers that turns farthest, radians a second (630 degrees a second)."""
+    wrist_speed_m_s: float = 0.6
+    """Mean speed of the wrist from one letter to the next, m/s."""
+    early_finger_s: float = 0.07
+    """Longest time that a free finger moves while its letter is held, s."""
+
+
+@dataclass(frozen=True)
+class LetterMovements:
+    """Movements of hands and fingers at letters, and the sizes from which on they count."""
+
+    still_wrist_m_s: float = 0.15
+    """Speed of a wrist below which a hand holds its letter, m/s."""
+    still_fingers_rad_s: float = 1.5
+    """Speed of finger joints below which a hand holds its letter, radians a second."""
+    raised_lift: float = 0.4
+    """Lift of the other hand (``Arms.lift``) from which on a letter is two-handed, of another alphabet."""
+    same_pose_rotation: float = 0.25
+    """Largest rotation of a joint between two letters that look the same, radians."""
+    same_pose_travel_m: float = 0.03
+    """Largest travel of a wrist between two letters that look the same, m."""
+    slide_m: float = 0.045
+    """Distance that a doubled letter slides to the side, m."""
+    bounce_m: float = 0.0127
+    """Height of the bounce of a letter that is formed again, m."""
+    relaxation: float = 0.65
+    """Fraction of the way to their rest pose that fingers move before they form a letter again."""
+    least_finger_rotation: float = 0.15
+    """Smallest joint rotation for which a finger is moved, radians."""
+
+
+_TEMPO = LetterTempo()
+MOVEMENTS = LetterMovements()
 
 
 def letter(clip: Clip) -> str:
@@ -63,7 +100,7 @@ def spelling_side(p: Arms, pre: int, q: Arms, post: int) -> int | None:
     """
     lifts = np.array([p.lift[pre], q.lift[post]])
     sides = set(lifts.argmax(axis=1).tolist())
-    return None if len(sides) > 1 or lifts.min(axis=1).max() > _RAISED else sides.pop()
+    return None if len(sides) > 1 or lifts.min(axis=1).max() > MOVEMENTS.raised_lift else sides.pop()
 
 
 def last_letter_hold_end(clip: Clip, entry: int, speed: float = 1.0) -> int:
@@ -72,7 +109,7 @@ def last_letter_hold_end(clip: Clip, entry: int, speed: float = 1.0) -> int:
         still = still_frames(clip, arms(clip), speed)
     except InputError:
         return entry
-    return last_held_frame(still, entry, END_HOLD_S / speed, clip.fps) if len(still) else entry
+    return last_held_frame(still, entry, _TEMPO.least_end_hold_s / speed, clip.fps) if len(still) else entry
 
 
 def last_held_frame(still: NDArray[np.intp], entry: int, seconds: float, fps: float) -> int:
@@ -96,9 +133,9 @@ def still_frames(clip: Clip, own: Arms, speed: float) -> NDArray[np.intp]:
     )
     steps = np.linalg.norm(np.diff(hands_in_trunk_axes(own)[0][:, spelling], axis=0), axis=-1).max(axis=1) * own.metres
     rate = clip.fps / speed  # of frames in the time of the recording
-    moves = (angles * rate > _STILL_RAD_S) | (steps * rate > _STILL_M_S)  # (T - 1,)
+    moves = (angles * rate > MOVEMENTS.still_fingers_rad_s) | (steps * rate > MOVEMENTS.still_wrist_m_s)  # (T - 1,)
     still = ~(np.append(moves, False) | np.append(False, moves))
-    if not still[start:stop].any() and 2.0 / rate > LEAST_HOLD_S:
+    if not still[start:stop].any() and 2.0 / rate > _TEMPO.least_hold_s:
         still = ~(np.append(moves, True) & np.append(True, moves))
     return np.flatnonzero(still[start:stop]) + start
 
@@ -108,7 +145,7 @@ def spelling_sides(lifts: FloatArray) -> list[int]:
     higher one. The other hand hangs and follows the body.
     """
     highest = lifts.max(axis=0)
-    return np.flatnonzero(highest >= min(_RAISED, float(highest.max()))).tolist()
+    return np.flatnonzero(highest >= min(MOVEMENTS.raised_lift, float(highest.max()))).tolist()
 
 
 def hand_joints(clip: Clip, sides: Sequence[int]) -> list[int]:
@@ -118,20 +155,6 @@ def hand_joints(clip: Clip, sides: Sequence[int]) -> list[int]:
     return [joint for role, joint in joints.items() if role.startswith(names)]
 
 
-ROTATION_RAD_S = 11.0
-"""Mean speed of the joint of hand or fingers that turns farthest, radians a second (630 degrees a second)."""
-TRAVEL_M_S = 0.6
-"""Mean speed of the wrist from one letter to the next, m/s."""
-LEAST_TRANSITION_S = 0.1
-"""Shortest time from one letter to the next, s."""
-DOUBLED_S = 0.2
-"""Time from a letter to the same letter again, s."""
-_SAME_RAD = 0.25
-"""Largest rotation of a joint between two letters that look the same, radians."""
-_SAME_M = 0.03
-"""Largest travel of a wrist between two letters that look the same, m."""
-SLIDE_M = 0.045
-"""Distance that a doubled letter slides to the side, m."""
 SLID_LETTERS = frozenset("BCDFGHIKLPQRUVWXY123456789")
 """Letters and digits of the American manual alphabet that slide when they are doubled (``SlideLetters``)."""
 
@@ -158,7 +181,7 @@ def cut_letters(before: Clip, after: Clip, entry: int, transition_s: float, spee
     """Returns the seam of two aligned letters, the first of which was entered at frame ``entry`` after ``transition_s``
     seconds (0 if it begins the word); None if the arms are unknown or a hand is never still.
 
-    A still letter is held as long as the transition to it, at least ``LEAST_HOLD_S``; one with a movement (J, Z) is
+    A still letter is held as long as the transition to it, at least the shortest hold; one with a movement (J, Z) is
     kept whole. The transition takes as long as the fingers and the hand need, but no longer than the second letter can
     be held. ``speed``: playback speed of both letters, by which all times are divided.
     """
@@ -169,20 +192,22 @@ def cut_letters(before: Clip, after: Clip, entry: int, transition_s: float, spee
     first, second = still_frames(before, p, speed), still_frames(after, q, speed)
     if not (len(first) and len(second)):
         return None
-    hold_s = max(transition_s, LEAST_HOLD_S / speed) if transition_s else END_HOLD_S / speed
+    hold_s = max(transition_s, _TEMPO.least_hold_s / speed) if transition_s else _TEMPO.least_end_hold_s / speed
     pre = min(max(last_held_frame(first, entry, hold_s, before.fps), entry), len(before) - 1)
     post = int(second[0])
     angle, travel = _rotation_and_travel(before, p, pre, after, q, post)
-    is_doubled = angle < _SAME_RAD and travel < _SAME_M
-    needed = DOUBLED_S if is_doubled else max(angle / ROTATION_RAD_S, travel / TRAVEL_M_S, LEAST_TRANSITION_S)
+    is_doubled = angle < MOVEMENTS.same_pose_rotation and travel < MOVEMENTS.same_pose_travel_m
+    needed = _TEMPO.doubled_transition_s
+    if not is_doubled:
+        needed = max(angle / _TEMPO.joint_speed_rad_s, travel / _TEMPO.wrist_speed_m_s, _TEMPO.least_transition_s)
     can_hold = (last_held_frame(second, post, np.inf, after.fps) - post) / after.fps
     warnings: tuple[str, ...] = ()
-    if can_hold < LEAST_TRANSITION_S / speed:
+    if can_hold < _TEMPO.least_transition_s / speed:
         warnings = (f"{after.name} is still for {can_hold:.2f} s only, less than the way to it takes",)
     slides = (
         is_doubled and letter(before) == letter(after) in SLID_LETTERS and spelling_side(p, pre, q, post) is not None
     )
-    seconds = max(min(needed / speed, can_hold), LEAST_TRANSITION_S / speed)
+    seconds = max(min(needed / speed, can_hold), _TEMPO.least_transition_s / speed)
     return LetterCut(Cut(pre, post), seconds, is_doubled, slides, warnings)
 
 
@@ -198,12 +223,6 @@ def _rotation_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, 
     hands = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0))
     travel = np.linalg.norm(end - start, axis=-1) * p.metres
     return float(max(angles.max(initial=0.0), hands.max())), float(travel.max())
-
-
-_BOUNCE_M = 0.0127
-"""Height of the bounce of a letter that is formed again, m."""
-_RELAXED = 0.65
-"""Fraction of the way to their rest pose that fingers move before they form a letter again."""
 
 
 @dataclass(frozen=True)
@@ -262,18 +281,18 @@ def reform_letter(new: Clip, before: Clip) -> Clip:
     back = -np.cross(leftward, spelling.up)
     direction = spelling.up + back / np.linalg.norm(back, axis=-1, keepdims=True)
     moves = np.zeros((len(new), 2, 3))
-    moves[:, side] = bump[:, None] * direction * (_BOUNCE_M / spelling.metres / np.sqrt(2.0))
+    moves[:, side] = bump[:, None] * direction * (MOVEMENTS.bounce_m / spelling.metres / np.sqrt(2.0))
     moved = move_wrists(new, moves)
     if active_span(arms(before))[0] == 0:  # no rest is known
         return moved
     joints = hand_joints(new, [side])[1:]
     local = np.array(moved.local_rotations)
     rest = np.broadcast_to(before.local_rotations[0, joints], local[:, joints].shape)
-    local[:, joints] = rotation.slerp(local[:, joints], rest, _RELAXED * bump[:, None])
+    local[:, joints] = rotation.slerp(local[:, joints], rest, MOVEMENTS.relaxation * bump[:, None])
     return replace(moved, local_rotations=local)
 
 
-FREE = {
+FREE_FINGERS = {
     **dict.fromkeys("GLQTXZ", ("Middle", "Ring", "Little")),
     **dict.fromkeys("IJY", ("Index", "Middle", "Ring")),
     **dict.fromkeys("DHKNPRUV", ("Ring", "Little")),
@@ -281,16 +300,12 @@ FREE = {
     "F": ("Middle", "Ring", "Little"),
 }
 """Fingers that letters of the American manual alphabet do not select (Keane 2014); A, B, C, E, O and S select all."""
-EARLY_S = 0.07
-"""Longest time that a free finger moves while its letter is held, s."""
-_LEAST_RAD = 0.15
-"""Smallest joint rotation for which a finger is moved, radians."""
 
 
 @dataclass(frozen=True)
 class MoveFingers(Pass):
-    """Gives free fingers of two letters more time to move: from ``EARLY_S`` before the first letter is left to the same
-    time after the second is entered.
+    """Gives free fingers of two letters more time to move: from ``early_finger_s`` of ``LetterTempo`` before the first
+    letter is left to the same time after the second is entered.
 
     sign_speed: playback speed of the letters.
     """
@@ -330,15 +345,16 @@ class MoveFingers(Pass):
         """
         cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
         fps, n_new = before.fps / self.sign_speed, len(seam.new_frames)
-        limit = min(round(EARLY_S * fps), math.ceil(LEAST_HOLD_S * fps - 1e-6) // 2)
+        limit = min(round(_TEMPO.early_finger_s * fps), math.ceil(_TEMPO.least_hold_s * fps - 1e-6) // 2)
         n_early = n_late = 0
-        if finger in FREE.get(letter(before), ()):
+        if finger in FREE_FINGERS.get(letter(before), ()):
             n_early = min(limit, (cut.pre - seam.before.first_frame) // 2)
-        if finger in FREE.get(letter(after), ()):
+        if finger in FREE_FINGERS.get(letter(after), ()):
             n_late = min(limit, len(after) - 1 - cut.post)
         start = before.local_rotations[cut.pre - n_early, joints]
         end = after.local_rotations[cut.post + n_late, joints]
-        if not (n_early or n_late) or rotation.angle_between(start, end).max(initial=0.0) < _LEAST_RAD:
+        is_still = rotation.angle_between(start, end).max(initial=0.0) < MOVEMENTS.least_finger_rotation
+        if is_still or not (n_early or n_late):
             return 0, np.empty((0, len(joints), 4))
         n_steps = n_early + n_new + 1 + n_late
         u = np.arange(1, n_steps) / n_steps

@@ -18,7 +18,7 @@ from signsplice.rig import metrics
 from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.collisions import avoid_all_collisions
 from signsplice.splicing.contracts import Gap, Transition, fill_gaps, require_either
-from signsplice.splicing.durations import FAST_M_S, most_frames
+from signsplice.splicing.durations import HUMAN, most_frames
 from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, SeamKind
 from signsplice.splicing.word import Edit
 
@@ -114,8 +114,8 @@ class Refill:
 
 @dataclass(frozen=True)
 class LengthenGaps(Pass):
-    """Under a tempo, gives gaps in which a wrist would exceed ``FAST_M_S`` up to twice as many frames, so that no hand
-    is faster between two signs than in signs.
+    """Under a tempo, gives gaps in which a wrist would exceed ``HUMAN.largest_speed_m_s`` up to twice as many frames,
+    so that no hand is faster between two signs than in signs.
     """
 
     refill: Refill
@@ -133,13 +133,13 @@ class LengthenGaps(Pass):
 
 
 def _is_too_fast(gap: Gap, new: Clip) -> bool:
-    """Whether a wrist exceeds ``FAST_M_S`` in the new frames of a gap."""
+    """Whether a wrist exceeds ``HUMAN.largest_speed_m_s`` in the new frames of a gap."""
     info = rig_info(new.skeleton)
     if not info.has_arms:
         return False
     window = concatenate([gap.before[-1:], new, gap.after[:1]])
     wrists = arms(window).wrists * info.sizes.unit.metres
-    return metrics.peak_speed(wrists, 1, len(window) - 1, window.fps) > FAST_M_S
+    return metrics.peak_speed(wrists, 1, len(window) - 1, window.fps) > HUMAN.largest_speed_m_s
 
 
 def check_order(passes: Sequence[Pass]) -> tuple[Pass, ...]:

@@ -18,7 +18,7 @@ from signsplice.rig import metrics
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import JUMP_DEG, JUMP_M_S
 from signsplice.splicing.contracts import CONTEXT, Cut, Gap, gap_at
-from signsplice.splicing.durations import FAST_M_S
+from signsplice.splicing.durations import HUMAN
 from signsplice.splicing.word import AlignedWord, Edit, apply_edits
 
 SeamKind = Literal["signs", "letters", "slid letters", "reformed letters", "system", "one clip"]
@@ -195,7 +195,7 @@ def score_seam(seam: Seam, positions: FloatArray) -> Seam:
         jump = metrics.velocity_jump(wrists, first, stop, fps)
         speed = metrics.peak_speed(wrists, first, stop, fps)
         jerk = metrics.jerk_ratio(wrists, first, stop, LEAST_JERK_M_S3 / fps**3)
-        if speed > FAST_M_S:
+        if speed > HUMAN.largest_speed_m_s:
             in_signs = [metrics.peak_speed(part, 0, len(part), fps) for part in (wrists[:first], wrists[stop:])]
             advice = "" if is_system else _advice(max(in_signs), time)
             lines.append(f"a hand moves at {speed:.1f} m/s, faster than signs do{advice}")

@@ -24,11 +24,11 @@ from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_hel
 from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut
-from signsplice.splicing.durations import HUMAN_MEDIAN_S, MAX_TRANSITION_S, TravelDuration
+from signsplice.splicing.durations import HUMAN, MAX_TRANSITION_S, TravelDuration
 from signsplice.splicing.faces import EaseFaces
 from signsplice.splicing.idle_hands import NATURAL, FreeHands, WristSpeeds
 from signsplice.splicing.letters import (
-    SLIDE_M,
+    MOVEMENTS,
     MoveFingers,
     ReformLetters,
     SlideLetters,
@@ -200,7 +200,7 @@ class Planner:
         else:
             n_frames, warnings = max(1, round(letters.seconds * before.clip.fps) - 1), letters.warnings
         kind = SLID if letters.slides else REFORMED if letters.is_doubled else LETTERS
-        slide_m = before.slide_m + SLIDE_M if letters.slides and n_frames else 0.0
+        slide_m = before.slide_m + MOVEMENTS.slide_m if letters.slides and n_frames else 0.0
         arrival_s = (n_frames + 1) / after.clip.fps
         return plan_seam(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
 
@@ -213,6 +213,7 @@ class Planner:
         try:
             seconds = self.methods.duration.seconds(before, after, cut)
         except InputError:
-            line = f"no arms known in {before.name}: the transition takes {HUMAN_MEDIAN_S:g} s, whatever the distance"
-            return max(1, round(HUMAN_MEDIAN_S * before.fps)), (line,)
+            median_s = HUMAN.median_transition_s
+            line = f"no arms known in {before.name}: the transition takes {median_s:g} s, whatever the distance"
+            return max(1, round(median_s * before.fps)), (line,)
         return max(1, round(min(seconds, MAX_TRANSITION_S) * before.fps)), ()

@@ -24,41 +24,56 @@ from signsplice.splicing.contracts import Cutter
 from signsplice.splicing.durations import running_sign_s
 from signsplice.splicing.word import AlignedWord, cut_words
 
+
+@dataclass(frozen=True)
+class RateSettings:
+    """Limits of playback rates, and settings of the measurements that they follow."""
+
+    highest_rate: float = 16.0
+    """Highest rate, for still hands: people omit holds between signs, so a second of hold becomes a sixteenth."""
+    least_contact_s: float = 0.08
+    """Shortest time to which a contact is reduced, s: two frames at 25 or 30 a second."""
+    least_movement_s: float = 0.1
+    """Shortest time to which one movement of a hand or its fingers is reduced, s: hands repeat a movement to and fro no
+    faster than about five times a second.
+    """
+    slow_frame_preference: float = 0.5
+    """Preference for slow frames: 0 plays all frames at one rate, 1 brings all to one intensity, which would remove the
+    acceleration at the start and end of movements.
+    """
+    neighbour_intensity: float = 0.35
+    """Largest intensity of frames before and after a sign: neighbours keep a few of them, and a fast hand there
+    overshoots in the transition.
+    """
+    least_intensity: float = 0.02
+    """Lower limit of the intensity."""
+    difference_step_s: float = 1.0 / 30.0
+    """Step of the differences that give speeds and accelerations, s."""
+    smoothing_s: float = 0.04
+    """Width of the smoothing of intensities and rates, s."""
+    noise_filter_s: float = 0.08
+    """Standard deviation of the Gaussian that filters positions before accelerations limit rates, s: otherwise capture
+    noise of a few thousandths of a radian per joint would limit a hold to two or three times its pace.
+    """
+    still_speed_m_s: float = 0.05
+    """Speed below which a hand stands still between movements, m/s."""
+    movement_peak_m_s: float = 0.12
+    """Prominence from which on a local maximum of speed counts as a movement, m/s."""
+    boundary_frames: int = 2
+    """Frames of a sign beyond the time from its first to its last recorded frame: one, and half a one at either end,
+    since a sentence shows the played frames just outside of these.
+    """
+    frame_decimals: int = 4
+    """Decimals to which source frames are rounded."""
+
+
+RATES = RateSettings()
+
 PEAKS = {"Hand": (2.5, 45.0), "Distal": (4.3, 73.0), "head": (1.5, 12.7)}
 """Role suffix -> highest speed, m/s, and acceleration, m/s2, of wrists, fingertips and head, seen from the hips: 99 %
 of the frames of a public captured take (``long_take_metres``) stay below. The wrists' speed is lower than in that take
 (2.75): the highest of isolated words.
 """
-MOST = 16.0
-"""Highest rate, for still hands: people omit holds between signs, so a second of hold becomes a sixteenth."""
-CONTACT_S = 0.08
-"""Shortest time to which a contact is reduced, s: two frames at 25 or 30 a second."""
-STROKE_S = 0.1
-"""Shortest time to which one movement of a hand or its fingers is reduced, s: hands repeat a movement to and fro no
-faster than about five times a second.
-"""
-FLATTENING = 0.5
-"""Preference for slow frames: 0 plays all frames at one rate, 1 brings all to one intensity, which would remove the
-acceleration at the start and end of movements.
-"""
-OUTSIDE = 0.35
-"""Largest intensity of frames before and after a sign: neighbours keep a few of them, and a fast hand there overshoots
-in the transition.
-"""
-_LEAST_INTENSITY = 0.02
-"""Lower limit of the intensity."""
-_STEP_S = 1.0 / 30.0
-"""Step of the differences that give speeds and accelerations, s."""
-_SMOOTH_S = 0.04
-"""Width of the smoothing of intensities and rates, s."""
-_NOISE_S = 0.08
-"""Standard deviation of the Gaussian that filters positions before accelerations limit rates, s: otherwise capture
-noise of a few thousandths of a radian per joint would limit a hold to two or three times its pace.
-"""
-_STILL_M_S = 0.05
-"""Speed below which a hand stands still between movements, m/s."""
-_LEAST_PEAK_M_S = 0.12
-"""Prominence from which on a local maximum of speed counts as a movement, m/s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +102,7 @@ class Pace:
         """
         if (last - first) / self.fps <= seconds:
             return np.ones_like(self.most)
-        limits = np.minimum(self.most, np.maximum(OUTSIDE / self.intensity, 1.0))
+        limits = np.minimum(self.most, np.maximum(RATES.neighbour_intensity / self.intensity, 1.0))
         limits[first + 1 : last] = self.most[first + 1 : last]
         limits[: min(first, self.active[0])] = limits[max(last + 1, self.active[1]) :] = 1.0
         slow, fast = -8.0, 8.0  # log2 of the intensity that slow moments are brought towards
@@ -100,7 +115,7 @@ class Pace:
         return self._rates(2.0**fast, limits)
 
     def _rates(self, level: float, most: FloatArray) -> FloatArray:
-        rates = np.clip((level / self.intensity) ** FLATTENING, 1.0, most)
+        rates = np.clip((level / self.intensity) ** RATES.slow_frame_preference, 1.0, most)
         return np.asarray(np.exp(_smooth(np.log(rates), self.fps)))
 
 
@@ -115,17 +130,18 @@ def pace(clip: Clip) -> Pace:
 def _pace(clip: Clip) -> Pace:
     points, speeds, accelerations = _points(clip)
     intensity = _intensity(points, points, speeds, accelerations, clip.fps)
-    low_passed = gaussian_filter1d(points, _NOISE_S * clip.fps, axis=0, mode="nearest")
+    low_passed = gaussian_filter1d(points, RATES.noise_filter_s * clip.fps, axis=0, mode="nearest")
     limiting = _intensity(points, low_passed, speeds, accelerations, clip.fps)
-    width = 2 * max(1, round(_SMOOTH_S * clip.fps)) + 1
-    limits = np.clip(1.0 / np.maximum(limiting, 1.0 / MOST), 1.0, MOST)
-    spans = [(*frames, STROKE_S) for frames in _movements(clip)]
-    spans += [(start, stop - 1, CONTACT_S) for start, stop in contact_frames(clip)]  # from first to last touch
+    width = 2 * max(1, round(RATES.smoothing_s * clip.fps)) + 1
+    limits = np.clip(1.0 / np.maximum(limiting, 1.0 / RATES.highest_rate), 1.0, RATES.highest_rate)
+    spans = [(*frames, RATES.least_movement_s) for frames in _movements(clip)]
+    # Contacts count from the first to the last touch.
+    spans += [(start, stop - 1, RATES.least_contact_s) for start, stop in contact_frames(clip)]
     for start, stop, least in spans:
         limits[start : stop + 1] = np.minimum(limits[start : stop + 1], max(1.0, (stop - start) / clip.fps / least))
     limits = minimum_filter1d(limits, width, mode="nearest")
-    smooth = gaussian_filter1d(intensity, _SMOOTH_S * clip.fps, mode="nearest")
-    return Pace(np.maximum(smooth, _LEAST_INTENSITY), limits, active_span(arms(clip)), clip.fps)
+    smooth = gaussian_filter1d(intensity, RATES.smoothing_s * clip.fps, mode="nearest")
+    return Pace(np.maximum(smooth, RATES.least_intensity), limits, active_span(arms(clip)), clip.fps)
 
 
 def _intensity(
@@ -134,7 +150,7 @@ def _intensity(
     """Returns the intensity (T,) of points (T, P, 3): speeds of ``moving`` over ``speeds`` (P,), accelerations of
     ``accelerating`` over ``accelerations`` (P,).
     """
-    step, n_frames = max(1, round(_STEP_S * fps)), len(moving)
+    step, n_frames = max(1, round(RATES.difference_step_s * fps)), len(moving)
     before, after = (np.clip(np.arange(n_frames) + n, 0, n_frames - 1) for n in (-step, step))
     speed = np.linalg.norm(moving[after] - moving[before], axis=-1) * fps / (2.0 * step)
     change = accelerating[after] - 2.0 * accelerating + accelerating[before]
@@ -144,7 +160,7 @@ def _intensity(
 
 def _smooth(values: FloatArray, fps: float) -> FloatArray:
     """Smooths values (T,) by a bell no wider than the minimum filter of ``most``, so that ``most`` stays a limit."""
-    side = max(1, round(_SMOOTH_S * fps))
+    side = max(1, round(RATES.smoothing_s * fps))
     kernel = np.hanning(2 * side + 3)[1:-1]
     return np.asarray(convolve1d(values, kernel / kernel.sum(), mode="nearest"))
 
@@ -169,7 +185,7 @@ def _movements(clip: Clip) -> list[tuple[int, int]]:
     for side in ("left", "right"):
         tips = [joint for role, joint in joints.items() if role.startswith(side) and role.endswith("Distal")]
         positions = kinematics.forward(clip, [0, joints[f"{side}Hand"], *tips])[1] * info.sizes.unit.metres
-        positions = gaussian_filter1d(positions, _SMOOTH_S * clip.fps, axis=0, mode="nearest")
+        positions = gaussian_filter1d(positions, RATES.smoothing_s * clip.fps, axis=0, mode="nearest")
         for path in (positions[:, 1:2] - positions[:, :1], positions[:, 2:] - positions[:, 1:2]):
             speed = np.linalg.norm(np.gradient(path, axis=0), axis=-1).max(axis=1, initial=0.0) * clip.fps
             movements += _humps(speed)
@@ -180,11 +196,11 @@ def _humps(speed: FloatArray) -> list[tuple[int, int]]:
     """Returns the first and last frame around each clear maximum of ``speed`` (T,), between the minima or the stillness
     on either side.
     """
-    peaks = [peak - 1 for peak in prominent_peaks(np.r_[0.0, speed, 0.0], _LEAST_PEAK_M_S)]
+    peaks = [peak - 1 for peak in prominent_peaks(np.r_[0.0, speed, 0.0], RATES.movement_peak_m_s)]
     lows = [a + int(np.argmin(speed[a : b + 1])) for a, b in pairwise(peaks)]
-    ranges = []
+    is_still, ranges = speed < RATES.still_speed_m_s, []
     for peak, low, high in zip(peaks, [0, *lows], [*lows, len(speed) - 1], strict=len(peaks) > 0):
-        before, after = (np.flatnonzero(speed[part] < _STILL_M_S) for part in (slice(low, peak), slice(peak, high)))
+        before, after = (np.flatnonzero(is_still[part]) for part in (slice(low, peak), slice(peak, high)))
         ranges.append((low + int(before[-1]) if len(before) else low, peak + int(after[0]) if len(after) else high))
     return ranges
 
@@ -217,14 +233,6 @@ def contact_frames(clip: Clip) -> list[tuple[int, int]]:
     return [contact.frames for contact in find_contacts(body, pairs, close_pairs, distance, len(clip))]
 
 
-_BESIDE = 2
-"""Frames of a sign beyond the time from its first to its last recorded frame: one, and half a one at either end, since
-a sentence shows the played frames just outside of these.
-"""
-_DECIMALS = 4
-"""Decimals to which source frames are rounded."""
-
-
 def retime_word(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWord:
     """Brings a word to a tempo of ``seconds`` a sign, as far as human peaks allow. Returns it unchanged if the sign is
     no longer than that, if it is a letter (seams determine the tempo of letters), or, with a warning, if the rig's arms
@@ -242,11 +250,11 @@ def retime_word(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWor
         return word
     first, last = _sign(word, cutter)
     wanted_s = running_sign_s((last - first + 1) / clip.fps, seconds)
-    rates = pace(clip).rates(first, last, wanted_s - _BESIDE / clip.fps)
+    rates = pace(clip).rates(first, last, wanted_s - RATES.boundary_frames / clip.fps)
     if np.all(rates == 1.0):
         return word
     # Rounded as frames of the whole clip: sampling it at a warp's frames gives the same fractions, bit for bit.
-    sources = np.round(_source_frames(rates) + n_left_out, _DECIMALS) - n_left_out
+    sources = np.round(_source_frames(rates) + n_left_out, RATES.frame_decimals) - n_left_out
     return replace(word, retimed=sample_clip(clip, sources), frames=replace(word.frames, sources=sources))
 
 
@@ -270,6 +278,6 @@ def _source_frames(rates: FloatArray) -> FloatArray:
     n_frames = int(np.ceil(times[-1] - 1e-9))
     times *= n_frames / times[-1]
     sources = PchipInterpolator(times, np.arange(len(rates), dtype=np.float64))(np.arange(n_frames + 1))
-    sources = np.round(sources, _DECIMALS)
+    sources = np.round(sources, RATES.frame_decimals)
     sources[0], sources[-1] = 0.0, len(rates) - 1.0
     return np.asarray(sources)

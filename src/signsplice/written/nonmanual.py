@@ -33,6 +33,48 @@ from signsplice.signer.tables import sections, to_vector
 from signsplice.written.reading import Element, Reading, factor
 from signsplice.written.tree import Tier, WrittenSign
 
+
+@dataclass(frozen=True)
+class FaceTiming:
+    """Times of mouths and faces of written signs."""
+
+    sounds_per_s: float = 6.7
+    """Phonemes a second without a sign."""
+    most_sounds_per_s: float = 11.0
+    """Highest rate of a mouthing, sounds a second; a longer mouthing continues while the hands go down."""
+    blended_fraction: float = 0.5
+    """Fraction of a sound's time that blends its shape into the next, on each side of their border: the next sound
+    shows before it is heard (Cohen and Massaro 1993).
+    """
+    item_sounds: float = 3.0
+    """Length of an item other than a mouthing, sounds."""
+    mouth_ramp_s: float = 0.08
+    """Half the duration of the mouth's blend from or to rest, centred on the border of an item, seconds."""
+    face_ramp_s: float = 0.2
+    """Half the duration of the blend of other parts of the face, seconds."""
+    face_lead_s: float = 0.15
+    """Time that brows, lids and gaze last beyond the hands, before and after, seconds."""
+    least_face_s: float = 0.3
+    """Least duration of a face, seconds."""
+    end_item_s: float = 0.28
+    """Duration of items at the end of a sign, such as a blink, seconds."""
+
+
+@dataclass(frozen=True)
+class ShoulderLimits:
+    """Limits of written movements of shoulders."""
+
+    turn_fractions: tuple[float, ...] = (1.0, 0.5, 0.25)
+    """Fractions of the written shoulder turn, tried in this order until the hands are clear of the body."""
+    hand_depth_cm: float = 0.4
+    """Allowed depth of a hand in the body, cm."""
+    arm_reach: float = 0.995
+    """Longest reach of an arm, as a fraction of its bones; beyond it the hand moves with the shoulder."""
+
+
+TIMING = FaceTiming()
+_SHOULDERS = ShoulderLimits()
+
 _SOUNDS_OF = {
     "PP": "p b m", "FF": "f v", "TH": "T D", "DD": "t d l 5 L", "kk": "k g N x h C G ? c X q",
     "CH": "S Z tS dZ", "SS": "s z", "nn": "n J", "RR": "r R 4", "aa": "a A { V a: A:", "E": "e E @ 3 e: E: 3:",
@@ -45,17 +87,11 @@ SOUNDS = {
     "aU": ("aa", "U"), "@U": ("E", "U"), "oU": ("O", "U"), "I@": ("I", "E"), "e@": ("E", "E"), "U@": ("U", "E"),
 }  # fmt: skip
 """SAMPA -> its visemes in order."""
-A_SECOND = 6.7
-"""Phonemes a second without a sign."""
 _SIGNS = re.compile("|".join(re.escape(sound) for sound in sorted(SOUNDS, key=len, reverse=True)))
 _NO_SOUND = re.compile(r"[\s.\"%'_|:~-]+")
 """Separators of syllables and words, and marks of stress, length and nasal sounds."""
-_LENGTHS = {1: 1.0, 2: 0.75}
+_SHAPE_LENGTHS = {1: 1.0, 2: 0.75}
 """Number of shapes of a sound -> length of each."""
-_WIDTH = 0.5
-"""Fraction of a sound's time that blends its shape into the next, on each side of their border: the next sound shows
-before it is heard (Cohen and Massaro 1993).
-"""
 
 
 def visemes(sampa: str) -> list[list[str]]:
@@ -78,16 +114,16 @@ def visemes(sampa: str) -> list[list[str]]:
 
 def shapes(sampa: str) -> list[tuple[str, float]]:
     """Each viseme of a SAMPA text with its length in sounds. Raises as ``visemes`` does."""
-    return [(name, _LENGTHS[len(sound)]) for sound in visemes(sampa) for name in sound]
+    return [(name, _SHAPE_LENGTHS[len(sound)]) for sound in visemes(sampa) for name in sound]
 
 
 def mouthing(sampa: str, fps: float, seconds: float | None = None) -> Face:
-    """Returns a mouth that speaks a SAMPA text, from closed to closed; by default at ``A_SECOND``."""
+    """Returns a mouth that speaks a SAMPA text, from closed to closed; by default at ``TIMING.sounds_per_s``."""
     timed_visemes = [("sil", 0.5), *shapes(sampa), ("sil", 0.5)]
     lengths = np.array([length for _, length in timed_visemes])  # sounds
     channels = tuple(name for name in ARKIT_CHANNELS if any(name in VISEMES[shape] for shape, _ in timed_visemes))
     targets = np.array([[VISEMES[shape].get(name, 0.0) for name in channels] for shape, _ in timed_visemes])  # (S, C)
-    seconds = lengths.sum() / A_SECOND if seconds is None else seconds
+    seconds = lengths.sum() / TIMING.sounds_per_s if seconds is None else seconds
     n_frames = max(2, round(seconds * fps))
     positions = np.linspace(0.0, lengths.sum(), n_frames)  # (T,)
     return Face(channels, np.clip(blend_targets(positions, lengths, targets), 0.0, 1.0))
@@ -98,7 +134,7 @@ def blend_targets(at: FloatArray, lengths: FloatArray, targets: FloatArray) -> F
     borders = np.cumsum(lengths)[:-1]
     weights = np.tile(targets[0], (len(at), 1))
     for border, before, after, step in zip(borders, lengths[:-1], lengths[1:], np.diff(targets, axis=0), strict=True):
-        half = _WIDTH * min(before, after)
+        half = TIMING.blended_fraction * min(before, after)
         u = np.clip((at - border + half) / (2.0 * half), 0.0, 1.0)
         weights += (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))[:, None] * step
     return weights
@@ -184,20 +220,6 @@ def hns_tiers(items: Iterable[Element], reading: Reading) -> list[Tier]:
 
 _BODIES = ("head", "body")
 _FACES = tuple(tier for tier in LANES if tier not in (*_BODIES, "shoulder"))
-_MOUTH_RAMP_S = 0.08
-"""Half the duration of the mouth's blend from or to rest, seconds; the blend is centred on the border of an item."""
-_RAMP_S = 0.2
-"""The same for other parts of the face, seconds."""
-_EARLY_S = 0.15
-"""Time that brows, lids and gaze last beyond the hands, before and after, seconds."""
-_MOST_SOUNDS_S = 11.0
-"""Highest rate of a mouthing, sounds a second; a longer mouthing continues while the hands go down."""
-_ITEM_SOUNDS = 3.0
-"""Length of an item other than a mouthing, sounds."""
-_LEAST_S = 0.3
-"""Least duration of a face, seconds."""
-_END_S = 0.28
-"""Duration of items at the end of a sign, such as a blink, seconds."""
 _GESTURE = re.compile(r"[DJLCT]\d\d")
 _Shape = Mapping[str, float]
 
@@ -247,20 +269,21 @@ def face_of(sign: WrittenSign, hands: tuple[int, int], n_frames: int, fps: float
     """The face of a sign over ``n_frames``, in which the hands sign in the half-open frames ``hands``. Returns None if
     the sign has no face. It omits the items that ``left_out`` names.
     """
-    start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, _LEAST_S)
+    start, seconds = hands[0] / fps, max((hands[1] - hands[0]) / fps, TIMING.least_face_s)
     t = np.arange(n_frames) / fps  # (T,)
     weights = np.zeros((n_frames, len(ARKIT_CHANNELS)))
     for lane in _lanes(sign, _FACES):
         groups = [[item for item in map(_item, group) if item is not None] for group in lane]
         parts = [max((sum(item.lengths) / item.tier.speed for item in group), default=0.0) for group in groups]
         sounds = [item for group in groups for item in group if item.tier.tier == "mouth_picture"]
-        lead_s = 0.0 if any(item.tier.tier.startswith("mouth") for group in groups for item in group) else _EARLY_S
-        total = max(seconds, sum(parts) / _MOST_SOUNDS_S) if sounds else seconds + 2.0 * lead_s
+        has_mouth = any(item.tier.tier.startswith("mouth") for group in groups for item in group)
+        lead_s = 0.0 if has_mouth else TIMING.face_lead_s
+        total = max(seconds, sum(parts) / TIMING.most_sounds_per_s) if sounds else seconds + 2.0 * lead_s
         begin = start - lead_s
         for group, part in zip(groups, parts, strict=True):
             end = begin + total * part / max(sum(parts), 1e-9)
             for item in group:
-                window = (start + seconds - _END_S, start + seconds) if item.at_end else (begin, end)
+                window = (start + seconds - TIMING.end_item_s, start + seconds) if item.at_end else (begin, end)
                 np.maximum(weights, _track(item, t, *window), out=weights)
             begin = end
     weights = weights.round(6)
@@ -324,24 +347,16 @@ def _item(tier: Tier) -> _Item | None:
     names = list(_CODES[_table(tier)].get(tier.code, ()))
     at_end = names[:1] == ["end"]
     series = tuple(_SHAPES[name] for name in names[at_end:])
-    return _Item(tier, series, (_ITEM_SOUNDS / len(series),) * len(series), at_end) if series else None
+    return _Item(tier, series, (TIMING.item_sounds / len(series),) * len(series), at_end) if series else None
 
 
 def _track(item: _Item, t: FloatArray, begin: float, end: float) -> FloatArray:
     """Returns the weights (T, 52) of an item shown from ``begin`` to ``end``, seconds."""
-    ramp = _MOUTH_RAMP_S if item.tier.tier.startswith("mouth") else _RAMP_S
+    ramp = TIMING.mouth_ramp_s if item.tier.tier.startswith("mouth") else TIMING.face_ramp_s
     stretch = (end - begin) / sum(item.lengths)
     lengths = np.array([2.0 * ramp, *(stretch * length for length in item.lengths), 2.0 * ramp])
     targets = np.array([[shape.get(name, 0.0) for name in ARKIT_CHANNELS] for shape in ({}, *item.shapes, {})])
     return blend_targets(t - begin + 2.0 * ramp, lengths, targets) * min(item.tier.amount, 2.0)
-
-
-_PARTS = (1.0, 0.5, 0.25)
-"""Fractions of the written shoulder turn, tried in this order until the hands are clear of the body."""
-_DEEP_CM = 0.4
-"""Allowed depth of a hand in the body, cm."""
-_REACH = 0.995
-"""Longest reach of an arm, as a fraction of its bones; beyond it the hand moves with the shoulder."""
 
 
 def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Clip:
@@ -351,8 +366,8 @@ def with_shoulders(clip: Clip, sign: WrittenSign, hands: tuple[int, int]) -> Cli
     tracks = body_tracks(sign, ("shoulder",))  # of Left, Right or both: up, forward
     if not tracks:
         return clip
-    least = max(_DEEP_CM, float(collision.hand_depths(clip).max()))
-    for part in _PARTS:
+    least = max(_SHOULDERS.hand_depth_cm, float(collision.hand_depths(clip).max()))
+    for part in _SHOULDERS.turn_fractions:
         quats = clip.local_rotations.copy()
         for track in tracks:
             level = part * gesture_level(len(clip), clip.fps, hands, track)
@@ -377,7 +392,7 @@ def _turn(quats: FloatArray, side: str, angles: FloatArray, clip: Clip) -> None:
     a, b = np.linalg.norm(fore), np.linalg.norm(hand)
     distance = np.linalg.norm(line, axis=-1, keepdims=True)
     axis = line / distance
-    distance = np.minimum(distance, _REACH * (a + b))
+    distance = np.minimum(distance, _SHOULDERS.arm_reach * (a + b))
     elbow_direction = upper - np.sum(upper * axis, axis=-1, keepdims=True) * axis
     elbow_direction = elbow_direction / np.maximum(np.linalg.norm(elbow_direction, axis=-1, keepdims=True), 1e-9)
     part = (a**2 - b**2 + distance**2) / (2.0 * distance)

@@ -17,44 +17,53 @@ from signsplice.signer.tables import Vector, to_vector
 from signsplice.written.tree import Motion, Pair, Place, WrittenManner, WrittenPosture, merge_postures
 from signsplice.written.vocabulary import cross, direction, dot, facing, plus, unit
 
-_TRAVEL = {"small": 6.0, "": 12.0, "big": 20.0}
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """Sizes and tempos of motions that their descriptions leave open."""
+
+    largest_bulge: float = 0.5
+    """Largest bulge of a curve, as a fraction of the chord: half a circle."""
+    swing_cm: float = 5.0
+    """Advance of the hand in one swing of a zigzag, cm."""
+    local_cycles: float = 3.0
+    """Cycles of a local movement."""
+    fast_tempo: float = 1.5
+    """Factor on the tempo of a fast motion."""
+    slow_tempo: float = 0.625
+    """Factor on the tempo of a slow or tense motion."""
+    rest_s: float = 0.3
+    """Pause of a rest, seconds."""
+    halt_s: float = 0.15
+    """Pause of a halt, seconds."""
+    rebound: float = 0.25
+    """Length of a rebound, as a fraction of the motion."""
+    repetition_shift_cm: float = 5.0
+    """Shift of each pass of a shifted repetition, cm."""
+
+
+_MOTIONS = MotionSettings()
+
+_STRAIGHT_CM = {"small": 6.0, "": 12.0, "big": 20.0}
 """Size -> length of a straight motion, cm."""
-_BULGE = {"small": 2.0, "": 6.0, "big": 19.0}
+_BULGE_CM = {"small": 2.0, "": 6.0, "big": 19.0}
 """Size -> bulge of a curve, cm."""
-_MOST_BULGE = 0.5
-"""Largest bulge, as a fraction of the chord: half a circle."""
-_RADIUS = {"small": 2.5, "": 5.0, "big": 10.0}
+_RADIUS_CM = {"small": 2.5, "": 5.0, "big": 10.0}
 """Size -> radius of a circle, cm."""
-_ZIGZAG = {"small": 1.5, "": 2.0, "big": 4.0}
+_ZIGZAG_CM = {"small": 1.5, "": 2.0, "big": 4.0}
 """Size -> size of a zigzag, cm."""
-_SWING_CM = 5.0
-"""Advance of the hand in one swing of a zigzag, cm."""
-_ELLIPSE = {"small": 0.75, "": 0.5, "big": 0.25}
+_ELLIPSE_RATIO = {"small": 0.75, "": 0.5, "big": 0.25}
 """Size -> ratio of the short to the long axis of an ellipse."""
 _ELLIPSE_LETTERS = {"h": "l", "v": "u"}
 """Direction of an ellipse's long axis -> letter."""
-_WRIST = {"nodding": ("nod", 18.0), "swinging": ("swing", 14.0), "twisting": ("twist", 22.0),
-          "stircw": ("stir", 14.0), "stirccw": ("stir", -14.0)}  # fmt: skip
+_WRIST_MOTIONS = {"nodding": ("nod", 18.0), "swinging": ("swing", 14.0), "twisting": ("twist", 22.0),
+                  "stircw": ("stir", 14.0), "stirccw": ("stir", -14.0)}  # fmt: skip
 """Wrist motion -> local movement and amplitude, degrees."""
-_WRIST_SIZE = {"small": 0.6, "": 1.0, "big": 1.7}
+_WRIST_SIZES = {"small": 0.6, "": 1.0, "big": 1.7}
 """Size -> factor on the amplitude of a wrist motion."""
-_CYCLES = 3.0
-"""Cycles of a local movement."""
-_FAST = 1.5
-"""Factor on the tempo of a fast motion."""
-_SLOW = 0.625
-"""Factor on the tempo of a slow or tense motion."""
-_REST_S = 0.3
-"""Pause of a rest, seconds."""
-_HALT_S = 0.15
-"""Pause of a halt, seconds."""
-_AGAIN = {"fromstart": 1, "fromstart_several": 2, "manyrandom": 2, "continue": 1, "continue_several": 2}
+_N_REPETITIONS = {"fromstart": 1, "fromstart_several": 2, "manyrandom": 2, "continue": 1, "continue_several": 2}
 """Kind of repetition -> number of further passes."""
-_REBOUND = 0.25
-"""Length of a rebound, as a fraction of the motion."""
-_BASE_SHIFT_CM = 5.0
-"""Shift of each pass of a shifted repetition, cm."""
-_STILL: Vector = (0.0, 0.0, 0.0)
+_NO_TRAVEL: Vector = (0.0, 0.0, 0.0)
 """No travel."""
 
 
@@ -77,7 +86,7 @@ class Step:
     anywhere: whether it is a circle without a written start
     """
 
-    travel: Vector = _STILL
+    travel: Vector = _NO_TRAVEL
     path: Path = field(default_factory=Path)
     local: Local | None = None
     target: WrittenPosture | None = None
@@ -86,7 +95,7 @@ class Step:
     pause_s: float = 0.0
     marks: tuple[int, ...] = ()
     back: int | None = None
-    beyond: Vector = _STILL
+    beyond: Vector = _NO_TRAVEL
     brushing: Place | Pair | None = None
     swaps: bool = False
     anywhere: bool = False
@@ -132,7 +141,7 @@ def steps(motion: Motion, view: View, group: int = 0) -> list[Step]:
         )
         pair = motion.target.pair
         if motion.target.place is not None or (pair is not None and pair.place is not None):
-            hand_steps[-1] = replace(hand_steps[-1], travel=_STILL)
+            hand_steps[-1] = replace(hand_steps[-1], travel=_NO_TRAVEL)
     hand_steps = _apply_manner(hand_steps, motion.manner)
     return _repeat_steps(hand_steps, motion, view, group) if motion.repeat else hand_steps
 
@@ -142,11 +151,11 @@ def _once(motion: Motion, view: View, group: int) -> list[Step]:
     if motion.kind in ("straight", "circle"):
         path_step = _straight(motion, view) if motion.kind == "straight" else _circle(motion, view)
         return [replace(path_step, brushing=motion.brushing or motion.brushing_pair)]
-    if motion.kind in _WRIST:
-        kind, amplitude = _WRIST[motion.kind]
-        return [Step(local=Local(kind, amplitude * _WRIST_SIZE[motion.size], _CYCLES))]
+    if motion.kind in _WRIST_MOTIONS:
+        kind, amplitude = _WRIST_MOTIONS[motion.kind]
+        return [Step(local=Local(kind, amplitude * _WRIST_SIZES[motion.size], _MOTIONS.local_cycles))]
     if motion.kind == "fingerplay":
-        return [Step(local=Local("wiggle", LOCALS["wiggle"][0], _CYCLES))]
+        return [Step(local=Local("wiggle", LOCALS["wiggle"][0], _MOTIONS.local_cycles))]
     if motion.kind in ("posture", "hold", "swap"):
         return [Step(swaps=motion.kind == "swap")]
     if motion.kind == "crossing":
@@ -171,25 +180,25 @@ def _once(motion: Motion, view: View, group: int) -> list[Step]:
 
 def _straight(motion: Motion, view: View) -> Step:
     heading = direction(motion.direction)
-    size = _TRAVEL[motion.size]
+    size = _STRAIGHT_CM[motion.size]
     if motion.size_end:
-        size = 0.5 * (size + _TRAVEL[motion.size_end])
+        size = 0.5 * (size + _STRAIGHT_CM[motion.size_end])
     sign = -1.0 if view.opposite else 1.0
     travel = view.polar(to_vector(sign * size * c for c in heading))
     if motion.curve:
-        bulge = min(_BULGE[motion.curve_size], _MOST_BULGE * size)
+        bulge = min(_BULGE_CM[motion.curve_size], _MOTIONS.largest_bulge * size)
         return Step(travel, Path("arc", view.polar(facing(heading, (motion.curve,))), size=bulge))
     if motion.zigzag:
-        swings = max(2, round(size / _SWING_CM))
+        swings = max(2, round(size / _MOTIONS.swing_cm))
         swing_axis = view.polar(facing(heading, (motion.ellipse or "l",)))
-        return Step(travel, Path("zigzag", swing_axis, size=_ZIGZAG[motion.zigzag_size], revolutions=swings))
+        return Step(travel, Path("zigzag", swing_axis, size=_ZIGZAG_CM[motion.zigzag_size], revolutions=swings))
     return Step(travel)
 
 
 def _circle(motion: Motion, view: View) -> Step:
     axis = direction(motion.direction)
     start = facing(axis, (motion.start or "u",))
-    size, ratio = _RADIUS[motion.size], 1.0
+    size, ratio = _RADIUS_CM[motion.size], 1.0
     turns = motion.turns
     if motion.end:
         end = facing(axis, (motion.end,))
@@ -197,7 +206,7 @@ def _circle(motion: Motion, view: View) -> Step:
         turns += angle % 1.0 if angle % 1.0 > 0.02 or turns else 1.0
     if motion.ellipse:
         long = facing(axis, (_ELLIPSE_LETTERS.get(motion.ellipse, motion.ellipse),))
-        narrow = _ELLIPSE[motion.ellipse_size]
+        narrow = _ELLIPSE_RATIO[motion.ellipse_size]
         if abs(dot(long, start)) > 0.5:
             ratio = narrow
         else:
@@ -212,22 +221,25 @@ def _chord(path: Path) -> Vector:
     """Returns the vector from the start of a circle to its end, cm."""
     angle = 2.0 * math.pi * path.revolutions
     sideways = cross(path.direction, path.start)
-    total: Vector = plus(_STILL, path.start, path.size * (math.cos(angle) - 1.0))
+    total: Vector = plus(_NO_TRAVEL, path.start, path.size * (math.cos(angle) - 1.0))
     total = plus(total, sideways, path.size * path.ratio * math.sin(angle))
-    return total if unit(total) is not None and math.sqrt(dot(total, total)) > 0.05 else _STILL
+    return total if unit(total) is not None and math.sqrt(dot(total, total)) > 0.05 else _NO_TRAVEL
 
 
 def _apply_manner(hand_steps: list[Step], manner: WrittenManner) -> list[Step]:
     """Applies a manner to steps: tempo, tension, a rebound, and a rest or halt at the end."""
-    tempo = manner.speed * (_FAST if manner.fast else 1.0) * (_SLOW if manner.slow or manner.tense else 1.0)
+    fast = _MOTIONS.fast_tempo if manner.fast else 1.0
+    slow = _MOTIONS.slow_tempo if manner.slow or manner.tense else 1.0
+    tempo = manner.speed * fast * slow
     hand_steps = [replace(step, tempo=step.tempo * tempo) for step in hand_steps]
     if manner.tense:
         hand_steps = [
             s if s.local or s.back is not None else replace(s, local=Local("tremble", 0.4, 3.0)) for s in hand_steps
         ]
     if hand_steps and manner.bouncing and unit(hand_steps[-1].travel) is not None:
-        hand_steps.append(Step(to_vector(-_REBOUND * x for x in hand_steps[-1].travel), tempo=_FAST))
-    pause = _REST_S * manner.rest + _HALT_S * manner.halt
+        travel = to_vector(-_MOTIONS.rebound * x for x in hand_steps[-1].travel)
+        hand_steps.append(Step(travel, tempo=_MOTIONS.fast_tempo))
+    pause = _MOTIONS.rest_s * manner.rest + _MOTIONS.halt_s * manner.halt
     if pause and hand_steps:
         hand_steps[-1] = replace(hand_steps[-1], pause_s=pause)
     return hand_steps
@@ -244,16 +256,16 @@ def _repeat_steps(hand_steps: list[Step], motion: Motion, view: View, group: int
         return [*hand_steps, Step(swaps=True)]
     if motion.repeat in ("reverse", "tofroto"):
         return [*hand_steps, Step(back=group), *(hand_steps if motion.repeat == "tofroto" else ())]
-    if motion.repeat not in _AGAIN:
+    if motion.repeat not in _N_REPETITIONS:
         raise InputError(f"repetition {motion.repeat!r} is not known")
-    count = _AGAIN[motion.repeat]
+    count = _N_REPETITIONS[motion.repeat]
     unmarked = [replace(step, marks=step.marks[:-1] if step is hand_steps[0] else step.marks) for step in hand_steps]
     if motion.repeat.startswith("continue") or (in_place and not motion.shift):
         return hand_steps + unmarked * count
-    shift = view.polar(direction((motion.shift,))) if motion.shift else _STILL
+    shift = view.polar(direction((motion.shift,))) if motion.shift else _NO_TRAVEL
     repeated = list(hand_steps)
     for n in range(count):
-        beyond = plus(_STILL, shift, (n + 1) * _BASE_SHIFT_CM)
+        beyond = plus(_NO_TRAVEL, shift, (n + 1) * _MOTIONS.repetition_shift_cm)
         repeated += [Step(back=group, beyond=beyond), *unmarked]
     return repeated
 

@@ -5,6 +5,8 @@ import type { FitCapsule } from '../wire.js';
 import { type Bone, median, restPositions, SIDES } from './body.js';
 import { capsules as USUAL, t_pose as SIZES } from './constants.js';
 
+const { TRUNK_SIZES: TRUNK, HAND_SIZES: HAND } = USUAL;
+
 /** A capsule of the usual SIZES. */
 export interface UsualCapsule extends FitCapsule {
   /** Whether it is the last of a finger. */
@@ -80,7 +82,7 @@ class Usual {
       if (region) this.add(`head${n}`, 'head', region, this.scaled(start), this.scaled(end), [r0, r1]);
     });
     if (!this.joints.has('neck')) return;
-    const [beyond, ...radii] = USUAL.NECK;
+    const { neck_overlap: beyond, neck_radii: radii } = TRUNK;
     this.add('neck', 'neck', 'head', this.point(0, -beyond), this.bone('neck', 'head').add(this.point(0, beyond)), radii);
   }
 
@@ -91,35 +93,34 @@ class Usual {
     for (const side of SIDES) {
       const collar = has(`${side}Shoulder`) ? `${side}Shoulder` : chest;
       const bone = this.bone(collar, `${side}UpperArm`);
-      const [[low, high], radii] = USUAL.SHOULDER;
+      const { shoulder_span: [low, high], shoulder_radii: radii } = TRUNK;
       this.add(`${side}Shoulder`, collar, 'trunk', bone.clone().multiplyScalar(low), bone.clone().multiplyScalar(high), radii);
     }
     const girdle = SIDES.map((side) => this.bone(chest, `${side}UpperArm`));
     const middle = girdle[0]!.clone().add(girdle[1]!).divideScalar(2);
     const waist = this.bone(chest, low);
-    const [inward, thinner] = USUAL.WAIST;
-    USUAL.COLUMNS.forEach(([x, r], n) => {
-      const start = middle.clone().add(this.point(x, -USUAL.BELOW_SHOULDERS));
+    const { waist_width: inward, waist_thickness: thinner } = TRUNK;
+    TRUNK.columns.forEach(([x, r], n) => {
+      const start = middle.clone().add(this.point(x, -TRUNK.column_drop));
       this.add(`chest${n}`, chest, 'trunk', start, waist.clone().add(this.point(inward * x, 0)), [r, thinner * r]);
     });
     if (has('neck')) {
       const nape = this.bone(chest, 'neck');
-      const [below, ...radii] = USUAL.BACK;
-      this.add('back', chest, 'trunk', nape.clone().add(this.point(0, -below)), waist, radii);
-      const [outward, toMiddle, drop, ...thick] = USUAL.COLLAR;
+      this.add('back', chest, 'trunk', nape.clone().add(this.point(0, -TRUNK.back_drop)), waist, TRUNK.back_radii);
+      const { collar_to_shoulder: outward, collar_to_middle: toMiddle, collar_drop: drop, collar_radii: thick } = TRUNK;
       girdle.forEach((shoulder, n) => {
         const end = shoulder.clone().multiplyScalar(outward).addScaledVector(middle, toMiddle).add(this.point(0, -drop));
         this.add(`collar${n}`, chest, 'trunk', nape, end, thick);
       });
     }
-    const hem = this.point(0, -USUAL.HEM);
-    const [spread, seat] = USUAL.SEAT;
-    USUAL.COLUMNS.forEach(([x, r], n) => {
+    const { hem_drop: drop, hem_width: spread, hem_radius: seat } = TRUNK;
+    const hem = this.point(0, -drop);
+    TRUNK.columns.forEach(([x, r], n) => {
       const start = this.bone('hips', low).add(this.point(inward * x, 0));
-      this.add(`belly${n}`, 'hips', 'trunk', start, this.point(spread * x, -USUAL.HEM), [thinner * r, seat]);
+      this.add(`belly${n}`, 'hips', 'trunk', start, this.point(spread * x, -drop), [thinner * r, seat]);
     });
     if (!has('leftUpperLeg') || !has('rightUpperLeg')) return;
-    const [reach, radius] = USUAL.HIPS;
+    const { hip_reach: reach, hip_radius: radius } = TRUNK;
     const [left, right] = SIDES.map((side) => this.bone('hips', `${side}UpperLeg`).multiplyScalar(reach).add(hem));
     this.add('hips', 'hips', 'trunk', left!, right!, [radius, radius]);
   }
@@ -138,28 +139,28 @@ class Usual {
     for (const finger of USUAL.FINGERS) {
       const chain = USUAL.SEGMENTS.map((segment) => side + finger + segment).filter((name) => this.joints.has(name));
       if (!chain.length) continue;
-      const thick = USUAL.THICKNESS[finger];
+      const thick = USUAL.FINGER_RADII[finger];
       const knuckle = this.bone(wrist, chain[0]!);
-      const [from, narrow, wide, thumbWide] = USUAL.PALM;
+      const { palm_start: from, palm_radius: narrow, knuckle_radius: wide, thumb_knuckle_radius: thumbWide } = HAND;
       const palm = [narrow, thick * (finger === 'Thumb' ? thumbWide : wide)];
       this.add(`${side}${finger}Palm`, wrist, 'hand', knuckle.clone().multiplyScalar(from), knuckle, palm, side);
       chain.forEach((name, n) => {
         const isTip = n + 1 === chain.length;
         const bone = isTip ? this.tip(name, this.bone(n ? chain[n - 1]! : wrist, name)) : this.bone(name, chain[n + 1]!);
-        const [first, fall] = USUAL.TAPER;
+        const { phalanx_radius: first, phalanx_taper: fall } = HAND;
         const taper = first - fall * n;
         this.add(name, name, 'hand', new Vector3(), bone, [thick * taper, thick * (taper - fall)], side, isTip);
       });
     }
     if (this.capsules.length > before) return;
-    const [length, ...radii] = USUAL.MITTEN;
+    const { mitten_length: length, mitten_start_radius: from, mitten_end_radius: to } = HAND;
     const mitten = this.bone(`${side}LowerArm`, wrist).normalize().multiplyScalar(length * this.height);
-    this.add(`${side}Mitten`, wrist, 'hand', new Vector3(), mitten, radii, side);
+    this.add(`${side}Mitten`, wrist, 'hand', new Vector3(), mitten, [from, to], side);
   }
 
   /** Where a finger ends beyond its last joint: at a node there, else a part of the phalanx before, straight on. */
   private tip(name: string, before: Vector3): Vector3 {
-    const [least, most, otherwise] = USUAL.TIP;
+    const { shortest_tip: least, longest_tip: most, usual_tip: otherwise } = HAND;
     const usual = before.length();
     const found = this.tips.get(name)?.find((bone) => bone.length() > least * usual && bone.length() < most * usual);
     return found?.clone() ?? before.clone().multiplyScalar(otherwise);

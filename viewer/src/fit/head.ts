@@ -1,11 +1,11 @@
 /** The capsules of an avatar's head, fitted to the vertices of its face and skull: the method of the Python module body/skin. */
 
 import type { Vector3 } from 'three';
-import { skin as HEAD } from './constants.js';
+import { skin as SKIN } from './constants.js';
 import { clip } from './gaps.js';
 import { MIN_POINTS, quantile } from './points.js';
 
-const { CHIN, TOP, WIDTH, CELL, BALLS, LEAST, FRONT, JAW, WIDEST, TALL, PROFILE, BELOW, BESIDE, OPEN, NOSE, N_BALLS, GRAZING } = HEAD;
+const { HEAD_MEASURES: HEAD, MEASURES, BALLS, PROFILE } = SKIN;
 
 /** A capsule while it is fitted: ends in the rest pose (left +X, up +Y, forward +Z) and radii, m. */
 export interface Shape {
@@ -23,21 +23,21 @@ interface Ball {
 
 /** Fit the head's capsules of the usual proportions in place, all about its joint; false where there are too few vertices. */
 export function fitHead(shapes: Shape[], points: Vector3[], height: number): boolean {
-  if (points.length < LEAST * MIN_POINTS) return false;
-  const [foremost, hindmost] = [1, -1].map((sign) => outermost(points, sign, CELL * height)) as [Vector3[], Vector3[]];
+  if (points.length < HEAD.vertex_multiple * MIN_POINTS) return false;
+  const [foremost, hindmost] = [1, -1].map((sign) => outermost(points, sign, HEAD.map_cell * height)) as [Vector3[], Vector3[]];
   const depth = Math.max(...foremost.map(({ z }) => z));
-  const front = foremost.filter(({ z }) => z > FRONT * depth);
-  const wide = front.length ? quantile(front.map(({ x }) => Math.abs(x)), WIDEST) : 0;
-  const jaw = front.filter(({ x, z }) => z > JAW[0] * depth && Math.abs(x) < JAW[1] * wide);
+  const front = foremost.filter(({ z }) => z > HEAD.face_depth * depth);
+  const wide = front.length ? quantile(front.map(({ x }) => Math.abs(x)), MEASURES.width_share) : 0;
+  const jaw = front.filter(({ x, z }) => z > HEAD.jaw_depth * depth && Math.abs(x) < HEAD.jaw_half_width * wide);
   if (jaw.length < MIN_POINTS) return false;
   const low = Math.min(...jaw.map(({ y }) => y));
-  const xScale = wide / (WIDTH * height);
-  const span = (TOP - CHIN) * height;
+  const xScale = wide / (HEAD.face_half_width * height);
+  const span = (HEAD.top_height - HEAD.chin_height) * height;
   const highest = points.reduce((most, { y }) => Math.max(most, y), -Infinity);
-  const yScale = clip((highest - low) / span, TALL[0] * xScale, TALL[1] * xScale);
+  const yScale = clip((highest - low) / span, HEAD.least_tallness * xScale, HEAD.largest_tallness * xScale);
   const top = low + yScale * span;
   for (const { start, end, radii } of shapes) {
-    for (const point of [start, end]) point.set(point.x * xScale, low + yScale * (point.y - CHIN * height), point.z * xScale);
+    for (const point of [start, end]) point.set(point.x * xScale, low + yScale * (point.y - HEAD.chin_height * height), point.z * xScale);
     radii[0] *= xScale;
     radii[1] *= xScale;
   }
@@ -49,14 +49,14 @@ export function fitHead(shapes: Shape[], points: Vector3[], height: number): boo
   for (const [name, end, half] of PROFILE) {
     const point = shapes[BALLS[name]]![end ? 'end' : 'start'];
     // Less is wanted from below, where the surface of a chin recedes.
-    const isNear = (above: number) => above > -BELOW * half * tall && above < half * tall;
-    const near = foremost.filter(({ x, y }) => isNear(y - point.y) && Math.abs(x) < BESIDE * wide);
+    const isNear = (above: number) => above > -HEAD.distance_below * half * tall && above < half * tall;
+    const near = foremost.filter(({ x, y }) => isNear(y - point.y) && Math.abs(x) < HEAD.distance_beside * wide);
     point.z += offset(near, template, 1) ?? 0;
   }
   const shift = 0.5 * (face.start.z + face.end.z) - usualMiddle;
-  const found = offset(hindmost.filter(({ x }) => Math.abs(x) < BESIDE * wide), between(skull), -1);
+  const found = offset(hindmost.filter(({ x }) => Math.abs(x) < HEAD.distance_beside * wide), between(skull), -1);
   // A head that is open behind, under hair that does not count, has only the inside of its face there.
-  const by = found === null || found > shift + OPEN * skull.radii[0] ? shift : found;
+  const by = found === null || found > shift + HEAD.open_distance * skull.radii[0] ? shift : found;
   skull.start.z += by;
   skull.end.z += by;
   placeNose(nose, foremost, low, top, wide);
@@ -65,7 +65,7 @@ export function fitHead(shapes: Shape[], points: Vector3[], height: number): boo
 
 /** Put the nose's capsule below the foremost point of the middle of the face. */
 function placeNose(nose: Shape, front: Vector3[], chin: number, top: number, wide: number): void {
-  const [beside, low, high, near] = NOSE;
+  const { nose_half_width: beside, lowest_nose: low, highest_nose: high, bridge_distance: near } = HEAD;
   const middle = front.filter(({ x, y }) => {
     const share = (y - chin) / (top - chin);
     return Math.abs(x) < beside * wide && share > low && share < high;
@@ -92,7 +92,7 @@ function outermost(points: Vector3[], sign: number, cell: number): Vector3[] {
 
 /** Balls along a capsule. */
 function between({ start, end, radii }: Shape): Ball[] {
-  return Array.from({ length: N_BALLS }, (_, k) => k / (N_BALLS - 1)).map((t) => ({ ...start.clone().lerp(end, t), radius: radii[0] + t * (radii[1] - radii[0]) }));
+  return Array.from({ length: HEAD.capsule_balls }, (_, k) => k / (HEAD.capsule_balls - 1)).map((t) => ({ ...start.clone().lerp(end, t), radius: radii[0] + t * (radii[1] - radii[0]) }));
 }
 
 /**
@@ -105,7 +105,7 @@ function offset(surface: Vector3[], balls: Ball[], sign: number): number | null 
     let outer = -Infinity;
     for (const { x, y, z, radius } of balls) {
       const squared = radius * radius - (point.x - x) ** 2 - (point.y - y) ** 2;
-      if (squared > GRAZING * radius * radius) outer = Math.max(outer, sign * z + Math.sqrt(squared));
+      if (squared > HEAD.rim_share * radius * radius) outer = Math.max(outer, sign * z + Math.sqrt(squared));
     }
     if (outer > -Infinity) beyond.push(sign * point.z - outer);
   }

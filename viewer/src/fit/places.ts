@@ -4,7 +4,7 @@ import { Posed, SIDES } from './body.js';
 import { fit as FIT } from './constants.js';
 import { clip, rowsOf } from './gaps.js';
 
-const { NEAR_M, FREE_M, FAR_M, SPACE_WEIGHT, ANCHORS } = FIT;
+const { WRISTS, ANCHORS } = FIT;
 
 interface Anchor {
   row: number;
@@ -39,7 +39,7 @@ export class Places {
     this.anchors = SIDES.map((side) => ANCHORS.map(([key, at]) => ({ row: row(side + key), at })).filter((one) => one.row >= 0));
     const solid = rowsOf(body, (region) => region === 'head' || region === 'trunk');
     this.solids = [1, 0].map((other) => [...solid, ...rowsOf(body, (region, side) => region.endsWith('Arm') && side === SIDES[other])]);
-    this.diagonal = new Float64Array(2 * frames).fill(SPACE_WEIGHT);
+    this.diagonal = new Float64Array(2 * frames).fill(WRISTS.space_weight);
     this.off = new Float64Array(frames);
     this.right = new Float64Array(6 * frames);
   }
@@ -61,7 +61,7 @@ export class Places {
         const from = 0.5 * (theirs[left]! + theirs[right]!);
         const middle = 0.5 * (ours[left]! + ours[right]!);
         const place = middle + this.armScale * (theirs[wrist + x]! - from);
-        this.right[6 * t + 3 * side + x]! += SPACE_WEIGHT * (place - ours[wrist + x]!);
+        this.right[6 * t + 3 * side + x]! += WRISTS.space_weight * (place - ours[wrist + x]!);
       }
     }
   }
@@ -124,7 +124,8 @@ export class Places {
 
   /** A skin distance on the other body: as it is where it is small, scaled as signing space where it is large. */
   private scaled(distance: number): number {
-    const share = clip((distance - FREE_M) / (FAR_M - FREE_M));
+    const { hand_clearance_m: low, space_clearance_m: high } = WRISTS;
+    const share = clip((distance - low) / (high - low));
     return distance * (this.handScale + (this.armScale - this.handScale) * share * share * (3 - 2 * share));
   }
 }
@@ -140,6 +141,6 @@ function radiusAt(radii: Float64Array, row: number, at: number): number {
 }
 
 function weightOf(distance: number): number {
-  const near = 1 + Math.max(distance, 0) / NEAR_M;
+  const near = 1 + Math.max(distance, 0) / WRISTS.anchor_fade_m;
   return 1 / (near * near * near * near);
 }

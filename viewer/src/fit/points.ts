@@ -7,6 +7,8 @@ import { clip } from './gaps.js';
 /** Fewer vertices than this are too few to measure. */
 export const MIN_POINTS = POINTS.MIN_POINTS;
 
+const { SURFACE } = POINTS;
+
 /** A point of a surface. */
 export interface SurfacePoint {
   at: Vector3;
@@ -53,9 +55,9 @@ export class SkinPoints {
   private numbersOf(bones: number[], isBare: boolean): Set<number> {
     const sums = new Map<number, number>();
     for (const { vertex, weight } of bones.flatMap((bone) => this.carried.get(bone) ?? [])) sums.set(vertex, (sums.get(vertex) ?? 0) + weight);
-    const own = [...sums].flatMap(([vertex, sum]) => (sum >= POINTS.OWN ? [vertex] : []));
+    const own = [...sums].flatMap(([vertex, sum]) => (sum >= SURFACE.owned_weight ? [vertex] : []));
     const bare = isBare ? own.filter((vertex) => !this.cloth.has(vertex)) : [];
-    return new Set(bare.length >= POINTS.BARE * MIN_POINTS ? bare : own);
+    return new Set(bare.length >= SURFACE.bare_multiple * MIN_POINTS ? bare : own);
   }
 
   /** Points on the triangles that these bones carry, about ``step`` apart; of bare skin where that is wanted and enough is modelled. */
@@ -67,13 +69,13 @@ export class SkinPoints {
       const normal = b.clone().sub(a).cross(c.clone().sub(a));
       if (!(normal.length() > 0)) return [];
       const longest = Math.max(a.distanceTo(b), b.distanceTo(c), c.distanceTo(a));
-      return [{ a, b, c, corners: triangle, normal: normal.normalize(), rows: clip(Math.ceil(longest / step), 1, POINTS.MOST_ROWS) }];
+      return [{ a, b, c, corners: triangle, normal: normal.normalize(), rows: clip(Math.ceil(longest / step), 1, SURFACE.triangle_rows) }];
     });
     const samples = triangles.reduce((sum, { rows }) => sum + (rows * (rows + 1)) / 2, 0);
     const points: SurfacePoint[] = [];
-    for (let n = 1; n <= POINTS.MOST_ROWS; n++) {
+    for (let n = 1; n <= SURFACE.triangle_rows; n++) {
       for (const { a, b, c, corners, normal, rows } of triangles) {
-        if ((samples > POINTS.MOST_SAMPLES ? 1 : rows) !== n) continue;
+        if ((samples > SURFACE.most_samples ? 1 : rows) !== n) continue;
         for (let j = 0; j < n; j++) {
           for (let i = 0; i + j < n; i++) {
             const [u, v] = [(i + 1 / 3) / n, (j + 1 / 3) / n];
@@ -105,7 +107,7 @@ export function quantile(values: number[], share: number): number {
 
 /** Points whose x and y lie within ``half`` of a place, or within two or four times that; null where these are too few too. */
 export function around(points: Vector3[], x: number, y: number, half: number): Vector3[] | null {
-  for (const wider of POINTS.WIDER) {
+  for (const wider of SURFACE.window_factors) {
     const near = points.filter((point) => Math.max(Math.abs(point.x - x), Math.abs(point.y - y)) < wider * half);
     if (near.length >= MIN_POINTS) return near;
   }

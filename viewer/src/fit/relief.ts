@@ -1,11 +1,12 @@
 /** How far an avatar's skin lies above its capsules, where hands come near: the method of the Python module body/skin_surface. */
 
 import { type Quaternion, Vector3 } from 'three';
-import { skin_surface as RELIEF } from './constants.js';
+import { skin_surface as SKIN } from './constants.js';
 import { clip } from './gaps.js';
 import type { SurfacePoint } from './points.js';
 
-const { AROUND_M, SHARP_M, FARTHEST_M, NEAREST, FACING, HIDDEN_M, SHOWN_M } = RELIEF;
+const { RELIEF, SURFACE } = SKIN;
+const FARTHEST_M = RELIEF.place_distance_m;
 
 /** A capsule under the surface, in the rest pose; ``fromTPose`` turns its bone's axes there from those of the T-pose. */
 export interface CapsuleUnder {
@@ -67,7 +68,8 @@ export class Relief {
       }
     }
     if (!count) return 0;
-    const most = count > NEAREST ? this.distances.subarray(0, count).sort()[NEAREST - 1]! : FARTHEST_M * FARTHEST_M;
+    const { nearest_points: nearest, line_distance_m: lineDistance } = RELIEF;
+    const most = count > nearest ? this.distances.subarray(0, count).sort()[nearest - 1]! : FARTHEST_M * FARTHEST_M;
     let sum = 0;
     let total = 0;
     for (const points of near) {
@@ -78,9 +80,9 @@ export class Relief {
         const squared = x ** 2 + y ** 2 + z ** 2;
         if (squared > most) continue;
         const height = x * nx + y * ny + z * nz;
-        const beside = Math.max(squared - height * height, 0) / (AROUND_M * AROUND_M);
-        if (beside >= 1 || points[n + 3]! * nx + points[n + 4]! * ny + points[n + 5]! * nz <= FACING) continue;
-        const weight = (1 - beside) * (1 - beside) * Math.exp(height / SHARP_M);
+        const beside = Math.max(squared - height * height, 0) / (lineDistance * lineDistance);
+        if (beside >= 1 || points[n + 3]! * nx + points[n + 4]! * ny + points[n + 5]! * nz <= SURFACE.facing_cosine) continue;
+        const weight = (1 - beside) * (1 - beside) * Math.exp(height / RELIEF.outermost_fade_m);
         sum += weight * height;
         total += weight;
       }
@@ -99,7 +101,8 @@ export class Relief {
       const away = Math.sqrt((u - t * x) ** 2 + (v - t * y) ** 2 + (w - t * z) ** 2);
       deepest = Math.max(deepest, radii[0] + t * (radii[1] - radii[0]) - away);
     }
-    return clip((HIDDEN_M - deepest) / (HIDDEN_M - SHOWN_M));
+    const { hidden_depth_m: hidden, visible_depth_m: visible } = RELIEF;
+    return clip((hidden - deepest) / (hidden - visible));
   }
 }
 

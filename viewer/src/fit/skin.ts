@@ -14,8 +14,7 @@ import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint,
 import { Relief } from './relief.js';
 import { type AvatarSkin, skinSurface } from './skin_surface.js';
 
-const { TRUNK, HEAD, BODY, BINS, HEM, STEP, BELOW_HEM, TAPERS, ALONG, SHORTEST, SLICES, WIDE, THICK, SPAN, BETWEEN } = SKIN;
-const { HEIGHTS, ACROSS, LEVEL, NEAR, WIDEST, OUT, LEAST_HEIGHTS, LOWER_CHEST } = SKIN;
+const { TRUNK, HEAD, BODY, MEASURES, TRUNK_SIZES } = SKIN;
 const FINGER = new RegExp(`(${HANDS.FINGERS.join('|')})(${HANDS.SEGMENTS.join('|')})$`);
 
 interface Piece extends Shape {
@@ -72,7 +71,7 @@ class Fitting {
 
   /** How the skin of head, neck and trunk lies above their capsules; null where there is none. */
   relief(): Relief | null {
-    const surface = thinned(this.surface(...TRUNK, ...HEAD, 'neck'), STEP * this.height);
+    const surface = thinned(this.surface(...TRUNK, ...HEAD, 'neck'), MEASURES.point_spacing * this.height);
     if (!surface.length) return null;
     const solid = this.pieces.filter(({ usual }) => usual.region === 'head' || usual.region === 'trunk');
     const under = solid.map(({ usual, bone, start, end, radii }) => ({
@@ -83,7 +82,7 @@ class Fitting {
 
   /** The skin of hands, head, neck and trunk; null where one of these has none. */
   skin(): AvatarSkin | null {
-    const spacing = STEP * this.height;
+    const spacing = MEASURES.point_spacing * this.height;
     const surfaceOf = (carriers: number[], isBare: boolean) =>
       skinSurface(this.points, carriers, this.rest, this.toTPose, spacing, isBare);
     const [left, right] = SIDES.map((side) => {
@@ -105,7 +104,7 @@ class Fitting {
 
   /** Points on the surface that bones carry. */
   private surface(...names: string[]): SurfacePoint[] {
-    return this.points.surface(names.flatMap((name) => this.number.get(name) ?? []), STEP * this.height);
+    return this.points.surface(names.flatMap((name) => this.number.get(name) ?? []), MEASURES.point_spacing * this.height);
   }
 
   private find(key: string): Piece | undefined {
@@ -158,8 +157,8 @@ class Fitting {
     const measured = this.measured(piece);
     if (!measured) return false;
     const { u, v, seen } = measured;
-    const rings = Array.from({ length: BINS }, (_, k) => (k + 0.5) / BINS).flatMap((t) => {
-      const inside = seen.filter(({ along }) => Math.abs(along - t) < 0.5 / BINS);
+    const rings = Array.from({ length: MEASURES.limb_slices }, (_, k) => (k + 0.5) / MEASURES.limb_slices).flatMap((t) => {
+      const inside = seen.filter(({ along }) => Math.abs(along - t) < 0.5 / MEASURES.limb_slices);
       const widest = this.widest(piece, t);
       let found = ring(inside, isCentred);
       if (found && found.radius > widest) found = ring(inside.filter(({ x, y }) => Math.hypot(x, y) < widest), isCentred);
@@ -168,7 +167,7 @@ class Fitting {
     if (!rings.length) return false;
     const radii = rings.map(({ radius }) => radius);
     const [first, last] = piece.usual.radii;
-    if (rings.at(-1)!.t - rings[0]!.t < SPAN) {
+    if (rings.at(-1)!.t - rings[0]!.t < MEASURES.taper_span) {
       const factor = quantile(rings.map(({ t, radius }) => radius / (first + t * (last - first))), 0.5);
       piece.radii = [first * factor, last * factor];
       return true;
@@ -176,7 +175,7 @@ class Fitting {
     const at = (values: number[], t: number) => line(rings.map((one) => one.t), values, t);
     [piece.start, piece.end].forEach((end, t) => {
       end.addScaledVector(u, at(rings.map(({ x }) => x), t)).addScaledVector(v, at(rings.map(({ y }) => y), t));
-      piece.radii[t as 0 | 1] = clip(at(radii, t), TAPERS[0] * Math.min(...radii), TAPERS[1] * Math.max(...radii));
+      piece.radii[t as 0 | 1] = clip(at(radii, t), MEASURES.thin_end * Math.min(...radii), MEASURES.thick_end * Math.max(...radii));
     });
     return true;
   }
@@ -186,7 +185,7 @@ class Fitting {
     const palms = this.pieces.filter((piece) => /(Palm|Mitten)$/.test(piece.usual.key));
     const factors = palms.map(({ radii, usual }) => (radii[0] + radii[1]) / (usual.radii[0] + usual.radii[1]));
     const stout = factors.length ? quantile(factors, 0.5) : 1;
-    return WIDE * Math.max(1, stout) * (usual.radii[0] + t * (usual.radii[1] - usual.radii[0]));
+    return MEASURES.sleeve_radius * Math.max(1, stout) * (usual.radii[0] + t * (usual.radii[1] - usual.radii[0]));
   }
 
   /** One middle and one radius for a phalanx; the last one ends where its vertices do. */
@@ -195,12 +194,13 @@ class Fitting {
     if (!measured) return false;
     const { axis, u, v, seen } = measured;
     const isLast = piece.usual.isTip;
-    const found = ring(seen.filter(({ along }) => along > ALONG[0] && (along < ALONG[1] || isLast)));
+    const [first, last] = MEASURES.phalanx_range;
+    const found = ring(seen.filter(({ along }) => along > first && (along < last || isLast)));
     if (!found) return false;
     const mean = 0.5 * (piece.usual.radii[0] + piece.usual.radii[1]);
     piece.radii = [(found.radius * piece.usual.radii[0]) / mean, (found.radius * piece.usual.radii[1]) / mean];
     let { length } = measured;
-    if (isLast) length = Math.max(Math.max(...seen.map(({ along }) => along)) * length - piece.radii[1], SHORTEST * length);
+    if (isLast) length = Math.max(Math.max(...seen.map(({ along }) => along)) * length - piece.radii[1], MEASURES.shortest_tip * length);
     piece.start.addScaledVector(u, found.x).addScaledVector(v, found.y);
     piece.end.copy(piece.start).addScaledVector(axis, length);
     return true;
@@ -223,14 +223,14 @@ class Fitting {
       return { along: since.dot(axis) / length, height: since.dot(up), beside: Math.abs(since.dot(beside)) };
     });
     const found: [number, number][] = [];
-    const [lows, long, wide] = SLICES;
-    const thick = THICK * Math.max(...piece.usual.radii);
+    const { palm_slice_starts: lows, palm_slice_length: long, palm_slice_half_width: wide, surface_shares: shares } = MEASURES;
+    const thick = MEASURES.cloth_distance * Math.max(...piece.usual.radii);
     for (const low of lows) {
       const inside = seen
         .filter((one) => one.beside < wide * spacing && one.along >= low && one.along < low + long && Math.abs(one.height) < thick)
         .map(({ height }) => height);
       if (inside.length < MIN_POINTS) return false;
-      found.push([quantile(inside, BETWEEN[0]), quantile(inside, BETWEEN[1])]);
+      found.push([quantile(inside, shares[0]), quantile(inside, shares[1])]);
     }
     [piece.start, piece.end].forEach((end, k) => {
       const [bottom, top] = found[k]!;
@@ -244,7 +244,7 @@ class Fitting {
 
   /** Chest and belly as three columns each, hips, back and collar. */
   trunk(): void {
-    const low = this.rest[0]!.y - (HEM + BELOW_HEM) * this.height;
+    const low = this.rest[0]!.y - (TRUNK_SIZES.hem_drop + MEASURES.hem_margin) * this.height;
     const legs = this.surface('leftUpperLeg', 'rightUpperLeg').filter(({ at }) => at.y > low);
     const points = [...this.surface(...TRUNK), ...legs].map(({ at }) => at);
     if (points.length < MIN_POINTS) return;
@@ -271,7 +271,7 @@ class Fitting {
 
   /** Back and front of the skin at a place seen from in front; null where there is none. */
   private depth(points: Vector3[], x: number, y: number): { back: number; front: number } | null {
-    const near = around(points, x, y, NEAR * this.height)?.map(({ z }) => z);
+    const near = around(points, x, y, MEASURES.window_half_width * this.height)?.map(({ z }) => z);
     return near ? { back: Math.min(...near), front: Math.max(...near) } : null;
   }
 
@@ -280,19 +280,19 @@ class Fitting {
     if (!piece) return true;
     const middle = 0.5 * SIDES.reduce((sum, side) => sum + this.rest[this.number.get(`${side}UpperArm`)!]!.x, 0);
     const rows: { t: number; x: number; back: number; front: number }[] = [];
-    for (let k = 0; k < HEIGHTS; k++) {
-      const t = k / (HEIGHTS - 1);
+    for (let k = 0; k < MEASURES.column_heights; k++) {
+      const t = k / (MEASURES.column_heights - 1);
       const y = piece.start.y + t * (piece.end.y - piece.start.y);
-      const level = points.filter((point) => Math.abs(point.y - y) < LEVEL * this.height);
+      const level = points.filter((point) => Math.abs(point.y - y) < MEASURES.level_distance * this.height);
       if (level.length < MIN_POINTS) continue;
-      const wide = quantile(level.map(({ x }) => Math.abs(x - middle)), WIDEST);
-      const depth = this.depth(points, middle + (1 - n) * ACROSS * wide, y);
+      const wide = quantile(level.map(({ x }) => Math.abs(x - middle)), MEASURES.width_share);
+      const depth = this.depth(points, middle + (1 - n) * MEASURES.depth_offset * wide, y);
       if (!depth) continue;
-      const out = clip(wide - 0.5 * (depth.front - depth.back), OUT[0] * wide, OUT[1] * wide);
+      const out = clip(wide - 0.5 * (depth.front - depth.back), MEASURES.least_column_offset * wide, MEASURES.largest_column_offset * wide);
       rows.push({ t, x: middle + (1 - n) * out, ...depth });
     }
-    if (rows.length < LEAST_HEIGHTS) return false;
-    const weights = rows.map(({ t }) => (name === 'belly' || t < LOWER_CHEST[0] ? 1 : LOWER_CHEST[1]));
+    if (rows.length < MEASURES.least_heights) return false;
+    const weights = rows.map(({ t }) => (name === 'belly' || t < MEASURES.lower_chest ? 1 : MEASURES.lower_chest_weight));
     [piece.start, piece.end].forEach((end, at) => {
       const [x, back, front] = (['x', 'back', 'front'] as const).map((what) => line(rows.map(({ t }) => t), rows.map((row) => row[what]), at, weights));
       end.x = x!;
@@ -322,7 +322,8 @@ class Fitting {
 function ring(points: { x: number; y: number }[], isCentred = false): { x: number; y: number; radius: number } | null {
   const quarters = new Set(points.map(({ x, y }) => `${x > 0} ${y > 0}`));
   if (points.length < MIN_POINTS || quarters.size < 4) return null;
-  const middle = (values: number[]) => (isCentred ? 0 : 0.5 * (quantile(values, BETWEEN[0]) + quantile(values, BETWEEN[1])));
+  const [low, high] = MEASURES.surface_shares;
+  const middle = (values: number[]) => (isCentred ? 0 : 0.5 * (quantile(values, low) + quantile(values, high)));
   const [x, y] = [middle(points.map((point) => point.x)), middle(points.map((point) => point.y))];
   return { x, y, radius: quantile(points.map((point) => Math.hypot(point.x - x, point.y - y)), 0.5) };
 }

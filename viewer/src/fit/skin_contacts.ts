@@ -8,8 +8,8 @@ import { KdTree } from './kd_tree.js';
 import { type AvatarSkin, leastHeight } from './skin_surface.js';
 import { addRow, type Fit, type Moves } from './solver.js';
 
-const { CONTACT_WEIGHT, CONTACT_FADE_M, TOUCH_M, CLEAR_M, PRESS_M } = FIT;
-const { NEAR_M, LOW_M, MOST_ACROSS, SHARP_M, ROUNDS, HOLD, TOGETHER, TOGETHER_M, HANDS, KINDS } = SKIN;
+const { CONTACTS } = FIT;
+const { SETTINGS, HANDS, KINDS } = SKIN;
 
 const ANYWHERE = { place: new Vector3(), radius: Infinity };
 
@@ -46,7 +46,7 @@ export function* movesOnSkin(fit: Fit, skin: AvatarSkin, moves: Moves): Generato
     meeting.pose = poseOf(meeting, skin, turns, positions, moves);
   }
   let more: Moves = new Float64Array(moves.length);
-  for (let round = 0; round < (meetings.length ? ROUNDS : 0); round++) more = yield* better(fit, skin, meetings, more);
+  for (let round = 0; round < (meetings.length ? SETTINGS.rounds : 0); round++) more = yield* better(fit, skin, meetings, more);
   return moves.map((move, k) => move + more[k]!);
 }
 
@@ -62,11 +62,11 @@ function meetingsOf({ near, sides, source, signing, frames }: Fit, side: number,
   return [...least].flatMap((then, frame) => {
     const active = isOfHands ? Math.min(signing[2 * frame]!, signing[2 * frame + 1]!) : signing[2 * frame + side]!;
     if (then === Infinity || active <= 0) return [];
-    const weight = CONTACT_WEIGHT * active;
-    const deep = Math.max(Math.abs(then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0);
-    const held = then < TOUCH_M ? weight * Math.exp(-deep / CONTACT_FADE_M) : 0;
-    const together = Math.exp(-Math.max(then, 0) / TOGETHER_M);
-    return [{ frame, side, isOfHands, wanted: clip(then, -PRESS_M, CLEAR_M), held, weight, together, pose: null }];
+    const weight = CONTACTS.weight * active;
+    const deep = Math.max(Math.abs(then + 0.5 * CONTACTS.press_depth_m) - 0.5 * CONTACTS.press_depth_m, 0);
+    const held = then < CONTACTS.touch_distance_m ? weight * Math.exp(-deep / CONTACTS.fade_m) : 0;
+    const together = Math.exp(-Math.max(then, 0) / SETTINGS.together_fade_m);
+    return [{ frame, side, isOfHands, wanted: clip(then, -CONTACTS.press_depth_m, CONTACTS.clearance_m), held, weight, together, pose: null }];
   });
 }
 
@@ -82,14 +82,14 @@ function poseOf(
   const by = isOfHands ? new Vector3().fromArray(moves, 6 * frame + 3) : new Vector3();
   let radius = 0;
   for (let k = 0; k < hand.length; k += 3) radius = Math.max(radius, middle.distanceTo(new Vector3().fromArray(hand, k)));
-  const around = { place: middle.sub(by), radius: radius + NEAR_M };
+  const around = { place: middle.sub(by), radius: radius + SETTINGS.comparison_m };
   const other = (isOfHands ? skin.hands[1] : skin.body).posed(turns, positions, around);
   const tree = new KdTree(isOfHands ? moved(other.points, 1) : Float64Array.from(other.points));
   const apart = Array.from({ length: hand.length / 3 }, (_, k) => {
-    const isNear = tree.nearest(hand[3 * k]!, hand[3 * k + 1]!, hand[3 * k + 2]!, NEAR_M) >= 0;
+    const isNear = tree.nearest(hand[3 * k]!, hand[3 * k + 1]!, hand[3 * k + 2]!, SETTINGS.comparison_m) >= 0;
     return isNear ? Math.sqrt(tree.squared) : Infinity;
   });
-  const most = Math.min(NEAR_M, apart.reduce((one, distance) => Math.min(one, distance), Infinity) + LOW_M);
+  const most = Math.min(SETTINGS.comparison_m, apart.reduce((one, distance) => Math.min(one, distance), Infinity) + SETTINGS.hand_layer_m);
   const kept = hand.filter((_, k) => apart[Math.floor(k / 3)]! < most);
   return kept.length ? { hand: kept, tree, normals: other.normals } : null;
 }
@@ -98,7 +98,7 @@ function poseOf(
 function* better(fit: Fit, skin: AvatarSkin, meetings: Meeting[], more: Moves): Generator<void, Moves> {
   const band = fit.smoothBand();
   const right: Moves = new Float64Array(more.length);
-  for (let k = 0; k < more.length; k++) band.add(k, k, HOLD);
+  for (let k = 0; k < more.length; k++) band.add(k, k, SETTINGS.move_weight);
   const [jacobian, by] = [new Float64Array(6), new Vector3()];
   for (const { frame, side, isOfHands, wanted, held, weight, together, pose } of meetings) {
     yield;
@@ -106,13 +106,13 @@ function* better(fit: Fit, skin: AvatarSkin, meetings: Meeting[], more: Moves): 
     if (isOfHands) {
       by.sub(new Vector3().fromArray(more, 6 * frame + 3));
       for (let x = 0; x < 3; x++) {
-        for (const k of [x, 3 + x]) band.add(6 * frame + k, 6 * frame + k, TOGETHER * together);
-        band.add(6 * frame + 3 + x, 6 * frame + x, -TOGETHER * together);
+        for (const k of [x, 3 + x]) band.add(6 * frame + k, 6 * frame + k, SETTINGS.together_weight * together);
+        band.add(6 * frame + 3 + x, 6 * frame + x, -SETTINGS.together_weight * together);
       }
     }
     if (!pose) continue;
-    const mostAcross = MOST_ACROSS * (isOfHands ? skin.hands[1] : skin.body).spacing;
-    const { least, out } = leastHeight(pose.hand, by, pose.tree, pose.normals, mostAcross, SURFACE.THICK_M[isOfHands ? 1 : 0], SHARP_M);
+    const mostAcross = SETTINGS.edge_spacings * (isOfHands ? skin.hands[1] : skin.body).spacing;
+    const { least, out } = leastHeight(pose.hand, by, pose.tree, pose.normals, mostAcross, SURFACE.THICK_M[isOfHands ? 1 : 0], SETTINGS.lowest_fade_m);
     const lack = wanted - least;
     const now = lack > 0 ? weight : held;
     if (least === Infinity || now <= 0) continue;

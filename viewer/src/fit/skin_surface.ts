@@ -1,11 +1,11 @@
 /** Points on an avatar's skin that follow its bones as players move them: the method of the Python module body/skin_surface. */
 
 import { Matrix4, type Quaternion, Vector3 } from 'three';
-import { skin_surface as SURFACE } from './constants.js';
+import { skin_surface as SKIN } from './constants.js';
 import { KdTree } from './kd_tree.js';
 import { type SkinPoints, type SurfacePoint, thinned } from './points.js';
 
-const { BLEND_M, MOST_WEIGHTS, COVER, AROUND, FACING, REACH_M } = SURFACE;
+const { SURFACE } = SKIN;
 
 /** The skin that hands meet (the outermost layer on head, neck and trunk), and that of the left and the right hand. */
 export interface AvatarSkin {
@@ -63,7 +63,7 @@ export class SkinSurface {
       around.place.clone().applyMatrix4(matrix.invert()).toArray(seen, 3 * k);
     });
     const found: PosedPoints = { points: [], normals: [] };
-    const [{ x: px, y: py, z: pz }, near, far] = [around.place, around.radius ** 2, (around.radius + BLEND_M) ** 2];
+    const [{ x: px, y: py, z: pz }, near, far] = [around.place, around.radius ** 2, (around.radius + SURFACE.blend_distance_m) ** 2];
     const blend = new Float64Array(12);
     for (let n = 0; n + 1 < firsts.length; n++) {
       const [ax, ay, az] = [rest[6 * n]!, rest[6 * n + 1]!, rest[6 * n + 2]!];
@@ -101,7 +101,7 @@ export function skinSurface(
   const covered = coveredBy(all, spacing);
   const kept = all.filter((_, k) => !covered[k]);
   const bones = [...new Set(kept.flatMap(({ corners }) => corners.flatMap((corner) => points.carriers[corner]!.bones)))];
-  if (!kept.length || kept.length * bones.length >= MOST_WEIGHTS) return null;
+  if (!kept.length || kept.length * bones.length >= SURFACE.most_weights) return null;
   const joints = bones.map((bone) => ({ bone, origin: rest[bone]!, toTPose: toTPose[bone]! }));
   const columns = new Map(bones.map((bone, column) => [bone, column]));
   const carried = kept.map(({ at, normal, corners, shares }) => {
@@ -133,7 +133,7 @@ export function leastHeight(
   const rows: number[] = [];
   for (let k = 0; k < hand.length; k += 3) {
     const [x, y, z] = [hand[k]! + by.x, hand[k + 1]! + by.y, hand[k + 2]! + by.z];
-    const row = 3 * tree.nearest(x, y, z, REACH_M);
+    const row = 3 * tree.nearest(x, y, z, SURFACE.comparison_m);
     if (row < 0) continue;
     const { points } = tree;
     const height = (x - points[row]!) * normals[row]! + (y - points[row + 1]!) * normals[row + 1]! + (z - points[row + 2]!) * normals[row + 2]!;
@@ -156,15 +156,15 @@ export function leastHeight(
 /** Which points lie under others that face the same way: skin below a shirt. */
 function coveredBy(points: SurfacePoint[], spacing: number): boolean[] {
   const tree = new KdTree(Float64Array.from(points.flatMap(({ at }) => at.toArray())));
-  const [lift, reach] = COVER;
+  const { cover_height_m: lift, cover_distance_m: reach, cover_points: most } = SURFACE;
   const away = new Vector3();
   return points.map(({ at, normal }) => {
     const near: { other: number; squared: number }[] = [];
     tree.within(Float64Array.of(...at.toArray()), reach, (other, squared) => near.push({ other, squared }));
-    if (near.length > AROUND) near.sort((a, b) => a.squared - b.squared).length = AROUND;
+    if (near.length > most) near.sort((a, b) => a.squared - b.squared).length = most;
     return near.some(({ other, squared }) => {
       const height = away.copy(points[other]!.at).sub(at).dot(normal);
-      return height > lift && squared - height * height < spacing * spacing && points[other]!.normal.dot(normal) > FACING;
+      return height > lift && squared - height * height < spacing * spacing && points[other]!.normal.dot(normal) > SURFACE.facing_cosine;
     });
   });
 }

@@ -10,8 +10,7 @@ import { fit as FIT } from './constants.js';
 import { gap, gapBetween, markNear, type Pairs, sidesOf, skinGap, skinPairs } from './gaps.js';
 import { Places } from './places.js';
 
-const { SMOOTHNESS, FPS, CONTACT_WEIGHT, CONTACT_FADE_M, LEAST_WEIGHT, TOUCH_M, CLEAR_M, PRESS_M, SIGNS, ARM_SHARES } = FIT;
-const { MARGIN_M, STEPS, STEPS_AGAIN, DAMPING, REACH, REACH_WEIGHT } = FIT;
+const { WRISTS, CONTACTS, ARM_SHARES } = FIT;
 const FRAMES_A_SLICE = 32;
 
 /** Pairs that are near one another at some frames, in order of frames. */
@@ -45,7 +44,7 @@ export class Fit {
   /** ``signing``: how much each arm signs, left and right, frame by frame. */
   constructor(readonly source: Posed, readonly carried: Posed, fps: number, readonly signing: Float64Array) {
     this.frames = source.frames;
-    this.smooth = SMOOTHNESS * (fps / FPS) ** 4;
+    this.smooth = WRISTS.smoothness * (fps / WRISTS.smoothness_fps) ** 4;
     const { body } = source;
     this.places = new Places(source, carried, signing);
     this.pairs = skinPairs(body);
@@ -66,7 +65,7 @@ export class Fit {
     const moves = yield* this.solveLinear();
     this.measureReach(moves);
     yield* this.findNear(moves);
-    return yield* this.touched(moves, this.carried, new Float64Array(moves.length), STEPS);
+    return yield* this.touched(moves, this.carried, new Float64Array(moves.length), WRISTS.steps);
   }
 
   /** The moves once more, from ``moved``: the body with the arms as they lie after the moves so far. */
@@ -79,7 +78,7 @@ export class Fit {
       }
     }
     yield* this.measureHeights(moved);
-    return yield* this.touched(base, moved, base, moved.body.relief ? STEPS : STEPS_AGAIN);
+    return yield* this.touched(base, moved, base, moved.body.relief ? WRISTS.steps : WRISTS.capsule_steps);
   }
 
   private *measureHeights(posed: Posed): Generator<void, void> {
@@ -117,7 +116,7 @@ export class Fit {
   private measureReach(moves: Moves): void {
     for (let t = 0; t < this.frames; t++) {
       for (const side of [0, 1]) {
-        if (this.signing[2 * t + side]! <= SIGNS) continue;
+        if (this.signing[2 * t + side]! <= WRISTS.signing_activity) continue;
         const { length } = this.arm(t, side, moves);
         this.outOfReach[side] = Math.max(this.outOfReach[side]!, length - this.carried.armLengths[side]!);
       }
@@ -150,15 +149,15 @@ export class Fit {
         }
       });
       marks.fill(0);
-      markNear(source, t, pairs, TOUCH_M, marks);
-      markNear({ starts, ends, radii: carried.radii }, t, pairs, MARGIN_M, marks);
+      markNear(source, t, pairs, CONTACTS.touch_distance_m, marks);
+      markNear({ starts, ends, radii: carried.radii }, t, pairs, CONTACTS.watch_distance_m, marks);
       for (let k = 0; k < marks.length; k++) {
         if (!marks[k]) continue;
         gapBetween(source, t, pairs.own[k]!, pairs.other[k]!);
         const then = gap.distance;
-        if (then >= TOUCH_M) {
+        if (then >= CONTACTS.touch_distance_m) {
           gapBetween({ starts, ends, radii: carried.radii }, t, pairs.own[k]!, pairs.other[k]!);
-          if (gap.distance >= MARGIN_M) continue;
+          if (gap.distance >= CONTACTS.watch_distance_m) continue;
         }
         near.frames.push(t);
         near.own.push(pairs.own[k]!);
@@ -179,11 +178,11 @@ export class Fit {
     const { diagonal, off } = this.places;
     const band = this.smoothBand();
     const right = this.places.right.slice();
-    for (let k = 0; k < right.length; k++) right[k]! += DAMPING * moves[k]!;
+    for (let k = 0; k < right.length; k++) right[k]! += WRISTS.damping * moves[k]!;
     for (let t = 0; t < this.frames; t++) {
       for (let x = 0; x < 3; x++) {
-        band.add(6 * t + x, 6 * t + x, diagonal[2 * t]! + DAMPING);
-        band.add(6 * t + 3 + x, 6 * t + 3 + x, diagonal[2 * t + 1]! + DAMPING);
+        band.add(6 * t + x, 6 * t + x, diagonal[2 * t]! + WRISTS.damping);
+        band.add(6 * t + 3 + x, 6 * t + 3 + x, diagonal[2 * t + 1]! + WRISTS.damping);
         band.add(6 * t + 3 + x, 6 * t + x, off[t]!);
       }
     }
@@ -221,12 +220,12 @@ export class Fit {
       fill(0, t, own);
       fill(6, t, other);
       skinGap(capsules, radii[2 * own]!, radii[2 * own + 1]!, radii[2 * other]!, radii[2 * other + 1]!);
-      const wanted = Math.min(then, CLEAR_M) + near.heights[k]!;
+      const wanted = Math.min(then, CONTACTS.clearance_m) + near.heights[k]!;
       // A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
-      const off = Math.max(Math.abs(then + 0.5 * PRESS_M) - 0.5 * PRESS_M, 0);
-      const held = then < TOUCH_M ? CONTACT_WEIGHT * Math.exp(-off / CONTACT_FADE_M) : 0;
-      const weight = gap.distance < wanted ? CONTACT_WEIGHT : held;
-      if (weight <= LEAST_WEIGHT) continue;
+      const off = Math.max(Math.abs(then + 0.5 * CONTACTS.press_depth_m) - 0.5 * CONTACTS.press_depth_m, 0);
+      const held = then < CONTACTS.touch_distance_m ? CONTACTS.weight * Math.exp(-off / CONTACTS.fade_m) : 0;
+      const weight = gap.distance < wanted ? CONTACTS.weight : held;
+      if (weight <= CONTACTS.least_weight) continue;
       jacobian.fill(0);
       const [ownSide, otherSide] = [sides[own]!, sides[other]!];
       const ownShare = first[own]! + gap.ownAt * (last[own]! - first[own]!);
@@ -245,11 +244,11 @@ export class Fit {
     for (let t = 0; t < this.frames; t++) {
       for (const side of [0, 1]) {
         const { x, y, z, length } = this.arm(t, side, moves);
-        const most = REACH * this.carried.armLengths[side]!;
+        const most = WRISTS.reach * this.carried.armLengths[side]!;
         if (length <= most) continue;
         jacobian.fill(0);
         jacobian.set([x / length, y / length, z / length], 3 * side);
-        addRow(band, right, t, jacobian, REACH_WEIGHT, most - length, moves);
+        addRow(band, right, t, jacobian, WRISTS.reach_weight, most - length, moves);
       }
     }
   }

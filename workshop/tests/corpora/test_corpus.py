@@ -23,7 +23,7 @@ from signsplice.signer.signer import STANDARD, draw_signer, skeleton
 from signsplice_workshop.corpora import pairs as corpus
 from signsplice_workshop.corpora import pseudo, truth
 from signsplice_workshop.corpora.pairs import Pairs, Recipe, draw_splits, write_pairs
-from signsplice_workshop.corpora.touches import events_with_touches
+from signsplice_workshop.corpora.touches import measure_touches
 
 GLOSSES = ("I", "MOTHER", "BOOK", "YES", "fs-A")
 RECIPE = Recipe(tuple(map(sign, GLOSSES)), seed=0, n_other=7)
@@ -80,8 +80,8 @@ def test_words_and_transitions_are_those_of_planner_and_truth(pairs: Pairs) -> N
         signer = pairs.signers[p // 5]
         one, two = (planner.synthesize_word(RECIPE.signs[k % 5], signer) for k in (p, q))
         assert np.array_equal(pairs.word(p, "rotations"), one.clip.local_rotations.astype(np.float32))
-        assert pairs.events(p) == events_with_touches(one)
-        assert pairs.events(q) == events_with_touches(two)
+        assert pairs.events(p) == measure_touches(one)
+        assert pairs.events(q) == measure_touches(two)
         true = truth.splice(one, two)
         pre, post, new = pairs.truth(number, "rotations")
         assert (pre, post, len(new)) == (true.pre, true.post, len(true.states))
@@ -384,7 +384,7 @@ def test_a_pipe_in_a_corpus_is_refused_at_once(name: str, pairs: Pairs, tmp_path
 
 
 def test_pseudo_signs_make_a_corpus_too(tmp_path: Path) -> None:
-    recipe = Recipe(tuple(pseudo.sign(k) for k in range(2)), seed=1, n_other=0)
+    recipe = Recipe(tuple(pseudo.draw_sign(k) for k in range(2)), seed=1, n_other=0)
     made = Pairs(write_pairs(recipe, tmp_path / "c", processes=1))
     assert len(made) == 4
     assert made.split("unseen-signer", "test") == []

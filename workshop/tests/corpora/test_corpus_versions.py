@@ -61,7 +61,7 @@ def test_version_1_is_measured_but_not_planned_anew(old: Pairs) -> None:
 
 def test_both_versions_are_signing(old: Pairs, by_word: Pairs) -> None:
     for made in (old, by_word):
-        part = training_data.part_of_corpus(made, [0, 1, 2])
+        part = training_data.make_corpus_part(made, [0, 1, 2])
         assert len(part["seams"]) == 3
         p, q = made.index[1, :2].tolist()
         words = sorted(set(made.index[[0, 1, 2], :2].ravel().tolist()))

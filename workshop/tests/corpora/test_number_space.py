@@ -11,7 +11,7 @@ import pytest
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
-from signsplice_workshop.corpora.number_space import NumberSpace, read_space, space_of
+from signsplice_workshop.corpora.number_space import NumberSpace, make_space, read_space
 
 RNG = np.random.default_rng(3)
 SKELETON = Skeleton(
@@ -28,43 +28,43 @@ def clip(skeleton: Skeleton = SKELETON) -> Clip:
 
 
 def test_numbers_are_positions_in_the_cube_and_come_back() -> None:
-    space, motion = space_of(SKELETON, MIDDLE, 221.0), clip()
-    numbers = space.numbers(motion)
+    space, motion = make_space(SKELETON, MIDDLE, 221.0), clip()
+    numbers = space.to_numbers(motion)
     assert numbers.shape == (4, space.n_numbers) == (4, 15)
     positions = kinematics.forward(motion)[1]
-    np.testing.assert_allclose(space.positions(numbers), positions, atol=1e-12)
+    np.testing.assert_allclose(space.to_positions(numbers), positions, atol=1e-12)
     np.testing.assert_allclose(numbers[2, 9:12] * 221.0 + MIDDLE, positions[2, 3])
 
 
 def test_some_joints_keep_the_nearest_joint_above_them() -> None:
-    space = space_of(SKELETON, MIDDLE, 200.0, joints=[3, 1])
+    space = make_space(SKELETON, MIDDLE, 200.0, joints=[3, 1])
     assert space.joints == ("rig:Hips", "rig:Spine", "rig:Hand")
     assert space.parents == (-1, 0, 1), "the arm between is left out"
     motion = clip()
     np.testing.assert_array_equal(
-        space.numbers(motion),
-        space_of(SKELETON, MIDDLE, 200.0).numbers(motion).reshape(4, 5, 3)[:, [0, 1, 3]].reshape(4, 9),
+        space.to_numbers(motion),
+        make_space(SKELETON, MIDDLE, 200.0).to_numbers(motion).reshape(4, 5, 3)[:, [0, 1, 3]].reshape(4, 9),
     )
 
 
 def test_joints_are_found_by_name_in_any_order_and_with_any_prefix() -> None:
-    space, motion = space_of(SKELETON, MIDDLE, 200.0), clip()
+    space, motion = make_space(SKELETON, MIDDLE, 200.0), clip()
     bare = replace(SKELETON, names=tuple(name.removeprefix("rig:") for name in SKELETON.names))
-    np.testing.assert_array_equal(space.numbers(replace(motion, skeleton=bare)), space.numbers(motion))
+    np.testing.assert_array_equal(space.to_numbers(replace(motion, skeleton=bare)), space.to_numbers(motion))
     order = [0, 4, 1, 2, 3]
     turned = Skeleton(tuple(SKELETON.names[k] for k in order), np.array([-1, 0, 0, 2, 3]), SKELETON.offsets[order])
     other = Clip(turned, motion.local_rotations[:, order], motion.root_positions, 30.0)
-    np.testing.assert_allclose(space.numbers(other), space.numbers(motion), atol=1e-12)
+    np.testing.assert_allclose(space.to_numbers(other), space.to_numbers(motion), atol=1e-12)
 
 
 def test_a_clip_without_a_joint_is_refused_by_name() -> None:
     handless = Skeleton(SKELETON.names[:3], SKELETON.parents[:3], SKELETON.offsets[:3])
     with pytest.raises(InputError, match=r"HOUSE: has no joint rig:Hand, rig:Leg; expected the 5 joints"):
-        space_of(SKELETON, MIDDLE, 200.0).numbers(clip(handless))
+        make_space(SKELETON, MIDDLE, 200.0).to_numbers(clip(handless))
 
 
 def test_a_space_survives_json() -> None:
-    space = space_of(SKELETON, MIDDLE, 221.5, joints=[0, 2])
+    space = make_space(SKELETON, MIDDLE, 221.5, joints=[0, 2])
     assert read_space(json.loads(json.dumps(space.as_json()))) == space
 
 

@@ -19,7 +19,7 @@ from signsplice_workshop.measure.corpus_checks import over_limit
 @pytest.fixture(scope="module")
 def signs() -> list[Sign]:
     """The pseudo-signs of the first seeds."""
-    return [pseudo.sign(seed) for seed in range(44)]
+    return [pseudo.draw_sign(seed) for seed in range(44)]
 
 
 def strong_postures(sign: Sign) -> list[Posture]:
@@ -38,7 +38,7 @@ def test_every_seed_makes_a_well_formed_sign(signs: list[Sign]) -> None:
 
 
 def test_a_seed_makes_one_sign_in_every_order_of_draws(signs: list[Sign]) -> None:
-    again = [pseudo.sign(seed) for seed in (7, 3, 7)]
+    again = [pseudo.draw_sign(seed) for seed in (7, 3, 7)]
     assert again == [signs[7], signs[3], signs[7]]
 
 
@@ -59,7 +59,7 @@ def test_pseudo_signs_vary(signs: list[Sign]) -> None:
 
 
 def test_hands_and_places_are_as_frequent_as_in_the_lexicon_of_asl() -> None:
-    kinds = [pseudo.kind(stream("pseudo", seed)) for seed in range(2000)]
+    kinds = [pseudo.draw_kind(stream("pseudo", seed)) for seed in range(2000)]
     hands = Counter(hands for hands, _, _ in kinds)
     places = Counter(place for _, place, _ in kinds)
     found = (hands["one"], hands["symmetric"] + hands["alternating"], hands["base"], places["hand"], places["neutral"])
@@ -68,7 +68,7 @@ def test_hands_and_places_are_as_frequent_as_in_the_lexicon_of_asl() -> None:
 
 def test_no_try_changes_what_was_drawn_first(signs: list[Sign]) -> None:
     for seed, sign in enumerate(signs):
-        hands, place, course = pseudo.kind(stream("pseudo", seed))
+        hands, place, course = pseudo.draw_kind(stream("pseudo", seed))
         table = "symmetric" if hands == "alternating" else hands
         assert sign.hands == hands, seed
         assert sign.segments[0].strong.location in pseudo.FREQUENCIES[f"locations {table} {place}"], seed

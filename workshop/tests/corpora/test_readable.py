@@ -45,7 +45,7 @@ HIGH = replace(LOW, raised=12, high_first=True, high_last=True)
     ],
 )
 def test_a_hold_stays_for_other_hands_or_another_shape_at_the_same_height(p: Card, q: Card, frame: int) -> None:
-    assert readable.leave(p, q) == frame
+    assert readable.find_leave_frame(p, q) == frame
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_a_hold_stays_for_other_hands_or_another_shape_at_the_same_height(p: Car
     ],
 )
 def test_a_word_is_entered_where_the_hand_rises_or_comes_off_the_skin(p: Card, q: Card, frame: int) -> None:
-    assert readable.enter(p, q) == frame
+    assert readable.find_enter_frame(p, q) == frame
 
 
 @pytest.mark.parametrize("seed", [None, 505])
@@ -76,7 +76,7 @@ def test_holds_are_seen_where_the_signer_planned_them_and_an_error_of_a_tenth_mm
         assert events.first is not None
         planned = (events.start, events.first[0], events.passes[-1][1], events.end)
         assert np.abs(np.subtract(holds, planned)).max() <= readable.PLANNED
-        positions = kinematics.forward(word.clip)[1][:, readable.hand_joints(word.signer)[0]]
+        positions = kinematics.forward(word.clip)[1][:, readable.find_hand_joints(word.signer)[0]]
         hand = positions / signer.stature_cm - np.array([0.0, 0.5, 0.0])
         assert readable.find_holds(hand, readable.STILL_MARGIN) == holds
         noisy = hand + rng.normal(0.0, 0.01 / signer.stature_cm, hand.shape)
@@ -97,7 +97,7 @@ def test_a_transition_has_the_frames_of_its_class_or_none_near_a_border() -> Non
     frames = []
     for distance in (0.05, readable.TRAVEL[0], 0.2, readable.TRAVEL[1] + 0.003, 0.4):
         states[1, 0] = distance * STANDARD.stature_cm
-        frames.append(readable.transition_frames(states[0], states[1], STANDARD))
+        frames.append(readable.count_transition_frames(states[0], states[1], STANDARD))
     assert frames == [6, None, 9, None, 12]
 
 
@@ -129,7 +129,7 @@ def test_the_truth_of_a_corpus_follows_from_its_cards(corpus: Pairs) -> None:
     assert len(corpus) > 20
     for p, q, pre, post, _, count in corpus.index.tolist():
         cards = [Card(**corpus.head["words"][k]["card"]) for k in (p, q)]
-        assert (pre, post) == (readable.leave(*cards), readable.enter(*cards))
+        assert (pre, post) == (readable.find_leave_frame(*cards), readable.find_enter_frame(*cards))
         assert count in readable.LENGTHS
 
 
@@ -174,8 +174,8 @@ def test_a_transition_whose_elbow_would_be_too_fast_is_not_valid() -> None:
     assert word is not None
     assert card is not None
     held = word.states[card.posture : card.posture + 3]
-    assert truth.transition_of(9, held, held, word)[1]
-    assert not truth.transition_of(1, word.states[:3], held, word)[1]
+    assert truth.synthesize_transition(9, held, held, word)[1]
+    assert not truth.synthesize_transition(1, word.states[:3], held, word)[1]
 
 
 def test_such_a_corpus_is_not_measured_beside_real_signing(corpus: Pairs) -> None:

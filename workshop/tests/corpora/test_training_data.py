@@ -31,10 +31,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_words_pairs_and_events_are_the_signers(folder: Path) -> None:
-    part = np.load(training_data.path_of(folder, PLAN, 1))
+    part = np.load(training_data.locate_part(folder, PLAN, 1))
     signer = draw_signer(training_data.FIRST_SIGNER + 30_001)
     seeds = stream("endless", 3, 1).integers(2**40, size=4).tolist()
-    words = [planner.synthesize_word(pseudo.sign(int(k)), signer, fps=20.0) for k in seeds]
+    words = [planner.synthesize_word(pseudo.draw_sign(int(k)), signer, fps=20.0) for k in seeds]
     assert part["words"][:, 1].tolist() == [len(word) for word in words]
     for k, word in enumerate(words):
         first, n = part["words"][k]
@@ -59,10 +59,10 @@ def test_signers_rest_in_every_rest_pose() -> None:
 
 
 def test_bones_and_quaternions_put_the_hands_at_their_positions(folder: Path) -> None:
-    part = np.load(training_data.path_of(folder, PLAN, 0))
+    part = np.load(training_data.locate_part(folder, PLAN, 0))
     signer = draw_signer(training_data.FIRST_SIGNER + 30_000)
     clip = planner.synthesize_word(
-        pseudo.sign(int(stream("endless", 3, 0).integers(2**40, size=4)[0])), signer, fps=20.0
+        pseudo.draw_sign(int(stream("endless", 3, 0).integers(2**40, size=4)[0])), signer, fps=20.0
     ).clip
     motion = canonical_motion(clip)
     local = rotation.to_matrix(motion.quats)
@@ -80,7 +80,7 @@ def test_bones_and_quaternions_put_the_hands_at_their_positions(folder: Path) ->
 
 
 def test_seams_lie_in_their_sentences(folder: Path) -> None:
-    part = np.load(training_data.path_of(folder, PLAN, 0))
+    part = np.load(training_data.locate_part(folder, PLAN, 0))
     assert len(part["seams"]) >= 5
     n_words = part["words"][:, 1].sum()
     assert part["sentences"][0, 0] == n_words
@@ -91,7 +91,7 @@ def test_seams_lie_in_their_sentences(folder: Path) -> None:
 
 
 def test_existing_parts_are_kept_and_a_missing_one_is_made_alike(folder: Path, tmp_path: Path) -> None:
-    first, second = (training_data.path_of(folder, PLAN, number) for number in (0, 1))
+    first, second = (training_data.locate_part(folder, PLAN, number) for number in (0, 1))
     before = first.stat().st_mtime_ns
     reported: list[tuple[int, int]] = []
     second.rename(tmp_path / "second.npz")
@@ -107,9 +107,9 @@ def test_existing_parts_are_kept_and_a_missing_one_is_made_alike(folder: Path, t
 
 @pytest.mark.parametrize("left", [0.0, 0.5, 0.99])
 def test_a_part_that_is_cut_off_is_made_again(left: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training_data, "part", lambda plan, number: {"turns": np.full(99, number)})
+    monkeypatch.setattr(training_data, "make_part", lambda plan, number: {"turns": np.full(99, number)})
     training_data.write(PLAN, tmp_path, processes=1)
-    path = training_data.path_of(tmp_path, PLAN, 1)
+    path = training_data.locate_part(tmp_path, PLAN, 1)
     content = path.read_bytes()
     path.write_bytes(content[: int(left * len(content))])
     reported: list[tuple[int, int]] = []
@@ -120,16 +120,16 @@ def test_a_part_that_is_cut_off_is_made_again(left: float, tmp_path: Path, monke
 
 def test_names_of_parts_tell_the_traits() -> None:
     names = {
-        traits: training_data.path_of(Path(), replace(PLAN, traits=traits), 1).name
+        traits: training_data.locate_part(Path(), replace(PLAN, traits=traits), 1).name
         for traits in (None, (), ("undershoot",), ("undershoot", "low_elbows"), ("low_elbows", "undershoot"), TRAITS)
     }
-    assert names[None] == names[TRAITS] == training_data.path_of(Path(), PLAN, 1).name
+    assert names[None] == names[TRAITS] == training_data.locate_part(Path(), PLAN, 1).name
     assert "-plain-" in names[()]
     assert "-undershoot-" in names[("undershoot",)]
     assert "-low_elbows+undershoot-" in names[("undershoot", "low_elbows")]
     assert len(set(names.values())) == 4
     assert names[("undershoot", "low_elbows")] == names[("low_elbows", "undershoot")], "the order does not matter"
-    everything = training_data.path_of(Path(), replace(PLAN, traits=TRAITS[1:]), 1).name
+    everything = training_data.locate_part(Path(), replace(PLAN, traits=TRAITS[1:]), 1).name
     assert len(everything) < 255, "a file system takes the name"
     with pytest.raises(InputError, match="no trait 'speed', expected some of low_pass_frames,"):
         training_data.write(replace(PLAN, traits=("speed",)), Path("nowhere"))
@@ -137,18 +137,18 @@ def test_names_of_parts_tell_the_traits() -> None:
 
 def test_plans_that_differ_in_traits_share_bodies_and_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[int] = []
-    draw = pseudo.sign
+    draw = pseudo.draw_sign
 
     def sign(seed: int) -> Sign:
         drawn.append(seed)
         return draw(seed)
 
-    monkeypatch.setattr(pseudo, "sign", sign)
+    monkeypatch.setattr(pseudo, "draw_sign", sign)
     plan = TrainingDataPlan(n_signers=1, n_words=2, n_seams=1, seed=4, fps=12.0)
     plans = [(replace(plan, traits=traits), tmp_path / name) for name, traits in (("none", ()), ("one", TRAITS[:1]))]
     reported: list[tuple[int, int]] = []
     training_data.write_all(plans, lambda a, b: reported.append((a, b)), processes=1)
     assert reported == [(1, 2), (2, 2)]
     assert len(drawn) == 2, "each pseudo-sign is drawn once"
-    one, other = (np.load(training_data.path_of(folder, plan, 0)) for plan, folder in plans)
+    one, other = (np.load(training_data.locate_part(folder, plan, 0)) for plan, folder in plans)
     np.testing.assert_array_equal(one["bones"], other["bones"])

@@ -88,9 +88,9 @@ def test_no_target_posture_is_cut_into_beyond_the_undershoot(seed: int | None) -
     n_cut = 0
     for gloss in ("FRIEND", "TOMORROW", "RAIN", "BIG", "GRANDMOTHER", "FOR", "IDEA", "HOME", "LEARN", "SIGN", "MY"):
         one = word(gloss, seed)
-        pre, post = truth.leave(one, most), truth.enter(one, most)
+        pre, post = truth.find_leave_frame(one, most), truth.find_enter_frame(one, most)
         if one.events.passes:
-            _, stop = truth.last_kept_pass(one)
+            _, stop = truth.find_last_kept_pass(one)
             left = strong_path(one, min(pre, stop), stop)
             assert stop - pre <= 1, gloss
             assert left <= 0.7, gloss
@@ -108,10 +108,10 @@ def test_undershoot_leaves_out_three_percent_of_the_path_and_half_a_centimetre()
         return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
 
     for path in (2.0, 8.0, 15.0, 30.0, 80.0):
-        assert left(truth.undershoot(path, path)) * path <= min(0.5, 0.03 * path) + 1e-3
-        assert truth.undershoot(path, 0.0) * path <= min(0.5, 0.03 * path) + 1e-3, "a circle keeps its speed"
-        assert truth.undershoot(path, 0.0) < truth.undershoot(path, path)
-    assert truth.undershoot(15.0, 15.0) > 0.14
+        assert left(truth.compute_undershoot(path, path)) * path <= min(0.5, 0.03 * path) + 1e-3
+        assert truth.compute_undershoot(path, 0.0) * path <= min(0.5, 0.03 * path) + 1e-3, "a circle keeps its speed"
+        assert truth.compute_undershoot(path, 0.0) < truth.compute_undershoot(path, path)
+    assert truth.compute_undershoot(15.0, 15.0) > 0.14
 
 
 def test_both_cut_frames_depend_on_both_words() -> None:
@@ -179,7 +179,7 @@ def at_one_speed(events: SeenEvents) -> IsolatedWord:
 @pytest.mark.parametrize(("name", "events", "relation", "frame"), BEFORE, ids=[row[0] for row in BEFORE])
 def test_where_a_word_is_left(name: str, events: dict[str, object], relation: dict[str, object], frame: int) -> None:
     made = at_one_speed(replace(MOVED, **events))  # type: ignore[arg-type]
-    assert truth.leave(made, replace(FAR, **relation)) == frame, name  # type: ignore[arg-type]
+    assert truth.find_leave_frame(made, replace(FAR, **relation)) == frame, name  # type: ignore[arg-type]
 
 
 AFTER = [
@@ -201,12 +201,12 @@ AFTER = [
 @pytest.mark.parametrize(("name", "events", "relation", "frame"), AFTER, ids=[row[0] for row in AFTER])
 def test_where_a_word_is_entered(name: str, events: dict[str, object], relation: dict[str, object], frame: int) -> None:
     made = at_one_speed(replace(MOVED, **events))  # type: ignore[arg-type]
-    assert truth.enter(made, replace(FAR, **relation)) == frame, name  # type: ignore[arg-type]
+    assert truth.find_enter_frame(made, replace(FAR, **relation)) == frame, name  # type: ignore[arg-type]
 
 
 def test_events_without_skin_distances_have_no_truth() -> None:
     with pytest.raises(ValueError, match="without skin distances"):
-        truth.leave(at_one_speed(replace(MOVED, gap_last_cm=None)), FAR)
+        truth.find_leave_frame(at_one_speed(replace(MOVED, gap_last_cm=None)), FAR)
 
 
 # --- how two words relate
@@ -343,7 +343,7 @@ def test_longer_travel_takes_no_fewer_frames() -> None:
     for travel in np.linspace(0.0, 40.0, 30):
         end = start.copy()
         end[1] += travel
-        counts.append(truth.transition_frames(start, end, p))
+        counts.append(truth.count_transition_frames(start, end, p))
     assert counts == sorted(counts)
     assert counts[-1] > counts[0] + 3
     law = 0.74 * (0.051 + 0.149 * np.log2(1.0 + 40.0 / 36.0 / 0.15))
@@ -353,16 +353,16 @@ def test_longer_travel_takes_no_fewer_frames() -> None:
 def test_weak_hand_and_fingers_can_need_more_frames() -> None:
     p = word("I")
     start = p.states[p.events.end]
-    least = truth.transition_frames(start, start, p)
+    least = truth.count_transition_frames(start, start, p)
     assert least == 2
     weak, shaped = start.copy(), start.copy()
     weak[28] += 40.0
     shaped[pose.FINGERS] += 1.5
     strong = start.copy()
     strong[1] += 40.0
-    assert least < truth.transition_frames(start, weak, p) < truth.transition_frames(start, strong, p)
-    assert truth.transition_frames(start, shaped, p) == round(30.0 * (0.09 + 0.15)) - 1
-    assert truth.transition_frames(start, shaped, replace(p, signer=replace(STANDARD, tempo=2.0))) < 6
+    assert least < truth.count_transition_frames(start, weak, p) < truth.count_transition_frames(start, strong, p)
+    assert truth.count_transition_frames(start, shaped, p) == round(30.0 * (0.09 + 0.15)) - 1
+    assert truth.count_transition_frames(start, shaped, replace(p, signer=replace(STANDARD, tempo=2.0))) < 6
 
 
 def test_a_transition_without_collisions_is_a_reach() -> None:
@@ -384,7 +384,7 @@ def test_clearing_a_transition_leaves_its_ends_near_the_words() -> None:
     b[1] -= 12.0
     assert penetration(a[None], signer)[0].max() > 0.25
     before, after = np.repeat(a[None], 3, axis=0), np.repeat(b[None], 3, axis=0)
-    made = truth.transition(before, after, p)
+    made = truth.make_transition(before, after, p)
     moved = np.linalg.norm(made - trajectory.reach(before, after, len(made), signer), axis=-1)
     assert len(made) >= 4
     assert moved.max() > 0.1

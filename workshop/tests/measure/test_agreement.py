@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from signsplice_workshop.measure.measures import HEAD, Quantity, misses, table
+from signsplice_workshop.measure.measures import HEAD, Quantity, format_quantities, list_misses
 
 FIVE = (160.0, 200.0, 250.0, 320.0, 480.0)
 
@@ -54,7 +54,7 @@ def test_the_table_says_which_parts_agree_and_what_misses() -> None:
         Quantity("head", "degrees/s", (2.0,), (90.0,), "a take"),
         Quantity("peak", "m/s", (1.0, 1.0, 1.0, 1.0, 1.0), (1.0,), "words"),
     ]
-    lines = table(rows)
+    lines = format_quantities(rows)
     assert lines[0] == f"| {' | '.join(HEAD)} |"
     assert [line.rsplit("|", 2)[1].strip() for line in lines[2:5]] == ["yes / yes / no", "no / - / -", "yes / - / -"]
     assert lines[3] == "| head | degrees/s | 2 | 90 | a take | 0.02 | no / - / - |"
@@ -64,4 +64,4 @@ def test_the_table_says_which_parts_agree_and_what_misses() -> None:
         "- transition (Czech SL): 95 %",
         "- head (a take): figure",
     ]
-    assert misses(rows[2:]) == ["1 of 1 rows agree in all that can be compared."]
+    assert list_misses(rows[2:]) == ["1 of 1 rows agree in all that can be compared."]

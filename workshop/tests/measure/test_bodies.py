@@ -119,13 +119,13 @@ def test_what_is_kept_aside_is_apart() -> None:
     assert len(BODIES) - len(aside) >= 9
     assert len(aside) == 3
     assert not aside & {"narrow", "broad", "child", "chibi", "long arms"}, "choices were made on these"
-    assert not any(map(bodies.is_kept_aside, bodies.TUNED_ON))
+    assert not any(map(bodies.is_held_out, bodies.TUNED_ON))
     names = [entry.gloss for entry in open_shipped_lexicon().entries() if entry.kind == "sign"]
     assert set(names) >= bodies.TUNED_ON
-    assert 0.2 < np.mean([bodies.is_kept_aside(name) for name in names]) < 0.45
+    assert 0.2 < np.mean([bodies.is_held_out(name) for name in names]) < 0.45
     words, kept = bodies.draw_words(12)
     assert (len({clip.name for clip in words}), len({clip.name for clip in kept})) == (8, 4)
-    assert [bodies.is_kept_aside(clip.name) for clip in (*words, *kept)] == [False] * 8 + [True] * 4
+    assert [bodies.is_held_out(clip.name) for clip in (*words, *kept)] == [False] * 8 + [True] * 4
     assert [clip.name for clip in bodies.draw_words(12)[0]] == [clip.name for clip in words]
 
 

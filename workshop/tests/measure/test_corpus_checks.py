@@ -18,7 +18,7 @@ from signsplice.signer import notation, planner, pose
 from signsplice.signer.locations import resting
 from signsplice.signer.signer import JOINTS, STANDARD
 from signsplice_workshop.corpora.pairs import Pairs, normalise_positions
-from signsplice_workshop.corpora.touches import events_with_touches
+from signsplice_workshop.corpora.touches import measure_touches
 from signsplice_workshop.measure import corpus_checks
 
 SIGNS = {**notation.everyday(), **notation.alphabet()}
@@ -109,4 +109,4 @@ def test_positions_are_scaled_alike_everywhere(pairs: Pairs) -> None:
     scaled = normalise_positions(one.clip, STANDARD.stature_cm)
     assert np.abs(pairs.word(1) - scaled).max() < 1e-6
     head: dict[str, Any] = json.loads((pairs.folder / "corpus.json").read_text())
-    assert head["words"][1]["events"] == json.loads(json.dumps(asdict(events_with_touches(one))))
+    assert head["words"][1]["events"] == json.loads(json.dumps(asdict(measure_touches(one))))

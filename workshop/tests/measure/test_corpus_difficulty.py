@@ -19,7 +19,7 @@ SIGNS = {**notation.everyday(), **notation.alphabet()}
 def test_accuracy_of_cuts_counted_by_hand() -> None:
     cuts = [(1, 2), (3, 4), (5, 9), (7, 7)]
     truth = [(0, 1, 1, 2), (0, 1, 3, 7), (1, 0, 8, 9), (1, 0, 6, 9)]
-    found = corpus_difficulty._accuracy("rule", cuts, truth)
+    found = corpus_difficulty._score_cuts("rule", cuts, truth)
     assert found.exact == pytest.approx(1 / 4)
     assert found.leave == pytest.approx(2 / 4)
     assert found.enter == pytest.approx(2 / 4)

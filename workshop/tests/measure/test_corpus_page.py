@@ -22,7 +22,7 @@ from signsplice_workshop.corpora import pseudo
 from signsplice_workshop.corpora.pairs import Pairs, Recipe, write_pairs
 from signsplice_workshop.measure import corpus_checks, corpus_page, corpus_pictures, corpus_realism
 from signsplice_workshop.measure.corpus_difficulty import BY_WORD
-from signsplice_workshop.measure.measures import markdown, tables_in
+from signsplice_workshop.measure.measures import format_table, parse_tables
 
 DOCS = Path(__file__).parents[2] / "docs" / "measured" / "corpus.md"
 FORWARD = "X shape=1 at=space palm=down fingers=fwd", "M shift=0,0,14", "H"
@@ -36,11 +36,11 @@ def quiet(what: str) -> Iterator[None]:
 
 def without_measuring(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corpus_pictures, "check_matplotlib", lambda: None)
-    monkeypatch.setattr(corpus_page, "_realism", lambda *a: ["### Realism", "", "| a | b |", ""])
-    monkeypatch.setattr(corpus_page, "_difficulty", lambda *a: ["### Difficulty"])
-    monkeypatch.setattr(corpus_page, "_validity", lambda *a: ["### Validity"])
+    monkeypatch.setattr(corpus_page, "_format_realism", lambda *a: ["### Realism", "", "| a | b |", ""])
+    monkeypatch.setattr(corpus_page, "_format_difficulty", lambda *a: ["### Difficulty"])
+    monkeypatch.setattr(corpus_page, "_format_validity", lambda *a: ["### Validity"])
     monkeypatch.setattr(corpus_pictures, "write_sheets", lambda *a: None)
-    monkeypatch.setattr(corpus_page, "short", lambda lines, _: lines)
+    monkeypatch.setattr(corpus_page, "shorten", lambda lines, _: lines)
 
 
 def test_a_page_is_filled_between_its_marks_alone(
@@ -147,12 +147,12 @@ def test_tables_are_found_with_their_sections() -> None:
         "Two",
         "lines:",
         "",
-        *markdown(("a", "b"), [(1, 2), (3, "x")]),
+        *format_table(("a", "b"), [(1, 2), (3, "x")]),
         "",
         "## B",
-        *markdown("c", "d"),
+        *format_table("c", "d"),
     ]
-    first, second = tables_in(lines)
+    first, second = parse_tables(lines)
     assert first == {"section": "A", "text": "Two lines:", "rows": [{"a": "1", "b": "2"}, {"a": "3", "b": "x"}]}
     assert (second["section"], second["rows"]) == ("B", [{"c": "d"}])
 
@@ -166,19 +166,19 @@ def keyed() -> Clip:
 
 
 def test_sheets_show_the_side_where_the_hand_moves_forward(pairs: Pairs) -> None:
-    strips = corpus_pictures._with_side(corpus_pictures._word_strip(made(*FORWARD)))
+    strips = corpus_pictures._add_side_view(corpus_pictures._word_strip(made(*FORWARD)))
     assert [(strip.view, strip.caption) for strip in strips] == [("front", "WORD"), ("side", "WORD, from the side")]
-    assert len(corpus_pictures._with_side(corpus_pictures._word_strip(made(*UPWARD)))) == 1
+    assert len(corpus_pictures._add_side_view(corpus_pictures._word_strip(made(*UPWARD)))) == 1
     left_handed = Pairs(pairs.folder)
     left_handed.signers = tuple(replace(one, left_handed=True) for one in pairs.signers)
     assert [corpus_pictures._pair_strip(one, 0).hand for one in (pairs, left_handed)] == ["right", "left"]
 
 
 def test_pseudo_signs_are_known_by_their_gloss(tmp_path: Path) -> None:
-    recipe = Recipe((pseudo.sign(0), sign("I")), seed=1, n_other=0)
+    recipe = Recipe((pseudo.draw_sign(0), sign("I")), seed=1, n_other=0)
     corpus = Pairs(write_pairs(recipe, tmp_path / "pairs", processes=1))
     signs = corpus_page.signs_by_gloss(corpus)
-    assert signs["PSEUDO-0"] == pseudo.sign(0)
+    assert signs["PSEUDO-0"] == pseudo.draw_sign(0)
     assert corpus_checks.replan(corpus, signs) == (4, 0)
 
 

@@ -106,7 +106,7 @@ def test_a_left_handed_signers_strong_wrist_is_the_left_one(pairs: Pairs) -> Non
     one, other = corpus_realism.wrist_motion(pairs), corpus_realism.wrist_motion(mirrored)
     assert np.allclose(one.peak, other.peak, atol=1e-4)
     assert np.allclose(corpus_realism.word_peak_speeds(pairs), corpus_realism.word_peak_speeds(mirrored), atol=1e-4)
-    assert np.allclose(corpus_realism.forming(pairs), corpus_realism.forming(mirrored), atol=1e-4)
+    assert np.allclose(corpus_realism.measure_forming(pairs), corpus_realism.measure_forming(mirrored), atol=1e-4)
     ours, theirs = corpus_realism.signing_motion(pairs), corpus_realism.signing_motion(mirrored)
     assert np.allclose(ours.abduction_deg, theirs.abduction_deg, atol=1e-2)
 
@@ -142,13 +142,13 @@ def test_a_captured_clip_is_measured_as_the_corpus_is(pairs: Pairs) -> None:
     assert found["wrist speed while moving"].real == percentiles(signer_motion([own], "right").speed)
     assert len(found) == len(rows)
     assert corpus_realism.compare_with_captures(pairs, {}) == []
-    (apart,) = (row for row in corpus_realism.likeness_of_hands(pairs, SIGNS, {}) if row.unit == "cm")
+    (apart,) = (row for row in corpus_realism.compare_hands(pairs, SIGNS, {}) if row.unit == "cm")
     assert (apart.source, apart.real) == ("range aimed at", (1.0, 3.0))
     assert 0.0 < apart.ours[2] < 6.0, "BOOK is symmetric"
-    assert corpus_realism.likeness_of_hands(pairs, {}, {"a take": own}) == []
+    assert corpus_realism.compare_hands(pairs, {}, {"a take": own}) == []
 
 
 def test_fingers_form_within_transitions(pairs: Pairs) -> None:
-    forming = corpus_realism.forming(pairs)
+    forming = corpus_realism.measure_forming(pairs)
     assert len(forming) > 20
     assert ((forming > 0.0) & (forming < 1.0)).all()

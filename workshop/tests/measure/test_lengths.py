@@ -22,9 +22,10 @@ def test_the_table_holds_the_published_percentiles() -> None:
 
 def test_the_product_has_the_numbers_that_the_table_gives() -> None:
     fitted = (*lengths.fit_signs(TABLE), *lengths.fit_transitions(TABLE))
-    product = (durations.SIGN_FRACTION, durations.MEAN_SIGN_S, durations.TRAVEL_S, durations.DOUBLING_S)
+    human = durations.HUMAN
+    product = (human.sign_fraction, human.mean_sign_s, human.still_transition_s, human.doubling_s)
     assert fitted == pytest.approx(product, abs=0.005)
-    assert np.median(TABLE.transitions) == durations.HUMAN_MEDIAN_S
+    assert np.median(TABLE.transitions) == durations.HUMAN.median_transition_s
 
 
 def test_lengths_are_predicted_better_from_the_sign_alone_than_by_the_mean() -> None:

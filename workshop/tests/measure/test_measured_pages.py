@@ -32,7 +32,7 @@ measured = script()
 
 @pytest.mark.parametrize("name", measured.PAGES)
 def test_a_page_is_that_of_its_figures_and_begins_with_its_finding(name: str) -> None:
-    text, table = measured.page_text(name)
+    text, table = measured.make_page(name)
     assert (MEASURED / f"{name}.md").read_text(encoding="utf-8") == text
     assert not table or (MEASURED / f"{name}.csv").read_text(encoding="utf-8") == table
     assert text.splitlines()[2].startswith("- ")
@@ -56,15 +56,15 @@ def test_findings_follow_from_the_figures() -> None:
     found = {name: json.loads((MEASURED / f"{name}.json").read_text()) for name in measured.RESTS.values()}
     rows = {row["method"]: row for row in found["joins"]["rows"]}
     assert f"keeps all movements of both signs in {100 * rows[measured.DEFAULT]['whole']:.1f} %" in " ".join(
-        measured.seams(found)[0]
+        measured.make_seams_page(found)[0]
     )
     rows["pose-velocity + linear"]["velocity_jump"] = 0.111
-    assert "is 0.11 (`pose-velocity + linear`)" in " ".join(" ".join(measured.seams(found)[0]).split())
+    assert "is 0.11 (`pose-velocity + linear`)" in " ".join(" ".join(measured.make_seams_page(found)[0]).split())
 
 
 def test_a_page_names_what_made_its_figures() -> None:
     made = {"commit": "c" * 40, "version": "1.2", "n_words": 223, "words": "a" * 64, "bundle": "b" * 64}
-    (line,) = measured.made_with([{"made_with": made}, {"made_with": made}])
+    (line,) = measured.format_versions([{"made_with": made}, {"made_with": made}])
     assert line == (
         f"Made at commit `{'c' * 40}` (version 1.2): the 223 words that ship (sha256 `aaaaaaaaaaaa`), networks "
         "`bbbbbbbbbbbb`."
@@ -105,7 +105,7 @@ def test_pages_of_real_clips_are_skipped_with_a_line(
 def test_the_commands_of_the_pages_run_and_give_what_the_pages_show(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = ["seams", "collisions", "bodies", "tempo", "bench"]
+    names = ["seams", "bodies", "tempo", "bench"]
     monkeypatch.setattr(measured, "git", lambda *_: "0" * 40)
     monkeypatch.setattr(sys, "argv", ["measured.py", *names, "--small", str(tmp_path)])
     measured.main()

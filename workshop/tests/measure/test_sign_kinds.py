@@ -41,7 +41,7 @@ ONCE  hands=one
 
 
 def test_kinds_are_shares_of_the_signs_beside_those_of_asl() -> None:
-    rows = corpus_realism.kinds(list(SIGNS.values()), "mine")
+    rows = corpus_realism.compare_kinds(list(SIGNS.values()), "mine")
     assert {row.name: (round(row.ours[0], 9), row.real[0]) for row in rows} == {
         "one-handed, mine": (0.4, 0.39),
         "symmetric or alternating, mine": (0.4, 0.35),
@@ -53,7 +53,7 @@ def test_kinds_are_shares_of_the_signs_beside_those_of_asl() -> None:
 
 def test_kinds_of_words_and_of_pseudo_signs_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corpus_realism, "N_PSEUDO", 3)
-    rows = corpus_realism.sign_kind_shares()
+    rows = corpus_realism.compare_sign_kinds()
     assert len(rows) == 8
     everyday = list(notation.everyday().values())
     assert rows[0].ours[0] == pytest.approx(sum(one.hands == "one" for one in everyday) / len(everyday))
@@ -62,7 +62,7 @@ def test_kinds_of_words_and_of_pseudo_signs_are_counted(monkeypatch: pytest.Monk
 
 def test_second_passes_are_held_against_first_ones(tmp_path: Path) -> None:
     made = Pairs(write_pairs(Recipe(tuple(TWICE.values()), n_other=0), tmp_path / "pairs", processes=1))
-    size, time = corpus_realism.second_passes(made)
+    size, time = corpus_realism.measure_second_passes(made)
     begin, end = made.events(0).passes[1]
     first = made.events(0).passes[0]
     assert time.ours[2] == pytest.approx((end - begin) / (first[1] - first[0]))
@@ -70,7 +70,7 @@ def test_second_passes_are_held_against_first_ones(tmp_path: Path) -> None:
     assert size.ours[0] == size.ours[4], "the other word has one pass"
     assert size.spread
     assert size.real == (0.6, 1.0)
-    (walking, _) = corpus_realism.second_passes(_Walking(made.folder))
+    (walking, _) = corpus_realism.measure_second_passes(_Walking(made.folder))
     assert walking.ours == pytest.approx(size.ours, abs=1e-4), "a body that moves adds nothing"
 
 
@@ -84,4 +84,4 @@ class _Walking(Pairs):
 
 def test_without_repeated_movements_there_are_no_rows(tmp_path: Path) -> None:
     recipe = Recipe((TWICE["ONCE"], sign("I")), n_other=0)
-    assert corpus_realism.second_passes(Pairs(write_pairs(recipe, tmp_path / "pairs", processes=1))) == []
+    assert corpus_realism.measure_second_passes(Pairs(write_pairs(recipe, tmp_path / "pairs", processes=1))) == []

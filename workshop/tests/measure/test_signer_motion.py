@@ -13,7 +13,7 @@ from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.signer import pose
 from signsplice.signer.locations import resting
 from signsplice.signer.signer import JOINTS, STANDARD
-from signsplice_workshop.measure.corpus_realism import half_changed_at, reaches, signer_motion
+from signsplice_workshop.measure.corpus_realism import find_half_change, find_reaches, signer_motion
 from signsplice_workshop.measure.hands import busier_side, hand_likeness
 
 FPS = 30.0
@@ -93,16 +93,16 @@ def test_the_upper_arm_hangs_at_no_angle_and_is_level_at_ninety() -> None:
 
 def test_a_reach_lies_between_two_minima_and_is_fast() -> None:
     speed = np.array([0.3, 0.1, 0.4, 0.9, 0.8, 0.2, 0.3, 0.4, 0.3, 0.1, 0.2, 0.05, 0.6])
-    assert reaches(speed) == [(1, 5)]
-    assert reaches(speed[:2]) == []
+    assert find_reaches(speed) == [(1, 5)]
+    assert find_reaches(speed[:2]) == []
 
 
 def test_a_finger_is_half_formed_where_half_of_its_way_is_done() -> None:
     linear = np.outer(np.arange(11.0), [4.0, 0.0, 3.0])
-    assert half_changed_at(linear) == pytest.approx(0.5)
+    assert find_half_change(linear) == pytest.approx(0.5)
     early = np.array([[0.0], [10.0], [30.0], [40.0], [40.0]])
-    assert half_changed_at(early) == pytest.approx(1.5 / 4.0)
-    assert half_changed_at(0.3 * linear) is None, "15 degrees are no change of handshape"
+    assert find_half_change(early) == pytest.approx(1.5 / 4.0)
+    assert find_half_change(0.3 * linear) is None, "15 degrees are no change of handshape"
 
 
 def test_a_clip_without_motion_has_no_figures() -> None:

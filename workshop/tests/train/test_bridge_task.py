@@ -22,8 +22,8 @@ from signsplice_workshop.train.gap_data import GapDataset  # noqa: E402
 from signsplice_workshop.train.networks import (  # noqa: E402
     Bridge,
     BridgeConfig,
-    rope_angles,
-    rotary,
+    compute_rope_angles,
+    rotate_by_rope,
     standardise,
 )
 from signsplice_workshop.train.tasks import BridgeTask  # noqa: E402
@@ -51,16 +51,16 @@ def test_an_untrained_network_is_the_classical_method(gaps: GapDataset) -> None:
 def test_joints_are_placed_in_32_bits_in_a_training_in_16(gaps: GapDataset) -> None:
     batch = gaps.batch(gaps.rows(0, 8, 0))
     task = BridgeTask(Bridge(TOY), gaps.role_parents.tolist())
-    exact = task.errors(batch, batch.base)
+    exact = task.measure_errors(batch, batch.base)
     with torch.autocast("cpu", torch.bfloat16):
-        found = task.errors(batch, batch.base)
+        found = task.measure_errors(batch, batch.base)
     assert all(torch.equal(a, b) for a, b in zip(found, exact, strict=True))
 
 
 def test_the_loss_is_the_position_error_of_the_evaluation(gaps: GapDataset) -> None:
     batch = gaps.batch([1])
     n_frames = int(batch.real.sum())
-    error = BridgeTask(Bridge(TOY), gaps.role_parents.tolist()).errors(batch, batch.base)[0]
+    error = BridgeTask(Bridge(TOY), gaps.role_parents.tolist()).measure_errors(batch, batch.base)[0]
     offsets = np.concatenate([np.zeros((1, 3)), batch.bones[0].numpy()]).astype(float)
     skeleton = replace(gaps.signers[0][0].skeleton, offsets=offsets)
     hips = rotation.IDENTITY
@@ -87,7 +87,7 @@ def test_torch_joint_positions_are_forward_kinematics(gaps: GapDataset) -> None:
     positions = kinematics.forward(Clip(signer.skeleton, local_quats, np.zeros((5, 3)), 30.0))[1][:, 1:]
     matrices = torch.tensor(rotation.to_matrix(quats))
     bones = torch.tensor(signer.bones.astype(float)).expand(5, -1, -1)
-    found = tasks.joint_positions(matrices, bones, gaps.role_parents.tolist())
+    found = tasks.compute_joint_positions(matrices, bones, gaps.role_parents.tolist())
     np.testing.assert_allclose(found.numpy(), positions, atol=1e-7)
     assert ROLES.index(TIPS[0]) in tasks.SCORED_ROLES
 
@@ -101,9 +101,9 @@ def test_padding_changes_nothing_and_every_weight_has_a_gradient(gaps: GapDatase
     row = int(batch.real.sum(1).argmin())
     alone = gaps.batch(gaps.rows(2, 6, 0)[row : row + 1])
     assert alone.base.shape[1] < batch.base.shape[1]
-    error, _ = task.errors(batch, task.predict_transitions(batch))
+    error, _ = task.measure_errors(batch, task.predict_transitions(batch))
     torch.testing.assert_close(
-        error[row], task.errors(alone, task.predict_transitions(alone))[0][0], atol=1e-5, rtol=1e-4
+        error[row], task.measure_errors(alone, task.predict_transitions(alone))[0][0], atol=1e-5, rtol=1e-4
     )
     task(batch).backward()
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in network.parameters())
@@ -126,8 +126,8 @@ def test_the_network_changes_arms_alone_and_not_the_ends(gaps: GapDataset) -> No
 def test_rotary_scores_depend_on_distance_alone() -> None:
     torch.manual_seed(0)
     query, key = (torch.randn(1, 1, 1, 8).expand(-1, -1, 9, -1) for _ in range(2))
-    rope = rope_angles(9, 8, query)
-    scores = rotary(query, rope) @ rotary(key, rope).transpose(-1, -2)
+    rope = compute_rope_angles(9, 8, query)
+    scores = rotate_by_rope(query, rope) @ rotate_by_rope(key, rope).transpose(-1, -2)
     for offset in range(-4, 5):
         diagonal = torch.diagonal(scores[0, 0], offset)
         torch.testing.assert_close(diagonal, diagonal[:1].expand_as(diagonal), atol=1e-5, rtol=1e-5)

@@ -13,7 +13,7 @@ pytest.importorskip("torch")
 from signsplice.rig.info import FEATURE_FPS
 from signsplice.splicing import features
 from signsplice.splicing.features import PHASES
-from signsplice_workshop.train.cut_data import CutDataset, CutDraw, frame_phases, read_words
+from signsplice_workshop.train.cut_data import CutDataset, CutDraw, classify_phases, read_words
 from training_toys import signing
 
 
@@ -73,7 +73,7 @@ def test_phases_follow_one_another(paths: list[Path]) -> None:
 
 def test_a_posture_is_a_hold_and_movements_are_a_stroke() -> None:
     at = np.arange(9)
-    still = frame_phases(at, (1, 3, 6, 8, -1, -1, -1, -1))
+    still = classify_phases(at, (1, 3, 6, 8, -1, -1, -1, -1))
     assert [PHASES[k] for k in still] == ["rest"] * 2 + ["preparation"] + ["hold"] * 4 + ["retraction", "rest"]
-    moving = frame_phases(at, (1, 3, 6, 8, 3, 4, 4, 5))
+    moving = classify_phases(at, (1, 3, 6, 8, 3, 4, 4, 5))
     assert [PHASES[k] for k in moving[3:7]] == ["stroke"] * 3 + ["hold"]

@@ -57,7 +57,7 @@ def test_the_loss_of_a_batch_is_the_mean_of_its_unequal_parts(
     whole = task(batch)
     assert whole.item() != pytest.approx(sum(task(part).item() for part in parts) / 2, rel=1e-3)
     shared = torch.stack([batch.has_truth.sum(), batch.mask.sum()]) / 2
-    monkeypatch.setattr(tasks, "mean_counts", lambda _: shared)
+    monkeypatch.setattr(tasks, "average_counts", lambda _: shared)
     assert whole.item() == pytest.approx(sum(task(part).item() for part in parts) / 2, rel=1e-6)
 
 

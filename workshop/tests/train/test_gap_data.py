@@ -53,7 +53,7 @@ def test_a_gap_hides_the_signed_frames(gaps: GapDataset) -> None:
     signer = gaps.signers[0][0]
     sentence, start, n_gap = signer.seams[0]
     quats = signer.sentences[sentence][start - 8 : start + n_gap + 8]
-    arrays = gaps.arrays(signer, quats, 8, n_gap)
+    arrays = gaps.make_arrays(signer, quats, 8, n_gap)
     assert arrays["tokens"].shape == (gap_features.N_SEEN, gap_features.N_TOKEN)
     gap = Gap(clip_of(gaps, quats[:8]), clip_of(gaps, quats[8 + n_gap :]), n_gap)
     base = find_transition("hermite").between(gap)
@@ -83,7 +83,7 @@ def test_training_gaps_are_augmented_and_validation_gaps_are_not(signer_file: Pa
     chest = ROLES.index("chest")
     chest_angles = []
     for dataset in (fixed, gaps):
-        drawn = [dataset.gap(number) for number in range(60)]
+        drawn = [dataset.draw_gap(number) for number in range(60)]
         angles = [rotation.angle_between(gap["true"][0, chest], rotation.IDENTITY) for gap in drawn]
         chest_angles.append(np.mean(angles))
         short = [gap for gap in drawn if len(gap["true"]) <= 5]
@@ -91,7 +91,7 @@ def test_training_gaps_are_augmented_and_validation_gaps_are_not(signer_file: Pa
         # The shown and the hidden frames are changed alike, so that they still meet.
         assert max(rotation.angle_between(gap["base"], gap["true"]).mean() for gap in short) < 0.2
     assert chest_angles[1] > 2.0 * chest_angles[0]
-    np.testing.assert_array_equal(fixed.gap(3)["tokens"], fixed.gap(3)["tokens"])
+    np.testing.assert_array_equal(fixed.draw_gap(3)["tokens"], fixed.draw_gap(3)["tokens"])
 
 
 def test_hidden_stretches_have_a_target_short_of_the_truth(signer_file: Path) -> None:
@@ -99,7 +99,7 @@ def test_hidden_stretches_have_a_target_short_of_the_truth(signer_file: Path) ->
     whole.stretch_target = 1.0
     fractions: dict[bool, list[float]] = {True: [], False: []}
     for number in range(40):
-        one, other = partial.gap(number), whole.gap(number)
+        one, other = partial.draw_gap(number), whole.draw_gap(number)
         np.testing.assert_array_equal(one["tokens"], other["tokens"])
         base = other["base"].astype(float)
         distance = rotation.angle_between(base, other["true"].astype(float)).sum()

@@ -22,8 +22,8 @@ from signsplice.splicing.features import N_SEEN, N_TOKEN, N_WORD  # noqa: E402
 from signsplice.splicing.learned import open_sessions  # noqa: E402
 from signsplice.splicing.runtime import onnxruntime  # noqa: E402
 from signsplice_workshop.train.bundles import write_bundle  # noqa: E402
-from signsplice_workshop.train.export import FLOAT16, cast_weights_to_float16, halve_bundle, weights_of  # noqa: E402
-from signsplice_workshop.train.tuning import network_from_bundle  # noqa: E402
+from signsplice_workshop.train.export import FLOAT16, cast_weights_to_float16, halve_bundle, read_weights  # noqa: E402
+from signsplice_workshop.train.tuning import read_network  # noqa: E402
 
 WEIGHTS = np.random.default_rng(0).normal(0.0, 0.1, (64, 64)).astype(np.float32)
 BIAS = np.linspace(1e-9, 3.0, 64, dtype=np.float32)
@@ -97,8 +97,8 @@ def test_the_answers_are_nearly_the_same(small: Path) -> None:
 
 def test_a_training_can_start_from_the_stored_weights(small: Path) -> None:
     stored, content = read_config(small).stored, (small / "bridge.onnx").read_bytes()
-    network = network_from_bundle(stored, content, small)
-    exact, found = weights_of((TINY / "bridge.onnx").read_bytes()), weights_of(content)
+    network = read_network(stored, content, small)
+    exact, found = read_weights((TINY / "bridge.onnx").read_bytes()), read_weights(content)
     assert exact.keys() == found.keys()
     assert all(np.allclose(found[name], values, rtol=1e-3, atol=1e-7) for name, values in exact.items())
     tokens = np.random.default_rng(1).normal(0.0, 0.3, (2, N_SEEN, N_TOKEN)).astype(np.float32)

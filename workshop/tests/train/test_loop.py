@@ -29,7 +29,7 @@ def trained(folder: Path, untils: tuple[int | None, ...], name: str = "cutter") 
 
 def losses(folder: Path) -> dict[int, float]:
     """The losses in a training's log by step."""
-    return {line["step"]: line["loss"] for line in records.lines(folder / records.LOG_FILE) if "loss" in line}
+    return {line["step"]: line["loss"] for line in records.read_lines(folder / records.LOG_FILE) if "loss" in line}
 
 
 @pytest.mark.parametrize("name", ["cutter", "transition"])
@@ -46,7 +46,7 @@ def test_processor_seconds_go_on_where_an_interruption_left_them(tmp_path: Path)
     for until in (3, None):
         task, data, valid = product_toy()
         train(task, LoopConfig(6, 4, 1e-3, seed=1, every=2, until=until), data, valid, tmp_path, "toy", ALONE)
-        seconds.append(max(line["cpu_s"] for line in records.lines(tmp_path / records.LOG_FILE)))
+        seconds.append(max(line["cpu_s"] for line in records.read_lines(tmp_path / records.LOG_FILE)))
     assert seconds[1] > seconds[0] > 0.0
 
 
@@ -97,7 +97,7 @@ def test_an_interrupt_says_what_is_kept_and_the_next_call_that_it_continues(
 def test_a_training_may_end_by_its_log(tmp_path: Path) -> None:
     class Short(LoopConfig):
         def has_ended(self, folder: Path, step: int, processes: processes.Processes) -> bool:
-            return any("loss" in line for line in records.lines(folder / records.LOG_FILE) if line["step"] == 3)
+            return any("loss" in line for line in records.read_lines(folder / records.LOG_FILE) if line["step"] == 3)
 
     task, data, valid = product_toy()
     assert train(task, Short(6, 4, 1e-3, 1, every=4), data, valid, tmp_path, "toy", ALONE) == 3
@@ -111,7 +111,7 @@ def test_steps_that_are_repeated_are_logged_once(tmp_path: Path) -> None:
         file.write('{"step": 3, "loss": 9.0}\n{"step": 4, "lo')
     task, data, valid = product_toy()
     train(task, LoopConfig(6, 4, 1e-3, 1, every=4), data, valid, tmp_path / "a", "toy", ALONE)
-    assert [line["step"] for line in records.lines(path) if "loss" in line] == [1, 2, 3, 4, 5, 6]
+    assert [line["step"] for line in records.read_lines(path) if "loss" in line] == [1, 2, 3, 4, 5, 6]
 
 
 def test_a_checkpoint_of_another_training_or_broken_is_refused(tmp_path: Path) -> None:
@@ -147,11 +147,11 @@ def test_a_folder_is_trained_by_one_call_at_a_time(tmp_path: Path) -> None:
     order: list[str] = []
 
     def second() -> None:
-        with processes.only_one(tmp_path, ALONE):
+        with processes.lock_folder(tmp_path, ALONE):
             order.append("second")
 
     other = threading.Thread(target=second)
-    with processes.only_one(tmp_path, ALONE):
+    with processes.lock_folder(tmp_path, ALONE):
         other.start()
         other.join(0.2)
         order.append("first")

@@ -45,7 +45,7 @@ def signing_folder() -> Path:
 @pytest.fixture
 def no_export(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bundles are written with empty graphs: exporting takes most of the time of a training of few steps."""
-    monkeypatch.setattr(training, "product_graphs", empty_graphs)
+    monkeypatch.setattr(training, "export_product_graphs", empty_graphs)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_a_bundle_names_command_seed_and_data(signing_folder: Path, first: Path)
         *("--steps", "2", "--seed", "0", "--device", "cpu"),
     ], "absolute paths are shortened"
     assert facts["seed"] == 0
-    assert facts["data"] == {path.name: records.sha256(path) for path in signing_folder.iterdir()}
+    assert facts["data"] == {path.name: records.hash_file(path) for path in signing_folder.iterdir()}
     assert "started_from" not in facts
     assert re.fullmatch(r"[0-9a-f]{40}\+?", facts.get("commit", "0" * 40))
     assert all(name.endswith(MOTION_VERSION) for name in (*facts["signers"], *facts["held_back"]))

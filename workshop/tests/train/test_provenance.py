@@ -24,7 +24,7 @@ def test_a_command_has_no_folders_of_this_machine(tmp_path: Path, monkeypatch: p
         "bf16": False,
         "out": Path("../x"),
     }
-    assert records.command(["train", "cutter"], options) == [
+    assert records.format_command(["train", "cutter"], options) == [
         *("signsplice", "train", "cutter", "--signing", "out/a", "--signing", "out/b", "--signing", "c"),
         *("--seed", "3", "--scale", "ship", "--bare", "--no-bf16", "--out", "../x"),
     ]
@@ -35,6 +35,6 @@ def test_hashes_are_those_of_sha256sum(tmp_path: Path) -> None:
     (tmp_path / "b.txt").write_bytes(b"two")
     (tmp_path / "c.npy").mkdir()
     expected = {"a.npy": hashlib.sha256(b"one" * 10**6).hexdigest()}
-    assert records.folder_sha256(tmp_path, "*.npy") == expected
+    assert records.hash_folder(tmp_path, "*.npy") == expected
     with pytest.raises(InputError, match="none: cannot be read"):
-        records.sha256(tmp_path / "none")
+        records.hash_file(tmp_path / "none")

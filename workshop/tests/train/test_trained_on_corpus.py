@@ -39,7 +39,7 @@ def signing_folder() -> Path:
 @pytest.fixture
 def no_export(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bundles are written with empty graphs: exporting takes most of the time of a training of few steps."""
-    monkeypatch.setattr(training, "product_graphs", empty_graphs)
+    monkeypatch.setattr(training, "export_product_graphs", empty_graphs)
 
 
 @pytest.fixture(scope="module")
@@ -133,8 +133,8 @@ def test_pairs_without_a_truth_do_not_count(corpus_signing: Path) -> None:
 def test_clean_gaps_are_true_transitions_without_noise(corpus_signing: Path) -> None:
     paths = sorted(corpus_signing.glob("*train.npz"))
     one, other = (GapDataset(paths, seed, clean=True) for seed in (0, 1))
-    assert all(one.gap(number)["seam"] for number in range(5))
-    targets = {gap["true"].tobytes() for dataset in (one, other) for gap in map(dataset.gap, range(60))}
+    assert all(one.draw_gap(number)["seam"] for number in range(5))
+    targets = {gap["true"].tobytes() for dataset in (one, other) for gap in map(dataset.draw_gap, range(60))}
     assert len(targets) <= len(one), "the same transitions again and again"
 
 

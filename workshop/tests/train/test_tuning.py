@@ -62,7 +62,7 @@ def tuned(words: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[tuning
 
 def test_tuning_starts_from_the_weights_of_the_graph() -> None:
     content = (TINY / "bridge.onnx").read_bytes()
-    network = tuning.network_from_bundle(read_config(TINY).stored, content, TINY)
+    network = tuning.read_network(read_config(TINY).stored, content, TINY)
     dataset = tuning.ClipGapDataset([word("HELLO").clip, word("DEAF").clip], 0, 4)
     inputs = [{"tokens": dataset.batch(rows).tokens} for rows in ([0, 1], [2], [3])]
     compare("bridge", ExportGraph(network.eval(), inputs[0], ("turns",), {}, tuple(inputs[1:])), content)
@@ -90,7 +90,7 @@ def test_any_rig_is_trained_on_as_it_will_be_seen(lacking: str) -> None:
     clip = without(word("DEAF").clip, *LACKING[lacking])
     dataset = tuning.ClipGapDataset([clip], 0)
     ((signer,),) = dataset.signers
-    arrays = dataset.arrays(signer, signer.sentences[0][20:46], 8, 10)
+    arrays = dataset.make_arrays(signer, signer.sentences[0][20:46], 8, 10)
     before, after = clip[20:28], clip[38:46]
     base = find_transition("hermite").between(Gap(before, after, 10))
     expected = gap_features.gap_features(canonical_motion(concatenate([before, base, after])), 8, 10)
@@ -122,7 +122,7 @@ def test_a_tuned_bundle_names_command_data_and_origin(words: Path, tuned: tuple[
     facts = read_config(out).networks["transition"].stored["tuned"]
     assert facts["scores"]["error"] == result.after
     assert facts["command"][:5] == ["signsplice", "train", "transition", "--lexicon", "lexicon"]
-    assert facts["data"] == {path.name: records.sha256(path) for path in words.iterdir()}
+    assert facts["data"] == {path.name: records.hash_file(path) for path in words.iterdir()}
     assert (facts["seed"], facts["steps"], facts["words"]) == (0, 20, 9)
     assert facts["from"] == read_config(TINY).files["bridge.onnx"]
     assert str(out.parent) not in (out / "bundle.json").read_text()
@@ -132,7 +132,7 @@ def test_a_finished_tuning_is_not_repeated(
     words: Path, tuned: tuple[tuning.TuningResult, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result, out = tuned
-    monkeypatch.setattr(tuning, "product_graphs", lambda *_: {"bridge.onnx": (out / "bridge.onnx").read_bytes()})
+    monkeypatch.setattr(tuning, "export_product_graphs", lambda *_: {"bridge.onnx": (out / "bridge.onnx").read_bytes()})
     monkeypatch.setattr(tuning, "compare", lambda *_: result)
     (part,) = (out.parent / "parts").iterdir()
     log = (part / "log.jsonl").read_text()
@@ -144,8 +144,8 @@ def test_a_finished_tuning_is_not_repeated(
 def test_another_skeleton_is_another_tuning() -> None:
     clip = word("HELLO").clip
     shorter = without(clip, "Head")
-    assert tuning._fingerprint(clip) == tuning._fingerprint(clip[:])
-    assert tuning._fingerprint(clip) != tuning._fingerprint(shorter)
+    assert tuning._hash_clip(clip) == tuning._hash_clip(clip[:])
+    assert tuning._hash_clip(clip) != tuning._hash_clip(shorter)
 
 
 def test_a_worse_network_is_not_kept(words: Path, tuned: tuple[tuning.TuningResult, Path], tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_a_bundle_without_sizes_or_weights_is_refused(words: Path, tmp_path: Pat
     stored = dict(read_config(TINY).stored)
     content = (TINY / "bridge.onnx").read_bytes()
     with pytest.raises(InputError, match=r"holds no weights embedding\.weight of shape"):
-        tuning.network_from_bundle(stored, content.replace(b"embedding.weight.T", b"embedding.weight_T"), TINY)
+        tuning.read_network(stored, content.replace(b"embedding.weight.T", b"embedding.weight_T"), TINY)
     transition = {k: v for k, v in stored["networks"]["transition"].items() if k != "config"}
     stored["networks"] = stored["networks"] | {"transition": transition}
     bare = tmp_path / "bare"

@@ -4,12 +4,12 @@ from signsplice.cli import exit_after
 
 
 def main() -> None:
-    """Run the command line and exit with its status."""
+    """Runs the command line and exits with its status."""
     exit_after(_run)
 
 
 def _run() -> tuple[str, int]:
-    from signsplice.cli.commands import run  # here, since an interrupt may come while this is imported
+    from signsplice.cli.commands import run  # imported here: an interrupt may come during the import
     from signsplice_paper.cli.commands import app
 
     return run(app)

@@ -13,6 +13,6 @@ def app() -> None:
     """Reproduce the LpTransformer paper: train its systems, judge them, write its tables and figures."""
 
 
-for _room in (evaluation, training, pages, pairs):
-    for _command in _room.COMMANDS:
+for _module in (evaluation, training, pages, pairs):
+    for _command in _module.COMMANDS:
         app.add_command(_command)

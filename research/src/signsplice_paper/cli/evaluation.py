@@ -21,8 +21,8 @@ from signsplice_paper.cli.options import (
     SPLITS,
     TRAINING,
     PaperCall,
+    add_options,
     option,
-    takes,
 )
 from signsplice_paper.cli.pages import write_all
 from signsplice_paper.cli.training import train_missing, write_curves
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
 
 N_TIMED = 20
-_TIMED = option("--limit", type=int, metavar="N", default=N_TIMED, help="Time N pairs.")
+_TIMED_LIMIT = option("--limit", type=int, metavar="N", default=N_TIMED, help="Time N pairs.")
 _SOURCES = option("--from", "sources", multiple=True, metavar="DIR", help="Folder of results to add; may be repeated.")
-_JUDGED = (SCALE, PAIRS, BUNDLES, OUT, *CHOICE, LIMIT, AGAIN)
+_JUDGE_OPTIONS = (SCALE, PAIRS, BUNDLES, OUT, *CHOICE, LIMIT, AGAIN)
 
 
 @click.command("all")
-@takes(*_JUDGED, *TRAINING)
-def everything(**options: Any) -> None:
+@add_options(*_JUDGE_OPTIONS, *TRAINING)
+def run_all(**options: Any) -> None:
     """Train missing systems, judge them, write tables and figures."""
     call = PaperCall(**options)
     train_missing(call)
@@ -51,14 +51,14 @@ def everything(**options: Any) -> None:
 
 
 @click.command()
-@takes(*_JUDGED)
+@add_options(*_JUDGE_OPTIONS)
 def judge(**options: Any) -> None:
     """Judge trained systems: rows of results.json."""
     _judge(PaperCall(**options))
 
 
 @click.command()
-@takes(*_JUDGED)
+@add_options(*_JUDGE_OPTIONS)
 def evaluate(**options: Any) -> None:
     """Judge trained systems and write tables and figures."""
     call = PaperCall(**options)
@@ -67,7 +67,7 @@ def evaluate(**options: Any) -> None:
 
 
 @click.command()
-@takes(SCALE, PAIRS, OUT, _TIMED)
+@add_options(SCALE, PAIRS, OUT, _TIMED_LIMIT)
 def speed(**options: Any) -> None:
     """Time untrained systems of the scale's sizes."""
     call = PaperCall(**options)
@@ -80,18 +80,18 @@ def speed(**options: Any) -> None:
         click.echo(f"{bundle}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}", err=True)
 
     folder, corpus = call.make_folder(), Pairs(call.pairs)
-    judged = protocol.choose(corpus, "random", limit=call.limit)
-    with tempfile.TemporaryDirectory(prefix="signsplice-speed-") as temporary:
-        schedule.export_untrained(speed.SYSTEMS, call.scale, call.pairs, Path(temporary), report_bundle)
+    chosen_pairs = protocol.choose(corpus, "random", limit=call.limit)
+    with tempfile.TemporaryDirectory(prefix="signsplice-speed-") as temporary_folder:
+        schedule.export_untrained(speed.SYSTEMS, call.scale, call.pairs, Path(temporary_folder), report_bundle)
         with progress("timing") as advance:
-            timed = speed.measure(corpus, Path(temporary), judged, advance)
-    for path in speed.write(timed, folder, call.scale, judged):
+            timings = speed.measure(corpus, Path(temporary_folder), chosen_pairs, advance)
+    for path in speed.write(timings, folder, call.scale, chosen_pairs):
         print(path)
 
 
 @click.command()
 @click.argument("bundle", metavar="BUNDLE", type=click.Path(path_type=Path))
-@takes(PAIRS, option("--split", type=SPLITS, default="random", help="Whose test part is predicted."))
+@add_options(PAIRS, option("--split", type=SPLITS, default="random", help="Whose test part is predicted."))
 @click.option("-o", "--output", required=True, metavar="DIR", type=click.Path(path_type=Path), help="Folder to make.")
 def predict(bundle: Path, pairs: Path, split: str, output: Path) -> None:
     """Write a trained system's predictions for the test part, as the benchmark's scorer reads them."""
@@ -100,15 +100,15 @@ def predict(bundle: Path, pairs: Path, split: str, output: Path) -> None:
     from signsplice_workshop.corpora.pairs import Pairs
 
     corpus, system = Pairs(pairs), open_bundle(bundle)
-    chosen = protocol.choose(corpus, split)
-    protocol.check_allowed(system.config.stored, corpus, chosen, bundle.name)
+    chosen_pairs = protocol.choose(corpus, split)
+    protocol.check_allowed(system.config.stored, corpus, chosen_pairs, bundle.name)
     with progress(f"{system.name}, {split}") as advance:
-        predictions.write(protocol.answers(corpus, system), chosen, output, advance)
-    print(f"{output}: {len(chosen.numbers)} predictions of {system.name}")
+        predictions.write(protocol.make_answer(corpus, system), chosen_pairs, output, advance)
+    print(f"{output}: {len(chosen_pairs.numbers)} predictions of {system.name}")
 
 
 @click.command()
-@takes(_SOURCES, SCALE, OUT)
+@add_options(_SOURCES, SCALE, OUT)
 def merge(sources: tuple[str, ...], **options: Any) -> None:
     """Add results that were judged elsewhere, and write tables and figures."""
     from signsplice_paper import merging
@@ -116,9 +116,9 @@ def merge(sources: tuple[str, ...], **options: Any) -> None:
     call = PaperCall(**options)
     if not sources:
         raise InputError("merge adds results to those in --out: name folders of results with --from")
-    out = call.make_folder()
-    n_rows, known = merging.merge([Path(folder) for folder in sources], out)
-    print(f"{out}: {n_rows} rows added, {len(known.rows)} in all")
+    output_folder = call.make_folder()
+    n_rows, merged_results = merging.merge([Path(folder) for folder in sources], output_folder)
+    print(f"{output_folder}: {n_rows} rows added, {len(merged_results.rows)} in all")
     write_all(call)
 
 
@@ -128,11 +128,13 @@ def _judge(call: PaperCall) -> None:
 
     folder, corpus = call.make_folder(), Pairs(call.pairs)
     file, choice = folder / results.FILE, call.choice
-    judged = judging.Judge(
-        corpus, results.load(file), progress, limit=call.limit, again=call.again, splits=choice.splits
+    paper_judge = judging.Judge(
+        corpus, results.load(file), progress, limit=call.limit, rejudge=call.again, splits=choice.splits
     )
-    n_rows, known = evaluation.evaluate(judged, folder, call.bundles, call.scale, choice, lambda line: warn([line]))
-    print(f"{file}: {n_rows} rows judged, {len(known.rows)} in all")
+    n_rows, all_results = evaluation.evaluate(
+        paper_judge, folder, call.bundles, call.scale, choice, lambda line: warn([line])
+    )
+    print(f"{file}: {n_rows} rows judged, {len(all_results.rows)} in all")
 
 
-COMMANDS = (everything, judge, evaluate, predict, speed, merge)
+COMMANDS = (run_all, judge, evaluate, predict, speed, merge)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 option = partial(click.option, show_default=True)
-_only = partial(option, multiple=True)
+_repeatable = partial(option, multiple=True)
 _folder = partial(option, metavar="DIR", type=click.Path(path_type=Path))
 
 SCALES = click.Choice(("smoke", "small", "cpu", "paper"))
@@ -30,12 +30,12 @@ SCALE = option("--scale", type=SCALES, default="cpu", help="How large the system
 PAIRS = _folder("--pairs", default="out/pairs", help="Corpus of pairs.")
 BUNDLES = _folder("--bundles", default="out/bundles", help="Folder of trained systems.")
 OUT = _folder("--out", default="research/docs", help="Folder of results.json, tables and figures.")
-SYSTEM = _only("--system", "systems", metavar="NAME", help="Only these systems.")
+SYSTEM = _repeatable("--system", "systems", metavar="NAME", help="Only these systems.")
 CHOICE = (
     SYSTEM,
-    _only("--optimiser", "optimisers", type=OPTIMISERS, help="Only these."),
-    _only("--split", "splits", type=SPLITS, help="Only these."),
-    _only("--seed", "seeds", type=int, metavar="N", help="Only these."),
+    _repeatable("--optimiser", "optimisers", type=OPTIMISERS, help="Only these."),
+    _repeatable("--split", "splits", type=SPLITS, help="Only these."),
+    _repeatable("--seed", "seeds", type=int, metavar="N", help="Only these."),
 )
 TRAINING = (
     option("--minutes", type=float, metavar="M", help="Stop training after M minutes; the same call continues."),
@@ -46,29 +46,29 @@ LIMIT = option("--limit", type=int, metavar="N", help="Judge at most N pairs of 
 AGAIN = option("--again", is_flag=True, help="Judge again what is judged already.")
 
 
-def takes(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    """A decorator that adds options to a command in this order."""
+def add_options(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Returns a decorator that adds options to a command in this order."""
 
-    def add(command: Command) -> Command:
-        for one in reversed(options):
-            command = one(command)
+    def decorate(command: Command) -> Command:
+        for decorator in reversed(options):
+            command = decorator(command)
         return command
 
-    return add
+    return decorate
 
 
 @dataclass(frozen=True)
 class PaperCall:
-    """The values of a command's options. Raises ``InputError`` for an unknown system or a number below its least.
+    """The values of a command's options. Raises ``InputError`` for an unknown system or a number that is too small.
 
     - scale: smoke, small, cpu or paper
     - pairs, bundles, out: folders of the corpus, of the trained systems and of the results
     - systems, optimisers, splits, seeds: what to train or judge, empty for all
-    - minutes: after which no training goes on, None for no end
-    - steps: of every part, None for those of the scale
-    - workers: trainings at once
-    - limit: most pairs of a split that are judged, None for all
-    - again: whether to judge again what is judged already
+    - minutes: time limit of trainings, None for no limit
+    - steps: training steps of every part, None for those of the scale
+    - workers: number of trainings that run at once
+    - limit: largest number of pairs of a split that are judged, None for all
+    - again: whether to repeat judgements that exist
     """
 
     scale: str = "cpu"
@@ -96,22 +96,22 @@ class PaperCall:
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise InputError(f"--{name} {value}, expected at least 1")
-        object.__setattr__(self, "deadline", deadline_in(self.minutes))
+        object.__setattr__(self, "deadline", compute_deadline(self.minutes))
 
     @property
     def choice(self) -> Choice:
-        """What to train or judge."""
+        """The systems, optimisers, splits and seeds to train or judge."""
         from signsplice_paper.plan import Choice
 
         return Choice(self.systems, self.optimisers, self.splits, self.seeds)
 
     @property
     def time_is_up(self) -> bool:
-        """Whether no training goes on any more."""
+        """Whether the time limit of trainings has passed."""
         return self.deadline is not None and time.monotonic() >= self.deadline
 
     def make_folder(self) -> Path:
-        """The folder of the results, made if it is not there. Raises ``InputError`` where it cannot be made."""
+        """Returns the folder of the results, made if missing. Raises ``InputError`` if it cannot be made."""
         try:
             self.out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -119,8 +119,10 @@ class PaperCall:
         return self.out
 
 
-def deadline_in(minutes: float | None) -> float | None:
-    """The value of ``time.monotonic`` in so many minutes. Raises ``InputError`` for a negative number."""
+def compute_deadline(minutes: float | None) -> float | None:
+    """Returns the value of ``time.monotonic`` after this number of minutes, None for None. Raises ``InputError`` for a
+    negative number.
+    """
     if minutes is None:
         return None
     if not minutes >= 0.0:

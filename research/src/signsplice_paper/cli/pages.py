@@ -10,29 +10,29 @@ import click
 
 from signsplice.cli.terminal import warn
 from signsplice.errors import InputError, MissingExtraError
-from signsplice_paper.cli.options import OUT, SCALE, PaperCall, option, takes
+from signsplice_paper.cli.options import OUT, SCALE, PaperCall, add_options, option
 
 if TYPE_CHECKING:
     from signsplice_paper.results import Results
 
 
 @click.command()
-@takes(SCALE, OUT)
+@add_options(SCALE, OUT)
 def tables(**options: Any) -> None:
     """Write the table, its pages and all figures from results.json, without corpus or networks."""
     write_all(PaperCall(**options))
 
 
 @click.command()
-@takes(SCALE, OUT)
+@add_options(SCALE, OUT)
 def figures(**options: Any) -> None:
     """Write the figures alone."""
     call = PaperCall(**options)
-    _write_figures(_results(call), call, required=True)
+    _write_figures(_load_results(call), call, required=True)
 
 
 @click.command()
-@takes(SCALE, OUT)
+@add_options(SCALE, OUT)
 @option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="PDF", help="[default: in --out]")
 @option("--date", "day", type=click.DateTime(["%Y-%m-%d"]), metavar="DAY", help="That it bears.  [default: today]")
 def report(output: Path | None, day: datetime | None, **options: Any) -> None:
@@ -41,23 +41,23 @@ def report(output: Path | None, day: datetime | None, **options: Any) -> None:
 
     call = PaperCall(**options)
     path = call.out / "report.pdf" if output is None else output
-    paper_report.write(_results(call), call.out, call.scale, path, (day or datetime.now()).date())
+    paper_report.write(_load_results(call), call.out, call.scale, path, (day or datetime.now()).date())
     print(path)
 
 
 def write_all(call: PaperCall) -> None:
-    """Write the table, its pages and all figures; without matplotlib a warning takes the figures' place."""
+    """Writes the table, its pages and all figures. Without matplotlib it warns instead of writing figures."""
     from signsplice_paper import pages
 
-    known = _results(call)
-    if not known.rows:
+    results = _load_results(call)
+    if not results.rows:
         raise InputError(f"{call.out}: no row for tables")
-    for path in pages.write(known, call.out, call.scale):
+    for path in pages.write(results, call.out, call.scale):
         print(path)
-    _write_figures(known, call, required=False)
+    _write_figures(results, call, required=False)
 
 
-def _results(call: PaperCall) -> Results:
+def _load_results(call: PaperCall) -> Results:
     from signsplice_paper import results
 
     file = call.out / results.FILE
@@ -70,18 +70,18 @@ def _write_figures(results: Results, call: PaperCall, required: bool) -> None:
     from signsplice_paper import figures, kept_frames
 
     folder = call.out
-    kept = kept_frames.load(folder / kept_frames.FILE)
+    frames = kept_frames.load(folder / kept_frames.FILE)
     try:
-        written, left_out = figures.write(results, kept, folder, call.scale)
+        paths, omitted = figures.write(results, frames, folder, call.scale)
     except MissingExtraError as error:
         if required:
             raise
         warn([str(error)])
         return
-    for path in written:
+    for path in paths:
         print(path)
-    if left_out:
-        warn([f"left out, for want of measurements at scale {call.scale}: {', '.join(left_out)}"])
+    if omitted:
+        warn([f"left out, for want of measurements at scale {call.scale}: {', '.join(omitted)}"])
 
 
 COMMANDS = (tables, figures, report)

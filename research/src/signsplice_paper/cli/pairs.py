@@ -62,13 +62,13 @@ def build(
         raise InputError(f"--fps {fps:g}, expected 10 to 240")
     is_file = positions.lower().endswith(".json")
     check_apart(output, [clips, positions if is_file else None, roles])
-    joint_of = None if roles is None else roles_file.read(roles)
-    choice = ClipChoice(Path(clips), words, seed, fps, joint_of, limits())
-    names = None if joints is None else tuple(name.strip() for name in joints.split(",") if name.strip())
-    built = own_words.build(own_words.PairsPlan(choice, positions, transition, names), Path(output), progress)
-    warn(built.warnings)
-    takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
-    print(f"{output}: {built.n_pairs} pairs of {built.n_words} words, {takes}, truth by {built.truth}")
+    joint_by_role = None if roles is None else roles_file.read(roles)
+    choice = ClipChoice(Path(clips), words, seed, fps, joint_by_role, limits())
+    joint_names = None if joints is None else tuple(name.strip() for name in joints.split(",") if name.strip())
+    result = own_words.build(own_words.PairsPlan(choice, positions, transition, joint_names), Path(output), progress)
+    warn(result.warnings)
+    disk_size = size(sum(path.stat().st_size for path in Path(output).iterdir()))
+    print(f"{output}: {result.n_pairs} pairs of {result.n_words} words, {disk_size}, truth by {result.truth}")
 
 
 @pairs.command()
@@ -77,12 +77,12 @@ def build(
 @click.option("--signer", type=int, default=1, show_default=True, metavar="N", help="Whose words.")
 def export(corpus: str, output: str, signer: int) -> None:
     """Write a corpus of pairs as BVH: words, true transitions, and the file of positions."""
-    from signsplice_paper.pair_export import export as write
+    from signsplice_paper.pair_export import export as export_pairs
     from signsplice_workshop.corpora.pairs import Pairs
 
     check_apart(output, [corpus])
     with progress("writing words and transitions") as advance:
-        n_pairs = write(Pairs(corpus), Path(output), signer - 1, advance)
+        n_pairs = export_pairs(Pairs(corpus), Path(output), signer - 1, advance)
     print(f"{output}: {n_pairs} pairs; words in {Path(output) / 'words'}, positions in positions.json")
 
 

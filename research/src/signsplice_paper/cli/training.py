@@ -22,18 +22,18 @@ from signsplice_paper.cli.options import (
     SYSTEM,
     TRAINING,
     PaperCall,
-    deadline_in,
+    add_options,
+    compute_deadline,
     option,
-    takes,
 )
-from signsplice_workshop.cli.train import check_extra, progress_printer
+from signsplice_workshop.cli.train import check_extra, make_progress_printer
 
 if TYPE_CHECKING:
     from signsplice_paper.plan import Run
 
 
 @click.command()
-@takes(SCALE, PAIRS, BUNDLES, *CHOICE, *TRAINING, AGAIN)
+@add_options(SCALE, PAIRS, BUNDLES, *CHOICE, *TRAINING, AGAIN)
 def train(**options: Any) -> None:
     """Train the systems of the tables that are missing."""
     call = PaperCall(**options)
@@ -43,32 +43,37 @@ def train(**options: Any) -> None:
 
 
 @click.command()
-@takes(SCALE, PAIRS, BUNDLES, SYSTEM, AGAIN)
+@add_options(SCALE, PAIRS, BUNDLES, SYSTEM, AGAIN)
 def curves(**options: Any) -> None:
     """Judge systems after every part of their training, from the weights kept in it."""
     write_curves(PaperCall(**options), required=True)
 
 
 @click.command()
-@takes(SCALE, PAIRS, BUNDLES, OUT, SYSTEM, *TRAINING)
+@add_options(SCALE, PAIRS, BUNDLES, OUT, SYSTEM, *TRAINING)
 def search(**options: Any) -> None:
     """Try learning rates and widths."""
     call = PaperCall(**options)
-    out = call.make_folder()
+    output_folder = call.make_folder()
     check_extra()
     from signsplice_paper import plan
-    from signsplice_paper.train import search as searching
+    from signsplice_paper.train import search as parameter_search
 
-    made = searching.SearchPlan(call.pairs, call.bundles / "search", call.scale)
-    searching.run(
-        made, call.systems or plan.SEARCHED, out, call.workers, lambda line: click.echo(line, err=True), call.deadline
+    search_plan = parameter_search.SearchPlan(call.pairs, call.bundles / "search", call.scale)
+    parameter_search.run(
+        search_plan,
+        call.systems or plan.SEARCHED,
+        output_folder,
+        call.workers,
+        lambda line: click.echo(line, err=True),
+        call.deadline,
     )
-    if (out / searching.FILE).is_file():
-        print(out / searching.FILE)
+    if (output_folder / parameter_search.FILE).is_file():
+        print(output_folder / parameter_search.FILE)
 
 
 @click.command("train-system")
-@takes(
+@add_options(
     option("--pairs", required=True, metavar="DIR", help="Corpus of pairs, of `pairs build` or `synth pairs`."),
     option(
         "--system", required=True, metavar="NAME|all", help="lptransformer, lstm, ..., or all: a folder in --out each."
@@ -112,18 +117,20 @@ def train_system(
 
     systems = list(scales.SYSTEMS) if system == "all" else [system]
     with processes.join_process_group(device) as process:
-        deadline = deadline_in(minutes)
+        deadline = compute_deadline(minutes)
         corpus = Pairs(pairs)
         if system == "all" and fr is not None:
             raise InputError(f"--fr {fr} with --system all; name one system with a Culling layer")
         for name in systems:
-            scales.parts(name, scale, fr, steps, optimiser, split)
+            scales.make_parts(name, scale, fr, steps, optimiser, split)
         for name in systems:
             folder = Path(out) / name if system == "all" else Path(out)
-            shared = Path(parts) if parts is not None else Path(out).parent / "parts"
+            parts_folder = Path(parts) if parts is not None else Path(out).parent / "parts"
             config = training.Training(name, scale, optimiser, split, seed, fr, steps, bf16, deadline=deadline)
             try:
-                training.make(config, corpus, folder, shared, process, progress_printer if process.first else None)
+                training.make(
+                    config, corpus, folder, parts_folder, process, make_progress_printer if process.first else None
+                )
             except DeadlineError as error:
                 if process.first:
                     warn([f"{folder}: {error}"])
@@ -144,60 +151,60 @@ def publish(bundles: tuple[Path, ...], output: Path) -> None:
 
 
 def train_missing(call: PaperCall) -> list[Run]:
-    """Train what the plan has and the bundles lack, until time is up; returns what is still missing. Raises
-    ``InputError`` for a choice that fits nothing in the plan.
+    """Trains the planned runs that have no bundle, until time is up. Returns the runs that are still missing.
+    Raises ``InputError`` if the choice fits no planned run.
     """
     from signsplice_paper import plan
     from signsplice_workshop.corpora.pairs import Pairs
 
     corpus = Pairs(call.pairs)
 
-    def missing() -> list[Run]:
-        planned = plan.runs(call.scale, call.choice, corpus.head["splits"])
-        if not planned:
+    def find_missing() -> list[Run]:
+        planned_runs = plan.plan_runs(call.scale, call.choice, corpus.head["splits"])
+        if not planned_runs:
             raise InputError(
                 f"{call.choice}: nothing planned at scale {call.scale} fits; "
                 "`signsplice-paper train-system` trains any system"
             )
-        return plan.missing(planned, call.bundles, str(corpus.head["hash"]))
+        return plan.find_missing(planned_runs, call.bundles, str(corpus.head["hash"]))
 
-    todo = missing()
-    if todo and not call.time_is_up:
-        _train(todo, call)
-        todo = missing()
-    if todo:
-        names = ", ".join(run.name for run in todo[:3]) + (", ..." if len(todo) > 3 else "")
-        warn([f"time is up; trainings are missing: {len(todo)} ({names}); the same call continues"])
-    return todo
+    missing_runs = find_missing()
+    if missing_runs and not call.time_is_up:
+        _train(missing_runs, call)
+        missing_runs = find_missing()
+    if missing_runs:
+        names = ", ".join(run.name for run in missing_runs[:3]) + (", ..." if len(missing_runs) > 3 else "")
+        warn([f"time is up; trainings are missing: {len(missing_runs)} ({names}); the same call continues"])
+    return missing_runs
 
 
-def _train(todo: Sequence[Run], call: PaperCall) -> None:
-    """Train every run, one after another or side by side."""
+def _train(runs: Sequence[Run], call: PaperCall) -> None:
+    """Trains every run, one after another or side by side."""
     if importlib.util.find_spec("torch") is None:
         raise MissingExtraError(
-            f"{len(todo)} of the paper's systems are not trained yet, {todo[0].name} first, and training needs torch: "
+            f"{len(runs)} of the paper's systems are not trained yet, {runs[0].name} first, and training needs torch: "
             "pip install './workshop[train]' in signsplice's folder; `signsplice-paper evaluate` judges what is there"
         )
     check_extra()
     from signsplice_paper.train import schedule
 
     def report_start(number: int, run: Run) -> None:
-        click.echo(f"training {number} of {len(todo)}: {run.name}", err=True)
+        click.echo(f"training {number} of {len(runs)}: {run.name}", err=True)
 
     def report_finish(run: Run, folder: Path) -> None:
         print(f"{folder}: {run.system}, scale {run.scale}, {run.optimiser}, {run.split}")
 
     call.bundles.mkdir(parents=True, exist_ok=True)
-    planned = schedule.Schedule(todo, call.pairs, call.bundles, call.steps, call.deadline)
+    training_schedule = schedule.Schedule(runs, call.pairs, call.bundles, call.steps, call.deadline)
     if call.workers > 1:
-        schedule.train_side_by_side(planned, call.workers, report_start)
+        schedule.train_side_by_side(training_schedule, call.workers, report_start)
     else:
-        schedule.train_one_by_one(planned, report_start, report_finish, progress_printer)
+        schedule.train_one_by_one(training_schedule, report_start, report_finish, make_progress_printer)
 
 
 def write_curves(call: PaperCall, required: bool) -> None:
-    """Write the validation curves that bundles lack, of the named systems if there are any; none where torch is
-    missing, unless they are ``required``.
+    """Writes the missing validation curves of bundles, of the named systems or of all. Writes none without torch,
+    unless they are ``required``.
     """
     if not required and importlib.util.find_spec("torch") is None:
         return
@@ -208,8 +215,12 @@ def write_curves(call: PaperCall, required: bool) -> None:
     from signsplice_workshop.corpora.pairs import Pairs
     from signsplice_workshop.train.processes import pick_device
 
-    every = read_all(call.bundles)
-    configs = [c for c in every if c.scale == call.scale and (not call.systems or c.system in call.systems)]
+    bundle_configs = read_all(call.bundles)
+    configs = [
+        config
+        for config in bundle_configs
+        if config.scale == call.scale and (not call.systems or config.system in call.systems)
+    ]
     if required and not configs:
         hint = "`signsplice-paper train-system` makes one"
         raise InputError(f"{call.bundles}: no bundle of scale {call.scale} there; {hint}")

@@ -13,11 +13,11 @@ __all__ = ["DECODINGS", "OneNetworkSystem", "PaperSystem", "TwoNetworkSystem", "
 
 
 def open_bundle(folder: str | Path, decoding: str | None = None) -> PaperSystem:
-    """The trained system in a folder; its graphs are read and checked on first use.
+    """Returns the trained system in a folder. Its graphs are read and checked on first use.
 
     decoding: "parallel" makes all frames in one pass, if the network can; "one-by-one" feeds every frame back, with a
-    cache; "without-cache" reads all earlier frames again for each new one, with the same result. None for one pass
-    where the network can.
+    cache; "without-cache" reads all earlier frames again for each new one, with the same result. None: one pass if the
+    network can, else one by one.
 
     Raises ``InputError`` for a folder without a bundle, for a bundle whose frames are made by no generator, and for a
     decoding that the network does not have.
@@ -33,5 +33,5 @@ def open_bundle(folder: str | Path, decoding: str | None = None) -> PaperSystem:
         raise InputError(f"{folder}: {config.system} makes its frames one by one; it has no parallel decoding")
     if decoding is None:
         decoding = "parallel" if config.runs.concurrent else "one-by-one"
-    kind = OneNetworkSystem if config.runs.positions == "encoder" else TwoNetworkSystem
-    return kind(config, config.runs, Sessions(folder, config), decoding)
+    system_class = OneNetworkSystem if config.runs.positions == "encoder" else TwoNetworkSystem
+    return system_class(config, config.runs, Sessions(folder, config), decoding)

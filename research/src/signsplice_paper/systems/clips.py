@@ -27,14 +27,14 @@ from signsplice_paper.systems.splicers import PaperSystem
 from signsplice_workshop.corpora.number_space import NumberSpace
 
 NEAR_M, NEAR_DEG = 0.1, 10.0
-"""A clip of the first one's rig that stands no farther from it, and faces no other way than this, is not moved: the
+"""Largest distance, m, and angle, degrees, to the first clip up to which a clip of the same rig is not moved: the
 system learned from words where they were recorded.
 """
 _FACTS = ("scale", "optimiser", "split", "seed", "corpus")
 
 
 class ClipSplicer(PositionSplicer):
-    """A trained system that runs whole, as in the paper (``SpliceOptions.system``)."""
+    """A trained system that splices words by itself, as in the paper (``SpliceOptions.system``)."""
 
     def __init__(self, system: PaperSystem, sha256: str | None = None) -> None:
         self.system, config = system, system.config
@@ -44,27 +44,28 @@ class ClipSplicer(PositionSplicer):
         self.facts = {name: getattr(config, name) for name in _FACTS} | {"token_bias": system.token_bias}
 
     def predict_splice(self, before: FloatArray, after: FloatArray) -> SplicePrediction:
-        """The splice of two words' numbers (N, K) and (M, K)."""
-        predicted, most = self.system.predict(before, after), self.system.most_frames
-        line = f"{self.name} stopped after {most} frames, the most that it makes: it gave no sign of an end"
-        warnings = (line,) if len(predicted.frames) == most else ()
-        return SplicePrediction(predicted.pre, predicted.post, predicted.frames, warnings)
+        """Returns the splice of two words' numbers (N, K) and (M, K)."""
+        prediction, most_frames = self.system.predict(before, after), self.system.most_frames
+        warning = f"{self.name} stopped after {most_frames} frames, the most that it makes: it gave no sign of an end"
+        warnings = (warning,) if len(prediction.frames) == most_frames else ()
+        return SplicePrediction(prediction.pre, prediction.post, prediction.frames, warnings)
 
     def splice_words(self, before: AlignedWord, after: AlignedWord) -> Seam:
-        """The seam at the system's positions, with its number of frames, and its frames."""
+        """Returns the seam at the positions that the system predicts, with its frames."""
         if self.system.config.space is None:
             return super().splice_words(before, after)
-        space = self._space(self.system.config.space, before.clip)
-        spliced = self.predict_splice(self._numbers(space, before.clip), self._numbers(space, after.clip))
-        made = None
+        space = self._scale_space(self.system.config.space, before.clip)
+        spliced = self.predict_splice(self._read_numbers(space, before.clip), self._read_numbers(space, after.clip))
+        new_clip = None
         if spliced.has_frames:
-            kept = before.clip[: (spliced.pre or 0) + 1], after.clip[spliced.post :]
-            made = clip_of_numbers(space, spliced.frames, *kept)
-        return self.filled_seam(before, after, spliced.pre, spliced.post, made, spliced.warnings)
+            kept_clips = before.clip[: (spliced.pre or 0) + 1], after.clip[spliced.post :]
+            new_clip = clip_of_numbers(space, spliced.frames, *kept_clips)
+        return self.filled_seam(before, after, spliced.pre, spliced.post, new_clip, spliced.warnings)
 
     def place_reference(self, clip: Clip, to: Reference, is_first: bool) -> Reference:
-        """What a clip is aligned to: the place of all words that the system learned from; where there is none, the
-        first clip's, or where a clip was recorded if that is the same body and place (``NEAR_M``, ``NEAR_DEG``).
+        """Returns the reference to which a clip is aligned: the place of all words that the system learned from. If
+        there is none: the first clip's place, or the clip's own if its body and place are the same (``NEAR_M``,
+        ``NEAR_DEG``).
         """
         if self.system.config.space is None or (is_first and self.place is None):
             return to
@@ -74,16 +75,16 @@ class ClipSplicer(PositionSplicer):
             return replace(to, placement=placement(clip))
         return to
 
-    def _space(self, stored: NumberSpace, clip: Clip) -> NumberSpace:
-        """The system's joints and cube, in the clip's unit."""
+    def _scale_space(self, stored: NumberSpace, clip: Clip) -> NumberSpace:
+        """Returns the system's joints and cube, in the clip's unit."""
         unit_cm = 100.0 * rig_info(clip.skeleton).sizes.unit.metres
         x, y, z = (value / unit_cm for value in stored.middle)
         return replace(stored, middle=(x, y, z), side=stored.side / unit_cm)
 
-    def _numbers(self, space: NumberSpace, clip: Clip) -> FloatArray:
-        """Positions (T, 3 J) of a clip. Raises ``InputError`` where it lacks a joint."""
+    def _read_numbers(self, space: NumberSpace, clip: Clip) -> FloatArray:
+        """Returns the positions (T, 3 J) of a clip. Raises ``InputError`` if it lacks a joint."""
         try:
-            return space.numbers(clip)
+            return space.to_numbers(clip)
         except InputError as error:
             raise InputError(
                 f"{error}; {self.name} knows only the rig of its own words: bring clips to it with `signsplice convert "
@@ -92,21 +93,25 @@ class ClipSplicer(PositionSplicer):
 
 
 def is_near(clip: Clip, place: Placement) -> bool:
-    """Whether a clip's signer stands at a place, nearly: ``NEAR_M``, ``NEAR_DEG``."""
-    own = placement(clip)
+    """Returns whether a clip's signer stands at a place, within ``NEAR_M`` and ``NEAR_DEG``."""
+    clip_place = placement(clip)
     metres = rig_info(clip.skeleton).sizes.unit.metres
-    least = np.cos(np.deg2rad(NEAR_DEG))
-    away = metres * float(np.linalg.norm(own.position - place.position))
-    return away <= NEAR_M and own.up @ place.up >= least and own.forward @ place.forward >= least
+    least_cosine = np.cos(np.deg2rad(NEAR_DEG))
+    distance_m = metres * float(np.linalg.norm(clip_place.position - place.position))
+    return (
+        distance_m <= NEAR_M
+        and clip_place.up @ place.up >= least_cosine
+        and clip_place.forward @ place.forward >= least_cosine
+    )
 
 
 def clip_of_numbers(space: NumberSpace, frames: FloatArray, before: Clip, after: Clip) -> Clip:
-    """The clip on two clips' skeleton of frames (n, 3 J) between them (``clip_of_positions``)."""
-    return clip_of_positions(space.positions(frames), before, after, space.indices(before.skeleton, before.name))
+    """Returns a clip on two clips' skeleton of the frames (n, 3 J) between them (``clip_of_positions``)."""
+    return clip_of_positions(space.to_positions(frames), before, after, space.find_joints(before.skeleton, before.name))
 
 
 def open_clip_splicer(folder: str | Path, decoding: str | None = None) -> WholeSystem:
-    """The trained system in a folder, for clips. Raises ``InputError`` for a folder without one."""
+    """Returns the trained system in a folder, for clips. Raises ``InputError`` for a folder without one."""
     system = open_bundle(folder, decoding)
     system.config.require("fps")
     return ClipSplicer(system, bundle_sha256(Path(folder)))

@@ -20,7 +20,7 @@ from signsplice_paper.prediction import N_NUMBERS, Prediction
 
 DECODINGS = ("one-by-one", "without-cache", "parallel")
 FRAME = 1
-"""Kind of a decoder's input: a frame that it made."""
+"""Kind of a decoder input: a frame that the decoder made."""
 
 
 class PaperSystem(ABC):
@@ -46,46 +46,46 @@ class PaperSystem(ABC):
 
     @abstractmethod
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
-        """The splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
+        """Returns the splice of ``before`` (N, 159) and ``after`` (M, 159), both in [-0.5, 0.5]."""
 
     def positions(self, before: FloatArray, after: FloatArray) -> tuple[int | None, int | None]:
-        """The positions pre and post alone, None for a token that is not emitted."""
+        """Returns the positions pre and post alone, None for a token that is not emitted."""
         return splice_positions(self.tokens(before, after), len(before), self.token_bias)
 
     @abstractmethod
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
-        """The frames (n_frames, 159) of a prediction with a fixed outcome, for timing. Positions are searched for, but
-        ``n_frames`` frames are made at pre and post. The cost depends only on the sizes of the networks, not on their
-        weights.
+        """Returns the frames (n_frames, 159) of a prediction with a fixed outcome, for timing: positions are predicted,
+        but ``n_frames`` frames are made at pre and post. The cost depends only on the sizes of the networks, not on
+        their weights.
         """
 
     @abstractmethod
     def tokens(self, before: FloatArray, after: FloatArray) -> Array:
-        """The logits (N + M, 3) of the tokens."""
+        """Returns the logits (N + M, 3) of the tokens."""
 
     def _decode(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> FloatArray:
-        """Transition frames (n, 159) that the decoder makes from the encoder's outputs; with ``n_frames``, as many,
-        without regard to the end token.
+        """Returns the transition frames (n, 159) that the decoder makes from the encoder's outputs. With ``n_frames``
+        it makes this number and ignores the end token.
         """
         inputs = {name: value for name, value in encoded.items() if name.startswith(("memory", "state"))}
         if self.decoding == "parallel":
-            made = decode(self.graphs, encoded, self.most_frames, self.n_numbers)
-            ends = np.flatnonzero(made["last"][0] > 0.0)
+            outputs = decode(self.graphs, encoded, self.most_frames, self.n_numbers)
+            ends = np.flatnonzero(outputs["last"][0] > 0.0)
             count = (int(ends[0]) + 1 if len(ends) else self.most_frames) if n_frames is None else n_frames
-            return made["made"][0, :count].astype(np.float64)
+            return outputs["made"][0, :count].astype(np.float64)
         frames: list[Array] = []
         fed, kinds, start = np.zeros((1, 1, self.n_numbers), np.float32), np.full((1, 1), START), 0
         while len(frames) < (self.most_frames if n_frames is None else n_frames):
-            made = self.graphs.run("decoder", {**inputs, "fed": fed, "kinds": kinds, "start": np.array(start)})
-            newest = made["made"][:, -1:]
+            outputs = self.graphs.run("decoder", {**inputs, "fed": fed, "kinds": kinds, "start": np.array(start)})
+            newest = outputs["made"][:, -1:]
             frames.append(newest[0, 0])
-            if n_frames is None and made["last"][0, -1] > 0.0:
+            if n_frames is None and outputs["last"][0, -1] > 0.0:
                 break
             if self.decoding == "without-cache":
                 fed, kinds = np.concatenate([fed, newest], axis=1), np.append(kinds, [[FRAME]], axis=1)
             else:
                 fed, kinds, start = newest, np.full((1, 1), FRAME), len(frames)
-                inputs |= {name.removeprefix("next_"): made[name] for name in made if name.startswith("next_")}
+                inputs |= {name.removeprefix("next_"): outputs[name] for name in outputs if name.startswith("next_")}
         return np.stack(frames).astype(np.float64)
 
 
@@ -93,27 +93,27 @@ class TwoNetworkSystem(PaperSystem):
     """SPSN for the positions and TFGN for the frames: LpTransformer, its ablations, and LPT+."""
 
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
-        """The splice. Without Culling, frames are made even if a position is missing."""
+        """Returns the splice. Without Culling, frames are made even if a position is missing."""
         pre, post = self.positions(before, after)
         if self.fr is not None and (pre is None or post is None):
             return Prediction(pre, post, np.zeros((0, self.n_numbers)))
-        return Prediction(pre, post, self._frames(before, after, pre, post))
+        return Prediction(pre, post, self._make_frames(before, after, pre, post))
 
     def tokens(self, before: FloatArray, after: FloatArray) -> Array:
-        """The logits (N + M, 3) of the tokens."""
+        """Returns the logits (N + M, 3) of the tokens."""
         inputs = {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
         return np.asarray(self.graphs.run("spsn", inputs)["tokens"][0])
 
     def fill(self, before: FloatArray, after: FloatArray, pre: int, post: int) -> FloatArray:
-        """The transition (n, 159) at given positions."""
-        return self._frames(before, after, pre, post)
+        """Returns the transition (n, 159) at given positions."""
+        return self._make_frames(before, after, pre, post)
 
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
-        """The frames of a prediction with a fixed outcome."""
+        """Returns the frames of a prediction with a fixed outcome."""
         self.positions(before, after)
-        return self._frames(before, after, pre, post, n_frames)
+        return self._make_frames(before, after, pre, post, n_frames)
 
-    def _frames(
+    def _make_frames(
         self, before: FloatArray, after: FloatArray, pre: int | None, post: int | None, n_frames: int | None = None
     ) -> FloatArray:
         if self.fr is None or pre is None or post is None:
@@ -123,7 +123,7 @@ class TwoNetworkSystem(PaperSystem):
         n_before = len(before) if self.fr is None else self.fr
         inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
         if self.marked:
-            marks = np.zeros((1, len(x), 2), np.float32)  # no mark for a position that SPSN did not find
+            marks = np.zeros((1, len(x), 2), np.float32)  # a position without a token has no mark
             if pre is not None:
                 marks[0, pre, 0] = 1.0
             if post is not None:
@@ -136,21 +136,21 @@ class OneNetworkSystem(PaperSystem):
     """One network for positions and frames, which reads the whole X: the systems that the paper compares with."""
 
     def predict(self, before: FloatArray, after: FloatArray) -> Prediction:
-        """The splice."""
+        """Returns the splice."""
         encoded = self._encode(before, after)
         pre, post = splice_positions(encoded["tokens"][0], len(before), self.token_bias)
         return Prediction(pre, post, self._decode(encoded))
 
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
-        """The frames of a prediction with a fixed outcome; the positions do not affect them."""
+        """Returns the frames of a prediction with a fixed outcome; the positions do not affect them."""
         return self._decode(self._encode(before, after), n_frames)
 
     def tokens(self, before: FloatArray, after: FloatArray) -> Array:
-        """The logits (N + M, 3) of the tokens."""
+        """Returns the logits (N + M, 3) of the tokens."""
         return np.asarray(self._encode(before, after)["tokens"][0])
 
     def _encode(self, before: FloatArray, after: FloatArray) -> Mapping[str, Array]:
-        """The encoder's outputs."""
+        """Returns the encoder's outputs."""
         x = np.concatenate([before, after])
         inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
         return self.graphs.run("encoder", inputs)

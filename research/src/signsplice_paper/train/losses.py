@@ -26,7 +26,7 @@ _MASKED = -1e4
 
 
 def token_loss(logits: Tensor, pre: Tensor, post: Tensor, mask: Tensor | None = None, plain: bool = False) -> Tensor:
-    """The loss () of logits (B, S, 3) for tokens at frames ``pre`` and ``post`` (B,) of X.
+    """Returns the loss () of logits (B, S, 3) for tokens at frames ``pre`` and ``post`` (B,) of X.
 
     mask (B, S): False at padding. plain: cross-entropy alone, each frame with the same weight.
     """
@@ -41,21 +41,21 @@ def token_loss(logits: Tensor, pre: Tensor, post: Tensor, mask: Tensor | None = 
     if plain:
         return total
     for token, position in ((PRE, pre), (POST, post)):
-        odds = logits[..., token] - logits[..., NONE]
+        log_odds = logits[..., token] - logits[..., NONE]
         if mask is not None:
-            odds = odds.masked_fill(~mask, _MASKED)
-        total = total + F.cross_entropy(odds, position)
+            log_odds = log_odds.masked_fill(~mask, _MASKED)
+        total = total + F.cross_entropy(log_odds, position)
     return total
 
 
-def frame_loss(made: Tensor, true: Tensor, real: Tensor, deviation: Tensor) -> Tensor:
-    """The loss () of frames (B, T, K): scaled mean squared error; ``real`` (B, T) is False at padding."""
-    per_frame = (((made.float() - true) / deviation) ** 2).mean(-1) * real
+def frame_loss(predicted: Tensor, true: Tensor, real: Tensor, deviation: Tensor) -> Tensor:
+    """Returns the loss () of frames (B, T, K): scaled mean squared error; ``real`` (B, T) is False at padding."""
+    per_frame = (((predicted.float() - true) / deviation) ** 2).mean(-1) * real
     return FRAME_WEIGHT * (per_frame.sum(1) / real.sum(1)).mean()
 
 
 def last_loss(last: Tensor, real: Tensor) -> Tensor:
-    """The loss () of logits (B, T) for "this is the last frame": cross-entropy, summed over a pair's frames."""
+    """Returns the loss () of logits (B, T) for "this is the last frame": cross-entropy, summed over a pair's frames."""
     is_last = torch.arange(last.shape[1], device=last.device) == real.sum(1, keepdim=True) - 1
     per_frame = F.binary_cross_entropy_with_logits(last.float(), is_last.float(), reduction="none") * real
     return per_frame.sum(1).mean()

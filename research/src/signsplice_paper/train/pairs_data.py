@@ -54,21 +54,23 @@ class Batch:
     @property
     def marks(self) -> Tensor:
         """1 at the frames pre and post of ``x``, else 0 (B, S, 2)."""
-        return splice_marks(self.pre, self.post, self.x.shape[1])
+        return mark_splice(self.pre, self.post, self.x.shape[1])
 
     def to(self, device: torch.device) -> Batch:
-        """The same batch on a device. The pairs' numbers stay: noise is drawn from them on the processor."""
-        tensors = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("step", "numbers")}
+        """Returns the batch on a device. The pairs' numbers stay on the processor: noise is drawn from them there."""
+        tensors = {
+            field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("step", "numbers")
+        }
         if device.type == "cuda":  # pinned memory is copied while the processor goes on
             tensors = {name: tensor.pin_memory() for name, tensor in tensors.items()}
-        moved = {name: tensor.to(device, non_blocking=True) for name, tensor in tensors.items()}
-        return Batch(numbers=self.numbers, **moved, step=self.step)
+        moved_tensors = {name: tensor.to(device, non_blocking=True) for name, tensor in tensors.items()}
+        return Batch(numbers=self.numbers, **moved_tensors, step=self.step)
 
 
-def splice_marks(pre: Tensor, post: Tensor, n_frames: int) -> Tensor:
-    """1 at the frames ``pre`` and ``post`` (B,), else 0 (B, n_frames, 2); a negative frame has no mark."""
-    at = torch.arange(n_frames, device=pre.device)
-    return (torch.stack([pre, post], dim=-1)[:, None] == at[None, :, None]).float()
+def mark_splice(pre: Tensor, post: Tensor, n_frames: int) -> Tensor:
+    """Returns 1 at the frames ``pre`` and ``post`` (B,), else 0 (B, n_frames, 2); a negative frame has no mark."""
+    frames = torch.arange(n_frames, device=pre.device)
+    return (torch.stack([pre, post], dim=-1)[:, None] == frames[None, :, None]).float()
 
 
 class PairsData:
@@ -87,14 +89,14 @@ class PairsData:
         return len(self.numbers)
 
     def normaliser(self) -> Normaliser:
-        """The mean and deviation of every number over the words of this part."""
+        """Returns the mean and deviation of every number over the words of this part."""
         frames = np.concatenate(list(self._words.values())).astype(np.float64)
         deviation = np.maximum(frames.std(axis=0), DEVIATION_FLOOR)
         return Normaliser(torch.from_numpy(frames.mean(axis=0)).float(), torch.from_numpy(deviation).float())
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
-        """The rows of the batch of a step, from 0. Every pass over all pairs has a new order; pairs of a batch have
-        similar lengths.
+        """Returns the rows of the batch of a step, from 0. Every pass over all pairs has a new order; pairs of a batch
+        have similar lengths.
         """
         size = min(size, len(self))
         n_batches = max(1, len(self) // size)
@@ -108,7 +110,7 @@ class PairsData:
         return np.asarray(batches[stream("batch-order", seed, epoch).permutation(n_batches)[index]])
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> Batch:
-        """The batch of these rows of the part."""
+        """Returns the batch of these rows of the part."""
         index = [self._index[row].tolist() for row in rows]
         inputs, masks = [], []
         for p, q, pre, post, _, _ in index:

@@ -52,7 +52,7 @@ positions by plain cross-entropy, and have no bias of the tokens: both are addit
 CULLED = ("tfgn",)
 """Parts that see ``fr`` frames on each side of the splice instead of the whole X."""
 AS_PRINTED = "-printed"
-"""End of the name of parts that differ from another in the loss alone."""
+"""Suffix of the name of parts that differ from another part in the loss alone."""
 
 Config = SpsnConfig | WordSpsnConfig | TransformerConfig | ConvS2SConfig | LstmConfig
 
@@ -79,11 +79,11 @@ class SystemPart:
     plain_loss: bool = False
 
     def facts(self) -> dict[str, Any]:
-        """The part as JSON, for bundle.json and for the hash in the name of its checkpoints."""
+        """Returns the part as JSON, for bundle.json and for the hash in the name of its checkpoints."""
         return {"config": asdict(self.config), **{k: v for k, v in asdict(self).items() if k not in ("name", "config")}}
 
 
-def _transformer(scale: str) -> TransformerConfig:
+def _transformer_config(scale: str) -> TransformerConfig:
     sizes = {
         "smoke": TransformerConfig(32, 2, 1, 1, 64, 0.0),
         "small": TransformerConfig(64, 4, 2, 2, 256, 0.0),
@@ -93,25 +93,25 @@ def _transformer(scale: str) -> TransformerConfig:
     return sizes[scale]
 
 
-def _config(name: str, scale: str) -> Config:
+def _network_config(name: str, scale: str) -> Config:
     width = {"smoke": 32, "small": 64, "cpu": 64, "paper": 512}[scale]
     dropout = 0.0 if scale == "smoke" else 0.1
-    t = _transformer(scale)
-    whole = replace(t, inner=t.inner // 2) if scale in ("small", "cpu") else t
+    transformer = _transformer_config(scale)
+    full_input = replace(transformer, inner=transformer.inner // 2) if scale in ("small", "cpu") else transformer
     configs: dict[str, Config] = {
         "spsn": SpsnConfig(width, dropout=dropout),
         "spsn-words": WordSpsnConfig(width, width, dropout),
         "spsn-wa": SpsnConfig(width, attention=False, dropout=dropout),
-        "tfgn": t,
-        "tfgn-wc": replace(whole, marks=True),
-        "transformer": replace(whole, tokens=True, steps=True),
-        "conv-s2s": _convolutions(scale),
+        "tfgn": transformer,
+        "tfgn-wc": replace(full_input, marks=True),
+        "transformer": replace(full_input, tokens=True, steps=True),
+        "conv-s2s": _convs2s_config(scale),
         "lstm": LstmConfig(width),
     }
     return configs[name.removesuffix(AS_PRINTED)]
 
 
-def _convolutions(scale: str) -> ConvS2SConfig:
+def _convs2s_config(scale: str) -> ConvS2SConfig:
     sizes = {
         "smoke": ConvS2SConfig(16, 3, 3, 0.0),
         "small": ConvS2SConfig(32, 10, 10, 0.0),
@@ -151,7 +151,7 @@ steps differ in cost several times over.
 """
 
 SMALL = 0.2
-"""Scale small's steps over those of scale cpu, from which it has batches and rates."""
+"""Ratio of scale small's steps to scale cpu's. Batches and rates are those of scale cpu."""
 STEP_FRACTIONS = {("small", "adamw"): SMALL, ("cpu", "sgd"): 5.0, ("paper", "sgd"): 5.0, ("cpu", TAUGHT): 3.0}
 """Multiples of the steps. SGD is trained until validation stops improving, which takes many times AdamW's steps; for it
 these are a limit. A corpus to teach on has a hundred times as many words.
@@ -159,10 +159,10 @@ these are a limit. A corpus to teach on has a hundred times as many words.
 SGD_PATIENCE = 4
 """Validations in a row, a fortieth of the limit apart, that have to improve the loss for SGD to go on."""
 MOST_SGD_CPU_S = {"cpu": 400.0}
-"""Processor seconds that SGD has for a part, about AdamW's."""
+"""Processor seconds of a part's training by SGD, about as many as by AdamW."""
 
 
-def parts(
+def make_parts(
     system: str,
     scale: str,
     fr: int | None = None,
@@ -170,8 +170,8 @@ def parts(
     optimiser: str = "adamw",
     split: str = "random",
 ) -> tuple[SystemPart, ...]:
-    """A system's parts at a scale. With 0 ``steps`` they stay untrained, which is enough to measure their size and
-    time.
+    """Returns a system's parts at a scale. With 0 ``steps`` they stay untrained, which is enough to measure their size
+    and time.
 
     Raises ``InputError`` for an unknown name, numbers out of range, and an ``fr`` for a system without Culling.
     """
@@ -185,14 +185,14 @@ def parts(
     for option, value, least in (("--fr", fr, 1), ("--steps", steps, 0)):
         if value is not None and value < least:
             raise InputError(f"{option} {value}, expected at least {least}")
-    side = FR if fr is None else fr
+    frames_per_side = FR if fr is None else fr
     column = ("smoke", "cpu", "paper").index("cpu" if scale == "small" else scale)
     fraction = STEP_FRACTIONS.get((scale, optimiser), 1.0) * STEP_FRACTIONS.get((scale, split), 1.0)
     return tuple(
         SystemPart(
             name,
-            _config(name, scale),
-            side if name in CULLED else None,
+            _network_config(name, scale),
+            frames_per_side if name in CULLED else None,
             round(fraction * schedule.steps[column]) if steps is None else steps,
             (16, schedule.batch, 64)[column],
             (1e-2, schedule.rate, 3e-4)[column],
@@ -204,9 +204,9 @@ def parts(
     )
 
 
-def task(part: SystemPart, normaliser: Normaliser, seed: int) -> Task:
-    """A part's network with its loss."""
-    network = network_of(part.config, normaliser)
+def make_task(part: SystemPart, normaliser: Normaliser, seed: int) -> Task:
+    """Returns a part's network with its loss."""
+    network = make_network(part.config, normaliser)
     if isinstance(network, Spsn):
         return TokenTask(network, part.plain_loss)
     if isinstance(network, WordSpsn):
@@ -214,8 +214,8 @@ def task(part: SystemPart, normaliser: Normaliser, seed: int) -> Task:
     return FrameTask(network, normaliser, seed, part.plain_loss)
 
 
-def network_of(config: Config, normaliser: Normaliser) -> Spsn | WordSpsn | Generator:
-    """The network with these sizes."""
+def make_network(config: Config, normaliser: Normaliser) -> Spsn | WordSpsn | Generator:
+    """Returns the network with these sizes."""
     if isinstance(config, SpsnConfig):
         return Spsn(config, normaliser)
     if isinstance(config, WordSpsnConfig):

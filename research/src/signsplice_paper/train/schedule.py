@@ -21,7 +21,7 @@ from signsplice_workshop.corpora.pairs import Pairs
 from signsplice_workshop.train import processes
 from signsplice_workshop.train.loop import ProgressCallback
 
-Started = Callable[[int, Run], None]
+StartCallback = Callable[[int, Run], None]
 """Called with a run's number, from 1, and the run, before it is trained."""
 PARTS = "parts"
 """Folder of the checkpoints, next to the bundles."""
@@ -30,13 +30,13 @@ _POLL_S = 0.2
 
 @dataclass(frozen=True)
 class Schedule:
-    """What to train, and from what.
+    """The trainings to run, and their data.
 
     - runs: the trainings, in order
     - pairs: folder of the corpus
     - bundles: folder that holds a folder for each bundle
     - steps: steps of every part, None for those of the scale
-    - deadline: value of ``time.monotonic`` after which no training goes on, None for never
+    - deadline: value of ``time.monotonic`` at which training stops, None for never
     """
 
     runs: Sequence[Run]
@@ -47,19 +47,19 @@ class Schedule:
 
     @property
     def minutes_left(self) -> float | None:
-        """Minutes to the deadline, not below 0; None where there is none."""
+        """Minutes to the deadline, not below 0; None if there is none."""
         return None if self.deadline is None else max(0.0, (self.deadline - time.monotonic()) / 60.0)
 
 
 def train_one_by_one(
     schedule: Schedule,
-    started: Started,
-    finished: Callable[[Run, Path], None],
+    on_start: StartCallback,
+    on_finish: Callable[[Run, Path], None],
     progress: Callable[[str], ProgressCallback] | None = None,
 ) -> None:
-    """Train every run in this process, one after another, and write its bundle, until the deadline.
+    """Trains every run in this process, one after another, and writes its bundle, until the deadline.
 
-    started: called before each run. finished: called with each run and its bundle's folder. progress: the name of a
+    on_start: called before each run. on_finish: called with each run and its bundle's folder. progress: the name of a
     part -> the callback for its training.
     """
     pairs = Pairs(schedule.pairs)
@@ -67,25 +67,25 @@ def train_one_by_one(
         for number, run in enumerate(schedule.runs, 1):
             if schedule.minutes_left == 0.0:
                 return
-            started(number, run)
+            on_start(number, run)
             folder = schedule.bundles / run.name
             config = training.Training(
                 run.system, run.scale, run.optimiser, run.split, run.seed, run.fr, schedule.steps,
                 deadline=schedule.deadline,
             )  # fmt: skip
             training.make(config, pairs, folder, schedule.bundles / PARTS, process, progress)
-            finished(run, folder)
+            on_finish(run, folder)
 
 
-def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> None:
-    """Train every run by `signsplice-paper train-system` in a process of its own, ``workers`` at once, with
-    equal numbers of cores.
+def train_side_by_side(schedule: Schedule, workers: int, on_start: StartCallback) -> None:
+    """Trains every run by `signsplice-paper train-system` in a process of its own, ``workers`` at once, with equal
+    numbers of cores.
 
-    They end when this process is killed, and at the deadline. The first failure interrupts the others, which continue
-    from their checkpoints on the next call, and raises ``SignspliceError``.
+    The processes end when this one is killed, and at the deadline. The first failure interrupts the others and raises
+    ``SignspliceError``; the next call continues from the checkpoints.
     """
     environment = os.environ | {"OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) // workers))}
-    bind = parent_death_hook()
+    death_hook = parent_death_hook()
     waiting = list(enumerate(schedule.runs, 1))
     running: dict[str, subprocess.Popen[bytes]] = {}
     try:
@@ -94,9 +94,9 @@ def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> No
                 waiting.clear()
             while waiting and len(running) < workers:
                 number, run = waiting.pop(0)
-                started(number, run)
-                call = [sys.executable, "-m", "signsplice_paper", *arguments(schedule, run)]
-                running[run.name] = subprocess.Popen(call, env=environment, preexec_fn=bind)
+                on_start(number, run)
+                command = [sys.executable, "-m", "signsplice_paper", *build_arguments(schedule, run)]
+                running[run.name] = subprocess.Popen(command, env=environment, preexec_fn=death_hook)
             time.sleep(_POLL_S)
             for name, process in list(running.items()):
                 status = process.poll()
@@ -111,9 +111,9 @@ def train_side_by_side(schedule: Schedule, workers: int, started: Started) -> No
             process.wait()
 
 
-def arguments(schedule: Schedule, run: Run) -> list[str]:
-    """The arguments of `signsplice-paper` that train a run."""
-    call = ["train-system", "--pairs", str(schedule.pairs), "--out", str(schedule.bundles / run.name)]
+def build_arguments(schedule: Schedule, run: Run) -> list[str]:
+    """Returns the arguments of `signsplice-paper` that train a run."""
+    command_line = ["train-system", "--pairs", str(schedule.pairs), "--out", str(schedule.bundles / run.name)]
     options = {
         "seed": run.seed,
         "system": run.system,
@@ -126,17 +126,17 @@ def arguments(schedule: Schedule, run: Run) -> list[str]:
     }
     for option, value in options.items():
         if value is not None:
-            call += [f"--{option}", str(value)]
-    return call
+            command_line += [f"--{option}", str(value)]
+    return command_line
 
 
 def export_untrained(
-    systems: Sequence[str], scale: str, pairs: Path, folder: Path, finished: Callable[[Run, Path], None]
+    systems: Sequence[str], scale: str, pairs: Path, folder: Path, on_finish: Callable[[Run, Path], None]
 ) -> None:
-    """Write bundles of untrained systems, a folder for each system, to time them at the sizes of a scale."""
+    """Writes bundles of untrained systems, a folder for each system, to time them at the sizes of a scale."""
     corpus = Pairs(pairs)
     with processes.join_process_group() as process:
         for system in systems:
             config = training.Training(system, scale, steps=0)
             training.make(config, corpus, folder / system, folder / PARTS, process)
-            finished(Run(system, scale, config.optimiser, config.split), folder / system)
+            on_finish(Run(system, scale, config.optimiser, config.split), folder / system)

@@ -1,7 +1,7 @@
-"""Search of learning rates and widths: parts of the paper's systems, shortly trained with each, on validation.
+"""Search of learning rates and widths: short trainings of the systems' parts with each, scored on validation pairs.
 
 Rates and widths are chosen on validation pairs with one seed; test pairs are not read. Every variant has the same
-processor time, as many steps as fit into it, and the whole schedule of these, with warm-up and decay.
+processor time, as many steps as fit into it, and the whole schedule of these steps, with warm-up and decay.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import read_json
 from signsplice_paper.train import training
-from signsplice_paper.train.scales import Config, SystemPart, parts, task
+from signsplice_paper.train.scales import Config, SystemPart, make_parts, make_task
 from signsplice_paper.train.stopping import SNAPSHOTS, DeadlineError
 from signsplice_paper.train.training import Training
 from signsplice_workshop.corpora.pairs import Pairs
@@ -33,22 +33,22 @@ VERSION = 2
 RATES = (1 / 3, 1.0, 3.0)
 """Learning rates that are tried, as multiples of the scale's."""
 WIDTHS = (0.5, 1.0)
-"""Widths that are tried, likewise."""
+"""Widths that are tried, as multiples of the scale's."""
 MINUTES = 2.0
 _TIMED_STEPS = 10
 JUDGED = ("accuracy", "paa")
-"""Scores whose mean decides, those of them that a part has."""
+"""Scores whose mean decides; a part may have only some of them."""
 _N_JUDGEMENTS = 4
 
 
 @dataclass(frozen=True)
 class SearchPlan:
-    """What is tried, and where.
+    """A search.
 
     - pairs: folder of the corpus
     - folder: for checkpoints
-    - scale: whose rates and widths are varied
-    - minutes: of a processor for every training
+    - scale: the scale whose rates and widths are varied
+    - minutes: processor minutes of every training
     - seed: of every training
     """
 
@@ -68,7 +68,7 @@ class SearchRow:
     - learning_rate, units: the values themselves
     - scores: last scores on validation pairs
     - n_parameters: of the network
-    - steps: that fitted into the time
+    - steps: number of steps that fitted into the time
     - cpu_s: processor seconds
     """
 
@@ -89,22 +89,22 @@ class SearchRow:
         return sum(values) / len(values) if values else float("-inf")
 
 
-def units_of(config: Config) -> int:
-    """The width of a network."""
+def get_width(config: Config) -> int:
+    """Returns the width of a network."""
     return config.width
 
 
 def widen_config(config: Config, factor: float) -> Config:
-    """Sizes with ``factor`` times as many units; a multiple of the heads, where there are some."""
+    """Returns sizes with ``factor`` times as many units, rounded to a multiple of the heads if there are any."""
     heads = getattr(config, "n_heads", 1)
-    sizes: dict[str, Any] = {"width": max(1, round(units_of(config) * factor / heads)) * heads}
+    sizes: dict[str, Any] = {"width": max(1, round(get_width(config) * factor / heads)) * heads}
     if hasattr(config, "inner"):
         sizes["inner"] = round(config.inner * factor)
     return replace(config, **sizes)
 
 
-def variants(part: SystemPart) -> list[tuple[float, float, SystemPart]]:
-    """Multiples of rate and width, and the part with these."""
+def make_variants(part: SystemPart) -> list[tuple[float, float, SystemPart]]:
+    """Returns multiples of rate and width, and the part with these."""
     return [
         (rate, width, replace(part, rate=part.rate * rate, config=widen_config(part.config, width)))
         for width in WIDTHS
@@ -113,91 +113,92 @@ def variants(part: SystemPart) -> list[tuple[float, float, SystemPart]]:
 
 
 def run(
-    plan: SearchPlan, systems: Sequence[str], out: Path, workers: int, report: Callable[[str], None],
+    plan: SearchPlan, systems: Sequence[str], output_folder: Path, workers: int, report: Callable[[str], None],
     deadline: float | None = None,
 ) -> list[SearchRow]:  # fmt: skip
-    """Train what ``out``/search.json does not hold yet, and write it after every training.
+    """Trains the variants that ``output_folder``/search.json lacks, and writes the file after every training. Returns
+    its rows.
 
-    Trainings that ``deadline`` (of ``time.monotonic``) interrupts are begun anew by the next call. Raises
-    ``InputError`` where the file holds a search of another corpus, scale or length.
+    Trainings that ``deadline`` (of ``time.monotonic``) interrupts are begun anew by the next call.
+    Raises ``InputError`` if the file holds a search of another corpus, scale or length.
     """
     signature = {
         "corpus": Pairs(plan.pairs).head["hash"], "scale": plan.scale, "split": "random", "minutes": plan.minutes,
         "seed": plan.seed,
     }  # fmt: skip
-    rows = read(out / FILE, signature)
+    rows = read(output_folder / FILE, signature)
     done = {(row.part, row.rate, row.width) for row in rows}
     owners: dict[str, str] = {}  # part -> the first system that has it
     for system in systems:
-        for part in parts(system, plan.scale):
+        for part in make_parts(system, plan.scale):
             owners.setdefault(part.name, system)
     jobs = [
         (plan, owners[part.name], part.name, rate, width, workers, deadline)
         for system in systems
-        for part in parts(system, plan.scale)
+        for part in make_parts(system, plan.scale)
         if owners[part.name] == system
-        for rate, width, _ in variants(part)
+        for rate, width, _ in make_variants(part)
         if (part.name, rate, width) not in done
     ]
-    with Pool(workers) as each:
-        for row in each(_train_variant, jobs):
+    with Pool(workers) as map_jobs:
+        for row in map_jobs(_train_variant, jobs):
             if row is None:
                 continue
             rows.append(row)
-            _write(out, signature, rows)
+            _write(output_folder, signature, rows)
             report(f"{row.part}, rate {row.learning_rate:.2g}, width {row.units}: {row.score:.3f}")
-    left = len(jobs) + len(done) - len(rows)
-    if left:
-        report(f"time is up: {left} trainings are left; the same call continues")
+    n_left = len(jobs) + len(done) - len(rows)
+    if n_left:
+        report(f"time is up: {n_left} trainings are left; the same call continues")
     elif rows:
-        _write(out, signature, rows)
+        _write(output_folder, signature, rows)
     return rows
 
 
 def _train_variant(job: tuple[SearchPlan, str, str, float, float, int, float | None]) -> SearchRow | None:
-    """Train one variant; None where time is up."""
+    """Trains one variant and returns its row; None if time is up."""
     plan, system, name, rate, width, workers, deadline = job
     if deadline is not None and time.monotonic() >= deadline:
         return None
     if workers > 1:
         torch.set_num_threads(max(1, (os.cpu_count() or 1) // workers))
-    part = next(part for part in parts(system, plan.scale) if part.name == name)
-    part = next(made for r, w, made in variants(part) if (r, w) == (rate, width))
+    part = next(part for part in make_parts(system, plan.scale) if part.name == name)
+    part = next(variant for r, w, variant in make_variants(part) if (r, w) == (rate, width))
     pairs = Pairs(plan.pairs)
-    part = training.on_skeleton(part, pairs)
+    part = training.fit_to_skeleton(part, pairs)
     config = Training(system, plan.scale, seed=plan.seed, n_judgements=_N_JUDGEMENTS, deadline=deadline)
-    part = replace(part, steps=_steps_within(part, config, pairs, 60.0 * plan.minutes))
+    part = replace(part, steps=_count_steps(part, config, pairs, 60.0 * plan.minutes))
     folder = training.part_folder(plan.folder, part, config, pairs)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with processes.join_process_group() as process, processes.only_one(folder, process):
-            made = training.train_part(part, config, pairs, folder, process)
+        with processes.join_process_group() as process, processes.lock_folder(folder, process):
+            trained = training.train_part(part, config, pairs, folder, process)
     except DeadlineError:
         return None
-    lines = records.lines(folder / records.LOG_FILE)
-    judged = [line for line in lines if set(JUDGED) & set(line)]
-    scores = {k: v for k, v in judged[-1].items() if k not in ("step", "cpu_s")} if judged else {}
-    spent = max((line.get("cpu_s", 0.0) for line in lines), default=0.0)
+    lines = records.read_lines(folder / records.LOG_FILE)
+    score_lines = [line for line in lines if set(JUDGED) & set(line)]
+    scores = {k: v for k, v in score_lines[-1].items() if k not in ("step", "cpu_s")} if score_lines else {}
+    cpu_s = max((line.get("cpu_s", 0.0) for line in lines), default=0.0)
     (folder / checkpoint.NAME).unlink(missing_ok=True)
     shutil.rmtree(folder / SNAPSHOTS, ignore_errors=True)
-    n_parameters = sum(p.numel() for p in made.network.parameters())
-    units = units_of(part.config)
-    return SearchRow(name, rate, width, part.rate, units, scores, n_parameters, part.steps, round(spent, 1))
+    n_parameters = sum(p.numel() for p in trained.network.parameters())
+    units = get_width(part.config)
+    return SearchRow(name, rate, width, part.rate, units, scores, n_parameters, part.steps, round(cpu_s, 1))
 
 
-def _steps_within(part: SystemPart, config: Training, pairs: Pairs, cpu_s: float) -> int:
-    """How many steps of a part fit into so many processor seconds, from a few of them."""
-    data = training.data_of(part, pairs, config.split, "train")
-    made = task(part, data.normaliser(), config.seed)
+def _count_steps(part: SystemPart, config: Training, pairs: Pairs, cpu_s: float) -> int:
+    """Returns how many steps of a part fit into this processor time, measured on a few of them."""
+    data = training.load_data(part, pairs, config.split, "train")
+    part_task = make_task(part, data.normaliser(), config.seed)
     for step in range(_TIMED_STEPS + 1):
         if step == 1:  # the first allocates
             start = time.process_time()
-        made(data.batch(data.rows(step, part.batch, config.seed), step)).backward()
+        part_task(data.batch(data.rows(step, part.batch, config.seed), step)).backward()
     return max(1, round(cpu_s * _TIMED_STEPS / (time.process_time() - start)))
 
 
 def read(path: Path, signature: dict[str, Any] | None = None) -> list[SearchRow]:
-    """The rows of a file, none where there is no file. Raises ``InputError`` where it holds another search."""
+    """Returns the rows of a file, none if there is no file. Raises ``InputError`` if it holds another search."""
     if not path.exists():
         return []
     stored = read_json(path, "a search")
@@ -209,8 +210,8 @@ def read(path: Path, signature: dict[str, Any] | None = None) -> list[SearchRow]
         raise InputError(f"{path}: holds no search ({error}); remove it to begin anew") from error
 
 
-def _write(out: Path, signature: dict[str, Any], rows: Sequence[SearchRow]) -> None:
+def _write(output_folder: Path, signature: dict[str, Any], rows: Sequence[SearchRow]) -> None:
     lines = ",\n".join("  " + json.dumps(asdict(row)) for row in rows)
-    head = f'{{\n "version": {VERSION},\n "search": {json.dumps(signature)},\n "rows": [\n{lines}\n ]\n}}\n'
-    with replacing(out / FILE) as temporary:
-        temporary.write_text(head, encoding="utf-8")
+    content = f'{{\n "version": {VERSION},\n "search": {json.dumps(signature)},\n "rows": [\n{lines}\n ]\n}}\n'
+    with replacing(output_folder / FILE) as temporary:
+        temporary.write_text(content, encoding="utf-8")

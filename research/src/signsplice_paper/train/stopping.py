@@ -25,24 +25,24 @@ from signsplice_workshop.train.tasks import Task
 
 OPTIMISERS = ("adamw", "sgd")
 SGD_RATE = 1e-3
-"""The paper's initial rate. It names no later one: this stays as it is until validation stops improving."""
+"""The paper's initial rate. It names no later one: the rate is constant until validation stops improving."""
 SNAPSHOTS = "snapshots"
 """Folder of the weights at every validation, beside the checkpoint."""
 PLATEAU, STEPS, TIME = "plateau", "steps", "time"
-"""Why a training ended: validation improved no more, all steps were done, or its processor time was spent."""
+"""Why a training ended: validation stopped improving, all steps were done, or its processor time was spent."""
 LEAST = 1e-3
-"""The fraction of the best validation loss by which a later one has to be lower to count as an improvement."""
+"""Fraction of the best validation loss by which a later one must be lower to count as an improvement."""
 LOSS = "valid_loss"
 """Name of the validation loss in a log."""
 
 
 def highest_rate(method: str, rate: float) -> float:
-    """The highest learning rate of an optimiser, where AdamW has ``rate``."""
+    """Returns the highest learning rate of an optimiser, for a part that AdamW trains with ``rate``."""
     return SGD_RATE if method == "sgd" else rate
 
 
 class DeadlineError(SignspliceError):
-    """A deadline has passed. The checkpoint is written, and the same call continues."""
+    """Raised when a deadline has passed. The checkpoint is written, and the same call continues."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class PaperLoop(LoopConfig):
 
     - method: one of ``OPTIMISERS``; sgd has no momentum, and a rate of its own
     - snapshots: whether to keep the weights of every validation, from which curves of whole systems are judged later
-    - patience: validations in a row without improvement after which the training has ended; None: it has ``steps``
-    - most_cpu_s: processor seconds after which it has ended
+    - patience: number of validations in a row without improvement that ends the training; None: it ends after ``steps``
+    - most_cpu_s: processor seconds that end the training
     - deadline: value of ``time.monotonic`` at which this call is interrupted
 
     Raises ``InputError`` for an unknown method.
@@ -69,72 +69,76 @@ class PaperLoop(LoopConfig):
             raise InputError(f"optimiser {self.method!r}, expected one of {', '.join(OPTIMISERS)}")
 
     def optimiser(self, weights: list[nn.Parameter]) -> torch.optim.Optimizer:
-        """SGD without momentum, or AdamW."""
+        """Returns SGD without momentum, or AdamW."""
         if self.method == "adamw":
             return super().optimiser(weights)
         return torch.optim.SGD(weights, lr=SGD_RATE)
 
     def rate_at(self, step: int) -> float:
-        """The learning rate of a step, which counts from 0."""
+        """Returns the learning rate of a step, which counts from 0."""
         return SGD_RATE if self.method == "sgd" else super().rate_at(step)
 
     def has_ended(self, folder: Path, step: int, processes: Processes) -> bool:
-        """Whether validation is on a plateau, or the processor time is spent."""
+        """Returns whether validation is on a plateau, or the processor time is spent."""
         if self.patience is None and self.most_cpu_s is None:
             return False
         return processes.broadcast_choice(has_ended(folder, step, self.patience, self.most_cpu_s))
 
     def interruption(self, step: int, processes: Processes) -> SignspliceError | None:
-        """A ``DeadlineError`` where time is up."""
+        """Returns a ``DeadlineError`` if time is up."""
         if self.deadline is None or not processes.broadcast_choice(time.monotonic() >= self.deadline):
             return None
         return DeadlineError(f"time is up after step {step} of {self.steps}; the same call continues")
 
     def scores(self, task: Task, batch: Any) -> dict[str, float]:
-        """The scores of a validation batch, and its loss where the training ends by it."""
+        """Returns the scores of a validation batch, and its loss if the training may end on a plateau."""
         loss = {} if self.patience is None else {LOSS: task(batch).item()}
         return super().scores(task, batch) | loss
 
     def on_validation_end(self, folder: Path, step: int, task: Task) -> None:
-        """Write a snapshot."""
+        """Writes a snapshot."""
         if self.snapshots:
             path = snapshot_path(folder, step)
             path.parent.mkdir(exist_ok=True)
-            with replacing(path) as temporary:
-                torch.save(task.state_dict(), temporary)
+            with replacing(path) as temporary_file:
+                torch.save(task.state_dict(), temporary_file)
 
 
 def snapshot_path(folder: Path, step: int) -> Path:
-    """The file of the weights after ``step`` steps."""
+    """Returns the file of the weights after ``step`` steps."""
     return folder / SNAPSHOTS / f"{step:07d}.pt"
 
 
 def on_plateau(losses: Sequence[float], patience: int) -> bool:
-    """Whether the last ``patience`` validation losses improved on all before by less than ``LEAST``."""
+    """Returns whether the last ``patience`` validation losses improve on all before by less than ``LEAST``."""
     if len(losses) <= patience:
         return False
     best = min(losses[:-patience])
     return min(losses[-patience:]) > best - LEAST * abs(best)
 
 
-def losses(folder: Path, step: int) -> list[float]:
-    """The validation losses in a training's log up to a step."""
-    return [line[LOSS] for line in records.lines(folder / records.LOG_FILE) if LOSS in line and line["step"] <= step]
+def read_losses(folder: Path, step: int) -> list[float]:
+    """Returns the validation losses in a training's log up to a step."""
+    return [
+        line[LOSS] for line in records.read_lines(folder / records.LOG_FILE) if LOSS in line and line["step"] <= step
+    ]
 
 
 def has_ended(folder: Path, step: int, patience: int | None, most_cpu_s: float | None) -> bool:
-    """Whether a training has ended, at ``step``, before its last step."""
+    """Returns whether a training has ended, at ``step``, before its last step."""
     if most_cpu_s is not None:
-        trained = [line for line in records.lines(folder / records.LOG_FILE) if line["step"] == step and "loss" in line]
-        if any(line.get("cpu_s", 0.0) >= most_cpu_s for line in trained):
+        loss_lines = [
+            line for line in records.read_lines(folder / records.LOG_FILE) if line["step"] == step and "loss" in line
+        ]
+        if any(line.get("cpu_s", 0.0) >= most_cpu_s for line in loss_lines):
             return True
-    return patience is not None and on_plateau(losses(folder, step), patience)
+    return patience is not None and on_plateau(read_losses(folder, step), patience)
 
 
-def reason(folder: Path, steps: int, patience: int | None) -> tuple[int, str]:
-    """How many steps a finished training of at most ``steps`` took, and why it ended."""
-    step = max((line["step"] for line in records.lines(folder / records.LOG_FILE)), default=0)
+def find_reason(folder: Path, steps: int, patience: int | None) -> tuple[int, str]:
+    """Returns how many steps a finished training of at most ``steps`` took, and why it ended."""
+    step = max((line["step"] for line in records.read_lines(folder / records.LOG_FILE)), default=0)
     if step >= steps:
         return step, STEPS
-    plateau = patience is not None and on_plateau(losses(folder, step), patience)
-    return step, PLATEAU if plateau else TIME
+    is_on_plateau = patience is not None and on_plateau(read_losses(folder, step), patience)
+    return step, PLATEAU if is_on_plateau else TIME

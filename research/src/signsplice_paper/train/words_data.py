@@ -1,7 +1,7 @@
 """Words of a corpus of pairs, to teach all pairs of the same signer in one step.
 
-A batch depends only on seed and step, as in ``pairs_data``. Of a corpus whose truth can be read, any pair of a signer's
-words has a cut, which follows from their cards; else the pairs of a split have.
+A batch depends only on seed and step, as in ``pairs_data``. In a corpus whose truth can be read, any pair of a signer's
+words has a cut, which follows from their cards; in others only the pairs of a split have one.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ Cuts = Callable[[int, int], tuple[int, int] | None]
 
 @dataclass(frozen=True)
 class WordBatch:
-    """W words.
+    """A batch of W words.
 
     - x: numbers (W, T, K)
     - mask: False at padding (W, T)
     - cuts: pre and post of every pair (W, W, 2), each a frame of its word
-    - taught: pairs that count (W, W)
+    - taught: True at the pairs that count (W, W)
     """
 
     x: Tensor
@@ -41,12 +41,12 @@ class WordBatch:
     taught: Tensor
 
     def to(self, device: torch.device) -> WordBatch:
-        """The same batch on a device."""
+        """Returns the same batch on a device."""
         return WordBatch(*(getattr(self, field.name).to(device) for field in fields(self)))
 
 
 class WordsData:
-    """Words by signer, in memory. Rows count the words, one signer's after another's.
+    """The words of several signers, in memory. Rows number the words, signer by signer.
 
     - words: the numbers (T, K) of each row
     """
@@ -61,24 +61,24 @@ class WordsData:
         return len(self.numbers)
 
     def normaliser(self) -> Normaliser:
-        """The mean and deviation of every number over all words."""
+        """Returns the mean and deviation of every number over all words."""
         frames = torch.cat(self.words).double()
         deviation = frames.std(0, unbiased=False).clamp(min=DEVIATION_FLOOR)
         return Normaliser(frames.mean(0).float(), deviation.float())
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
-        """Rows of ``size`` words of one signer, or of all that it has."""
+        """Returns the rows of ``size`` words of one signer, or of all its words if it has fewer."""
         rng = stream("word-batches", seed, step)
         signer = rng.choice(len(self._sizes), p=self._sizes / self._sizes.sum())
         rows = rng.permutation(self._sizes[signer])[:size] + self._sizes[:signer].sum()
         return np.asarray(rows, np.int64)
 
     def pair_cut(self, p: int, q: int) -> tuple[int, int] | None:
-        """Pre and post of the words in two rows; None for a pair that is not taught."""
+        """Returns pre and post of the words in two rows; None for a pair that is not taught."""
         return self._cuts(self.numbers[p], self.numbers[q])
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> WordBatch:
-        """The batch of the words in these rows."""
+        """Returns the batch of the words in these rows."""
         words = [self.words[row] for row in rows]
         cuts = [[self.pair_cut(p, q) for q in rows] for p in rows]
         mask = pad_sequence([torch.ones(len(word), dtype=torch.bool) for word in words], batch_first=True)
@@ -90,9 +90,9 @@ class WordsData:
         )
 
 
-def words_of_split(pairs: Pairs, split: str, part: str) -> WordsData:
-    """The words of a part of a split, with the cuts of its pairs; in a corpus to teach on, with those of any two words
-    of a signer.
+def load_split_words(pairs: Pairs, split: str, part: str) -> WordsData:
+    """Returns the words of a part of a split, with the cuts of its pairs. A corpus to teach on gives the cuts of any
+    two words of a signer.
     """
     index = pairs.index[pairs.split(split, part)].tolist()
     cuts = {(p, q): (pre, post) for p, q, pre, post, _, _ in index}
@@ -101,17 +101,21 @@ def words_of_split(pairs: Pairs, split: str, part: str) -> WordsData:
         signers.setdefault(pairs.signer(p), set()).update((p, q))
     words = [sorted(signers[k]) for k in sorted(signers)]
     if split == readable_pairs.TAUGHT:
-        return words_with_cards(pairs, words)
+        return load_card_words(pairs, words)
     return WordsData(pairs, words, lambda p, q: cuts.get((p, q)))
 
 
-def words_with_cards(
+def load_card_words(
     pairs: Pairs, signers: Sequence[Sequence[int]], held_back: frozenset[tuple[int, int]] = frozenset()
 ) -> WordsData:
-    """Words of a corpus whose truth can be read, by signer: any two have a cut, but for the pairs ``held_back``."""
+    """Returns words of a corpus whose truth can be read, by signer. All pairs but ``held_back`` have a cut."""
     cards = {k: readable.Card(**pairs.head["words"][k]["card"]) for words in signers for k in words}
 
     def pair_cut(p: int, q: int) -> tuple[int, int] | None:
-        return None if (p, q) in held_back else (readable.leave(cards[p], cards[q]), readable.enter(cards[p], cards[q]))
+        return (
+            None
+            if (p, q) in held_back
+            else (readable.find_leave_frame(cards[p], cards[q]), readable.find_enter_frame(cards[p], cards[q]))
+        )
 
     return WordsData(pairs, signers, pair_cut)

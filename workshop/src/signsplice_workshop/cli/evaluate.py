@@ -32,14 +32,14 @@ def evaluate() -> None:
     """Measure every method, and print tables of it."""
 
 
-def _measures(measure: Callable[..., Measured]) -> click.Command:
-    """A command of `evaluate` that prints what a function measures: as tables, or as one JSON document."""
+def _add_command(measure: Callable[..., Measured]) -> click.Command:
+    """Adds a command to `evaluate` that prints what a function measures: as tables, or as one JSON document."""
 
     @evaluate.command()
     @AS_JSON
     @wraps(measure)
-    def command(as_json: bool, **given: Any) -> None:
-        signature, rows, lines = measure(**given)
+    def command(as_json: bool, **options: Any) -> None:
+        signature, rows, lines = measure(**options)
         if as_json:
             print(json.dumps({"signature": signature, "rows": rows}, indent=2, default=vars))
         else:
@@ -48,7 +48,7 @@ def _measures(measure: Callable[..., Measured]) -> click.Command:
     return command
 
 
-@_measures
+@_add_command
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @_FPS
 @BUNDLE
@@ -56,16 +56,16 @@ def _measures(measure: Callable[..., Measured]) -> click.Command:
 def clips(files: tuple[str, ...], fps: float | None, bundle: str | None, roles: str | None) -> Measured:
     """Transitions on frames hidden from clips."""
     from signsplice.splicing.curves import TRANSITIONS
-    from signsplice_workshop.measure.hidden_frames import SIGNATURE, hidden_frames, table
+    from signsplice_workshop.measure.hidden_frames import SIGNATURE, score_hidden_frames, table
 
     transitions = [*TRANSITIONS.values(), *_find_learned_transition(bundle)]
     loaded = _load_clips(files, fps, roles)
     with progress("evaluate") as advance:
-        rows = hidden_frames(loaded, transitions, progress=advance)
+        rows = score_hidden_frames(loaded, transitions, progress=advance)
     return SIGNATURE, rows, table(rows, loaded)
 
 
-@_measures
+@_add_command
 @click.argument("n_pairs", type=click.IntRange(1), default=100, metavar="[N]")
 @preset("--rest", "hanging", "NAME", "How the signer's arms rest: hanging, folded, bent or low.")  # fmt: skip
 @BUNDLE
@@ -79,7 +79,7 @@ def seams(n_pairs: int, rest: str, bundle: str | None) -> Measured:
     return measuring.signature(rest), rows, measuring.table(rows, rest)
 
 
-@_measures
+@_add_command
 @click.argument("folder", metavar="DIR")
 @click.option("--limit", type=click.IntRange(1), metavar="N", help="Only the first N pairs.")
 @BUNDLE
@@ -96,7 +96,7 @@ def pairs(folder: str, limit: int | None, bundle: str | None) -> Measured:
     return collisions.SIGNATURE, rows, collisions.table(rows)
 
 
-@_measures
+@_add_command
 @click.argument("n_words", type=int, required=False, metavar="[N_WORDS]")
 @click.option("--clips", "files", multiple=True, metavar="FILE", help="This clip, in place of words that ship; may be "
               "repeated.")  # fmt: skip
@@ -114,23 +114,23 @@ def bodies(
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise InputError(f"--picture {picture}, expected a name that ends in .png")
     if files:
-        drawn, words = None, _load_clips(files, fps, roles)
-        aside = words
+        n_drawn, words = None, _load_clips(files, fps, roles)
+        held_out = words
     else:
-        drawn = 40 if n_words is None else n_words
-        words, aside = measuring.draw_words(drawn)
+        n_drawn = 40 if n_words is None else n_words
+        words, held_out = measuring.draw_words(n_drawn)
     with progress("bodies") as advance:
-        rows = measuring.compare(words, aside, progress=advance)
+        rows = measuring.compare(words, held_out, progress=advance)
     if picture is not None:
         from signsplice.lexicon import open_shipped_lexicon
         from signsplice_workshop.measure.body_pictures import WORDS, write_pictures
 
         with open_shipped_lexicon() as lexicon, progress("picture") as advance:
             write_pictures([lexicon.clip(word) for word in WORDS], Path(picture), advance)
-    return measuring.signature(drawn), rows, measuring.table(rows, drawn)
+    return measuring.signature(n_drawn), rows, measuring.table(rows, n_drawn)
 
 
-@_measures
+@_add_command
 @click.argument("files", nargs=-1, required=True, metavar="AVATAR...")
 @click.option("--clips", "recorded", multiple=True, metavar="FILE", help="This clip, in place of six words that ship; "
               "may be repeated.")  # fmt: skip
@@ -149,7 +149,7 @@ def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, 
     return measuring.signature(words), rows, measuring.table(rows)
 
 
-@_measures
+@_add_command
 @click.argument("n_words", type=int, default=40, metavar="[N_WORDS]")
 @BUNDLE
 def tempo(n_words: int, bundle: str | None) -> Measured:
@@ -157,7 +157,7 @@ def tempo(n_words: int, bundle: str | None) -> Measured:
     from signsplice_workshop.measure import tempo as measuring
 
     with progress("tempo") as advance:
-        rows = measuring.compare(measuring.lexicons(n_words), bundle=bundle, progress=advance)
+        rows = measuring.compare(measuring.make_lexicons(n_words), bundle=bundle, progress=advance)
     return measuring.signature(n_words), rows, measuring.table(rows, n_words)
 
 
@@ -174,7 +174,7 @@ def corpus(
     """A synthetic corpus beside real signing and simple rules."""
     from signsplice_workshop.corpora.pairs import Pairs
     from signsplice_workshop.measure import corpus_page
-    from signsplice_workshop.measure.measures import tables_in
+    from signsplice_workshop.measure.measures import parse_tables
 
     if page is not None and images is None:
         raise InputError("--page shows pictures; expected --images DIR too")
@@ -184,7 +184,7 @@ def corpus(
         raise InputError(f"{real}: no such folder, expected one with .bvh files")
     if real_frames is not None and real is None:
         raise InputError("--real-frames chooses frames of the files of --real; expected --real DIR too")
-    frames = None if real_frames is None else _frame_range(real_frames)
+    frames = None if real_frames is None else _parse_frame_range(real_frames)
     real_clips = corpus_page.load_real_clips(None if real is None else Path(real), frames)
     folder = None if images is None else Path(images)
     if page is None:
@@ -192,14 +192,14 @@ def corpus(
     else:
         lines = corpus_page.write(Pairs(corpus), Path(page), Path(str(images)), real_clips, progress)
     if as_json:
-        print(json.dumps({"signature": lines[0], "tables": tables_in(lines)}, indent=2))
+        print(json.dumps({"signature": lines[0], "tables": parse_tables(lines)}, indent=2))
     elif page is None:
         print("\n".join(lines))
     else:
         print(f"{page}: tables; {images}: plots and contact sheets")
 
 
-def _frame_range(text: str) -> tuple[int, int]:
+def _parse_frame_range(text: str) -> tuple[int, int]:
     expected = f"--real-frames {text}, expected FIRST:STOP with FIRST below STOP, as in 0:315"
     first, stop = two_numbers(text, ":", expected)
     if first >= stop:
@@ -208,7 +208,7 @@ def _frame_range(text: str) -> tuple[int, int]:
 
 
 def _load_clips(files: tuple[str, ...], fps: float | None, roles: str | None) -> list[Clip]:
-    """The clips, at another rate where one is given."""
+    """Returns the clips, at another rate if one is given."""
     from signsplice.motion import resample
 
     loaded = [load(file, roles) for file in files]
@@ -220,7 +220,7 @@ def _load_clips(files: tuple[str, ...], fps: float | None, roles: str | None) ->
 
 
 def _find_learned_transition(bundle: str | None) -> list[Transition]:
-    """The learned transition, where there is one; a warning where there is none."""
+    """Returns the learned transition, if there is one; warns if there is none."""
     from signsplice.splicing.options import choose
 
     chosen = choose("ends", None, "fixed", bundle)

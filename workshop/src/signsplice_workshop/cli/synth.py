@@ -1,4 +1,4 @@
-"""The commands of `synth` that make corpora with the truth of every seam: pairs, sentences, signing to train on."""
+"""The commands of `synth` that write corpora with the truth of every seam: pairs, sentences, signing to train on."""
 
 from __future__ import annotations
 
@@ -91,19 +91,19 @@ def pairs(
         return
     if drawn["words"] is None and drawn["signs"] is None and not drawn["pseudo"]:
         drawn["words"] = 100
-    chosen = tuple(chosen_signs(**drawn, seed=seed, least=2))
-    recipe = Recipe(chosen, seed, check_frame_rate(fps), min(other_signer, len(chosen) ** 2), truth)
-    with progress(f"splicing {len(chosen) ** 2} pairs") as advance:
+    signs = tuple(chosen_signs(**drawn, seed=seed, least=2))
+    recipe = Recipe(signs, seed, check_frame_rate(fps), min(other_signer, len(signs) ** 2), truth)
+    with progress(f"splicing {len(signs) ** 2} pairs") as advance:
         write_pairs(recipe, Path(output), advance, processes)
-    made = Pairs(output)
-    takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
-    print(f"{output}: {len(made)} pairs of {len(chosen)} words, {takes}, recipe {recipe.hash}")
+    corpus = Pairs(output)
+    disk_size = size(sum(path.stat().st_size for path in Path(output).iterdir()))
+    print(f"{output}: {len(corpus)} pairs of {len(signs)} words, {disk_size}, recipe {recipe.hash}")
 
 
 def _write_readable(
     output: str, teach: int, own_manner: bool, processes: int, seed: int, drawn: dict[str, Any]
 ) -> None:
-    """Write a corpus whose truth can be read: to teach on by ``teach`` signers, or to judge on where that is 0."""
+    """Writes a corpus whose truth can be read: to train on, by ``teach`` signers, or to evaluate on if that is 0."""
     from signsplice_workshop.corpora.pairs import Pairs
     from signsplice_workshop.corpora.readable_pairs import JudgedCorpus, OwnMannerCorpus, TaughtCorpus, write_readable
 
@@ -118,10 +118,13 @@ def _write_readable(
         recipe = JudgedCorpus(signs, seed, n_known, n_unseen)
     with progress("making signers") as advance:
         write_readable(recipe, Path(output), advance, processes)
-    made = Pairs(output)
-    takes = size(sum(path.stat().st_size for path in Path(output).iterdir()))
-    n_words, n_signers = len(made.head["words"]), len(made.signers)
-    print(f"{output}: {len(made)} pairs, {n_words} words by {n_signers} signers, {takes}, recipe {made.head['hash']}")
+    corpus = Pairs(output)
+    disk_size = size(sum(path.stat().st_size for path in Path(output).iterdir()))
+    n_words, n_signers = len(corpus.head["words"]), len(corpus.signers)
+    print(
+        f"{output}: {len(corpus)} pairs, {n_words} words by {n_signers} signers, {disk_size}, "
+        f"recipe {corpus.head['hash']}"
+    )
 
 
 @click.command()
@@ -144,7 +147,7 @@ def endless(
     """
     from signsplice_workshop.corpora import training_data
 
-    plan = training_data.TrainingDataPlan(signers, words, seams, seed, check_frame_rate(fps), _traits(traits))
+    plan = training_data.TrainingDataPlan(signers, words, seams, seed, check_frame_rate(fps), _parse_traits(traits))
     with progress(f"signing by {signers} signers") as advance:
         n_parts = training_data.write(plan, Path(output), advance, processes)
     print(f"{output}: {n_parts} signers of {words} words and {seams} seams each")
@@ -163,8 +166,8 @@ def signing(folder: str, split: str, output: str) -> None:
         print(f"{path}: {size(path.stat().st_size)}")
 
 
-def _traits(text: str) -> tuple[str, ...] | None:
-    """Names of traits, none of them, or None for all."""
+def _parse_traits(text: str) -> tuple[str, ...] | None:
+    """Returns the names of traits, none of them, or None for all."""
     if text == "all":
         return None
     return () if text == "none" else tuple(text.split(","))

@@ -39,16 +39,16 @@ _product_options = combine_options(
 
 
 def _train_product(
-    network: str, signing: Sequence[str], earlier: str | None, out: str, device: str, **given: Any
+    network: str, signing: Sequence[str], earlier: str | None, out: str, device: str, **options: Any
 ) -> None:
-    _check_steps(given["steps"])
+    _check_steps(options["steps"])
     check_extra()
     from signsplice_workshop.train import processes, training
 
     with processes.join_process_group(device) as process:
-        config = training.ProductTraining(network, **given)
+        config = training.ProductTraining(network, **options)
         data, start = [Path(folder) for folder in signing], None if earlier is None else Path(earlier)
-        progress = progress_printer(network) if process.first else None
+        progress = make_progress_printer(network) if process.first else None
         training.make(config, data, Path(out), process, progress, start)
         if process.first:
             print(f"{out}: {network}, scale {config.scale}, {config.n_steps} steps")
@@ -108,7 +108,7 @@ def _tune(
 
     with processes.join_process_group(device) as process:
         config = tuning.Tuning(seed=seed) if steps is None else tuning.Tuning(steps=steps, seed=seed)
-        progress = progress_printer("transition") if process.first else None
+        progress = make_progress_printer("transition") if process.first else None
         result = tuning.make(
             config, Path(lexicon), WEIGHTS if source is None else Path(source), Path(out), process, progress
         )
@@ -130,15 +130,15 @@ def export(bundle: str, output: str) -> None:
 
 
 def check_extra() -> None:
-    """Raise ``MissingExtraError`` if a package of the extra `train` is missing."""
+    """Raises ``MissingExtraError`` if a package of the extra `train` is missing."""
     missing = [name for name in ("torch", "onnxscript", "filelock") if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingExtraError(f"training needs {missing[0]}: pip install './workshop[train]' in signsplice's folder")
 
 
-def progress_printer(part: str) -> ProgressCallback:
-    """A callback that prints a part's progress to standard error: in a terminal one line that is overwritten, and each
-    validation's scores; elsewhere the scores alone.
+def make_progress_printer(part: str) -> ProgressCallback:
+    """Returns a callback that prints a part's progress to standard error: in a terminal one line that is overwritten,
+    and each validation's scores; elsewhere the scores alone.
     """
     terminal = sys.stderr.isatty()
 
@@ -149,8 +149,10 @@ def progress_printer(part: str) -> ProgressCallback:
         scores = "loss" not in numbers
         if not terminal and not scores:
             return
-        left = "" if scores else f", {numbers['seconds_a_step'] * (steps - step) / 60.0:.1f} min left"
+        remaining = "" if scores else f", {numbers['seconds_a_step'] * (steps - step) / 60.0:.1f} min left"
         values = " ".join(f"{name} {value:.4g}" for name, value in numbers.items() if name != "seconds_a_step")
-        print(f"{part} {step}/{steps}: {values}{left}", end="\n" if scores or not terminal else "\r", file=sys.stderr)
+        print(
+            f"{part} {step}/{steps}: {values}{remaining}", end="\n" if scores or not terminal else "\r", file=sys.stderr
+        )
 
     return report

@@ -1,7 +1,7 @@
-"""The version of the synthetic signer: a hash of what it makes of fixed signs by fixed signers.
+"""The version of the synthetic signer: a hash of the motion that it generates for fixed signs by fixed signers.
 
-Signing to train on, corpora of pairs and bundles name it. A test compares it with the signer of the day: who changes
-the signer's motion runs `make weights`, `make corpus` and `make words` again, and then sets it anew.
+Training data, corpora of pairs and bundles name it. A test compares it with the current signer: after a change of the
+signer's motion, run `make weights`, `make corpus` and `make words`, then update it.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from signsplice_workshop.corpora import pseudo, truth
 MOTION_VERSION = "d5aef5f22e74"
 _N_SIGNS, _FIRST_SIGN = 3, 7_000
 _STEP = 1e-3
-"""Positions are hashed in thousandths of an arm, half a millimetre: processors differ by far less."""
+"""Positions are hashed in thousandths of an arm length (half a millimetre); processors differ by far less."""
 
 
 def hash_motion() -> str:
-    """Twelve hex digits of what a signer of each rest pose makes of ``_N_SIGNS`` pseudo-signs: their lengths, the mean
-    canonical positions of wrists and fingers, and the true splices of each sign with the next.
+    """Returns twelve hex digits, the hash of ``_N_SIGNS`` pseudo-signs by a signer of each rest pose: their lengths,
+    the mean canonical positions of wrists and fingers, and the true splices of each sign with the next.
     """
     digest = hashlib.sha256()
     for number, rest in enumerate(RESTS):
         signer = replace(STANDARD if number == 0 else draw_signer(number), rest=rest)
-        signs = [pseudo.sign(_FIRST_SIGN + _N_SIGNS * number + k) for k in range(_N_SIGNS)]
+        signs = [pseudo.draw_sign(_FIRST_SIGN + _N_SIGNS * number + k) for k in range(_N_SIGNS)]
         words = [planner.synthesize_word(sign, signer) for sign in signs]
         for word in words:
             positions = canonical_motion(word.clip).positions

@@ -1,8 +1,8 @@
-"""Corpora of pairs: every word once, every pair as an index and its transition, all memory-mapped.
+"""Corpora of pairs: each word stored once, each pair as an index row and its transition, all memory-mapped.
 
 A corpus of pairs is a folder:
 
-    corpus.json                    recipe, its hash, kind of truth, words, splits; who signs and in which numbers
+    corpus.json                    recipe, its hash, kind of truth, words, splits; signers and number spaces
     word_rotations.npy   (F, J, 4)  float32   local rotations of every word's frames, word after word
     word_roots.npy       (F, 3)     float32   root positions, cm
     word_positions.npy   (F, 3 K)   float32   the numbers: positions of K joints, scaled into [-0.5, 0.5]
@@ -11,14 +11,14 @@ A corpus of pairs is a folder:
 
 The utterance of a pair is, in each of the three, before[: pre + 1], new[first : first + n], after[post:] (eq. 17).
 
-One signer's words stand after another's; every signer has as many, or "first_words" tells the first of each. Corpora of
-clips (`signsplice-paper pairs build`) tell the "skeletons" and "spaces" of their signers, and whether words were
-"moved" to the origin; those of synthetic signers tell the "signers", from which skeletons and spaces follow, with all
-53 joints in the numbers.
+Words are grouped by signer, equally many each, or "first_words" gives the first word of each signer. Corpora of clips
+(`signsplice-paper pairs build`) store the "skeletons" and "spaces" of their signers, and whether words were "moved" to
+the origin; those of synthetic signers store the "signers", from which skeletons and spaces follow, with all 53 joints
+in the numbers.
 
-``write_pairs`` makes corpora of version 3, of two synthetic signers. Earlier commits of this project (``MADE_BY``) make
-version 1, whose truth is of kind partner, whose events tell touches of the notation, and whose signers have no manner;
-and version 2, whose signers turn their heads at random and hold still longer.
+``write_pairs`` writes corpora of version 3, with two synthetic signers. Earlier commits of this project (``MADE_BY``)
+write version 1, whose truth is of kind partner, whose events record touches of the notation, and whose signers have no
+manner; and version 2, whose signers turn their heads at random and hold still longer.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from signsplice.signer.planner import IsolatedWord
 from signsplice.signer.signer import Manner, Signer, draw_signer, skeleton, stream
 from signsplice_workshop.corpora import truth
 from signsplice_workshop.corpora.motion_version import MOTION_VERSION
-from signsplice_workshop.corpora.number_space import NumberSpace, read_space, space_of
+from signsplice_workshop.corpora.number_space import NumberSpace, make_space, read_space
 from signsplice_workshop.corpora.pool import Pool, is_whole
-from signsplice_workshop.corpora.touches import SeenEvents, events_with_touches, with_touches
+from signsplice_workshop.corpora.touches import SeenEvents, measure_touches, with_touches
 
 Array = NDArray[Any]
 
@@ -63,20 +63,22 @@ FILES = (HEAD, "pairs.npy", *(f"{part}_{kind}.npy" for part in ("word", "new") f
 
 
 def _open_memmap(path: Path) -> NDArray[Any]:
-    """The array of a ``.npy`` file, memory-mapped. Raises ``InputError`` where ``open_file`` does, or it is none."""
+    """Returns the array of a ``.npy`` file, memory-mapped. Raises ``InputError`` as ``open_file`` does, or if it is no
+    array.
+    """
     with open_file(path), format_errors(str(path), "array"):  # a pipe is refused here: numpy would wait for a writer
         array: NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
     return array
 
 
 class Pairs:
-    """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words go by number; ``len`` counts the pairs.
+    """A corpus of pairs on disk, its arrays memory-mapped. Pairs and words have numbers; ``len`` counts the pairs.
 
-    - truth_kind: where the truth comes from: a kind of the synthetic signer's, or the file or method of other clips
-    - by_partner: whether the cuts of a word depend on its partner, too; taken for true of other clips
-    - signers: the synthetic signers; none where the words are clips of other origin
+    - truth_kind: origin of the truth: a kind of the synthetic signer's, or the file or method of other clips
+    - by_partner: whether the cuts of a word depend on its partner, too; True for other clips
+    - signers: the synthetic signers; none if the words are clips of other origin
     - skeletons: the signers' skeletons, in cm
-    - spaces: what the numbers of each signer's frames are
+    - spaces: the number space of each signer's frames
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -96,7 +98,7 @@ class Pairs:
             self.truth_kind = str(self.head.get("truth", "partner"))
             self.signers = tuple(read_signer(row) for row in self.head.get("signers", []))
             self.by_partner = not self.signers or truth.by_partner(self.truth_kind)
-            self.skeletons, self.spaces = _bodies(self.head, self.signers)
+            self.skeletons, self.spaces = _read_bodies(self.head, self.signers)
             self._check_shapes()
             self._check_head()
         except (KeyError, OSError, TypeError, ValueError, InputError) as error:
@@ -111,11 +113,11 @@ class Pairs:
 
     @property
     def version(self) -> int:
-        """One of ``READABLE``."""
+        """Returns the version, one of ``READABLE``."""
         return int(self.head["version"])
 
     def check_synthetic(self) -> None:
-        """Raise ``InputError`` where the words are clips of which no more is known than their motion."""
+        """Raises ``InputError`` if the words are clips of which only the motion is known."""
         if not self.signers:
             raise InputError(
                 f"{self.folder}: its words are clips, whose signs and events are not known; expected a corpus of the "
@@ -123,62 +125,64 @@ class Pairs:
             )
 
     def split(self, name: str, part: str) -> list[int]:
-        """Pair numbers of a part (train, valid, test) of a split. Raises ``InputError`` for unknown names."""
+        """Returns a split's pair numbers of a part (train, valid, test). Raises ``InputError`` for unknown names."""
         try:
             return list(self.head["splits"][name][part])
         except (KeyError, TypeError):
             raise InputError(f"no split {name} {part}, expected one of {', '.join(self.head['splits'])}") from None
 
     def signer(self, word: int) -> int:
-        """The number of the signer of a word."""
-        firsts = self.head.get("first_words")
-        if firsts is None:  # as many words of each signer
+        """Returns the number of a word's signer."""
+        first_words = self.head.get("first_words")
+        if first_words is None:  # every signer has as many words
             return word * len(self.spaces) // len(self.head["words"])
-        return bisect.bisect_right(firsts, word) - 1
+        return bisect.bisect_right(first_words, word) - 1
 
     def space(self, word: int) -> NumberSpace:
-        """What the numbers of a word's frames are."""
+        """Returns the number space of a word's frames."""
         return self.spaces[self.signer(word)]
 
     def word(self, number: int, kind: str = "positions") -> Array:
-        """A word's frames (N, ...): positions (3 K), rotations (J, 4) or roots (3)."""
+        """Returns a word's frames (N, ...): positions (3 K), rotations (J, 4) or roots (3)."""
         row = self.head["words"][number]
         return np.asarray(self.words[kind][row["first"] : row["first"] + row["frames"]])
 
     def events(self, number: int) -> SeenEvents:
-        """A word's events; those of version 1 have no skin distances. Raises ``InputError`` as ``check_synthetic``."""
+        """Returns a word's events; those of version 1 have no skin distances. Raises ``InputError`` as
+        ``check_synthetic``.
+        """
         self.check_synthetic()
         row = self.head["words"][number]["events"]
         first = tuple(row["first"]) if row["first"] else None
         return SeenEvents(**{**row, "first": first, "passes": tuple(tuple(p) for p in row["passes"])})
 
     def truth(self, number: int, kind: str = "positions") -> tuple[int, int, Array]:
-        """pre, post and the true transition (n, ...) of a pair."""
+        """Returns pre, post and the true transition (n, ...) of a pair."""
         _, _, pre, post, first, count = self.index[number].tolist()
         return pre, post, np.asarray(self.new[kind][first : first + count])
 
     def utterance(self, number: int, kind: str = "positions") -> Array:
-        """A pair's utterance (T, ...): the frames kept and the transition between (eq. 17)."""
+        """Returns a pair's utterance (T, ...): the kept frames of both words and the transition between (eq. 17)."""
         p, q = self.index[number, :2].tolist()
         pre, post, new = self.truth(number, kind)
         return np.concatenate([self.word(p, kind)[: pre + 1], new, self.word(q, kind)[post:]])
 
     def clip(self, number: int) -> Clip:
-        """A pair's utterance as a clip."""
+        """Returns a pair's utterance as a clip."""
         p, q = self.index[number, :2].tolist()
         name = f"{self.gloss(p)} {self.gloss(q)}"
         return self._clip(self.utterance(number, "rotations"), self.utterance(number, "roots"), p, name)
 
     def gloss(self, word: int) -> str:
-        """A word's gloss."""
+        """Returns a word's gloss."""
         return str(self.head["words"][word]["gloss"])
 
     def word_clip(self, number: int) -> Clip:
-        """A word as a clip."""
+        """Returns a word as a clip."""
         return self._clip(self.word(number, "rotations"), self.word(number, "roots"), number, self.gloss(number))
 
     def transition_clip(self, number: int) -> Clip:
-        """The frames of a pair's true transition as a clip."""
+        """Returns the frames of a pair's true transition as a clip."""
         p, q = self.index[number, :2].tolist()
         rotations, roots = (self.truth(number, kind)[2] for kind in ("rotations", "roots"))
         return self._clip(rotations, roots, p, f"{self.gloss(p)} {self.gloss(q)}")
@@ -188,7 +192,7 @@ class Pairs:
         return Clip(bones, rotations.astype(np.float64), roots.astype(np.float64), self.head["fps"], name)
 
     def _check_head(self) -> None:
-        """Raise ``TypeError``, ``KeyError`` or ``ValueError`` where words, pairs or splits are not in the arrays."""
+        """Raises ``TypeError``, ``KeyError`` or ``ValueError`` if words, pairs or splits lie outside the arrays."""
         check_type([self.head["fps"], self.head["hash"]], tuple[float, str], "fps, hash")
         check_type(self.head["words"], list[_StoredWord], "words")
         check_type(self.head["splits"], dict[str, dict[str, list[int]]], "splits")
@@ -206,7 +210,7 @@ class Pairs:
         _check_range("splits", np.array(splits, np.int64), len(index) - 1)
 
     def _check_shapes(self) -> None:
-        """Raise ``ValueError`` where the arrays are not of the signers' skeletons and numbers."""
+        """Raises ``ValueError`` if the arrays do not match the signers' skeletons and numbers."""
         bones, space = self.skeletons[0], self.spaces[0]
         shapes = {"rotations": (len(bones), 4), "roots": (3,), "positions": (space.n_numbers,)}
         for name, arrays in (("word", self.words), ("new", self.new)):
@@ -219,68 +223,74 @@ class Pairs:
 
 @dataclass(frozen=True)
 class _StoredWord:
-    """A row of the words, as JSON holds it: its gloss, its first frame in the arrays and their number."""
+    """A row of the words in JSON: gloss, first frame in the arrays and number of frames."""
 
     gloss: str
     first: int
     frames: int
 
 
-def _check_range(what: str, values: Array, most: Array | int) -> None:
-    """Raise ``ValueError`` where one of ``values`` is not 0 to ``most``."""
-    if np.any((values < 0) | (values > most)):
-        raise ValueError(f"{what}: a number lies beyond the arrays")
+def _check_range(name: str, values: Array, highest: Array | int) -> None:
+    """Raises ``ValueError`` if one of ``values`` is outside 0 to ``highest``."""
+    if np.any((values < 0) | (values > highest)):
+        raise ValueError(f"{name}: a number lies beyond the arrays")
 
 
-def _bodies(head: Mapping[str, Any], signers: Sequence[Signer]) -> tuple[tuple[Skeleton, ...], tuple[NumberSpace, ...]]:
-    """The skeletons and spaces of a corpus's signers."""
+def _read_bodies(
+    head: Mapping[str, Any], signers: Sequence[Signer]
+) -> tuple[tuple[Skeleton, ...], tuple[NumberSpace, ...]]:
+    """Returns the skeletons and spaces of a corpus's signers."""
     if signers:
         bodies = tuple(skeleton(signer) for signer in signers)
-        spaces = [signer_space(b, signer.stature_cm) for b, signer in zip(bodies, signers, strict=True)]
+        spaces = [make_signer_space(body, signer.stature_cm) for body, signer in zip(bodies, signers, strict=True)]
         return bodies, tuple(spaces)
     check_type([head["skeletons"], head["spaces"]], list[list[Any]], "skeletons, spaces")
     bodies = tuple(skeletons.from_json(row) for row in head["skeletons"])
-    found = tuple(read_space(row) for row in head["spaces"])
-    if not bodies or len(bodies) != len(found) or len({space.n_numbers for space in found}) > 1:
-        raise ValueError(f"{len(bodies)} skeletons and {len(found)} spaces, expected one of each for every signer")
-    return bodies, found
+    stored_spaces = tuple(read_space(row) for row in head["spaces"])
+    if not bodies or len(bodies) != len(stored_spaces) or len({space.n_numbers for space in stored_spaces}) > 1:
+        raise ValueError(
+            f"{len(bodies)} skeletons and {len(stored_spaces)} spaces, expected one of each for every signer"
+        )
+    return bodies, stored_spaces
 
 
 # --- writing
 
 
 class StoredRow(NamedTuple):
-    """All pairs of one word before: where they are stored until the corpus is complete, and the words' numbers."""
+    """All pairs with one word before: their file until the corpus is complete, and the words' numbers."""
 
     path: Path
     before: int
     after: tuple[int, ...]
 
 
-def save_row(path: Path, index: Sequence[tuple[int, int, int]], arrays: Mapping[str, Array], **besides: Array) -> None:
-    """Store the pairs of a row: ``index`` is pre, post and the number of transition frames of each; ``arrays`` (by
-    ``KINDS``) are those frames, pair after pair. ``besides``: what else the maker of the row wants to find again.
+def save_row(
+    path: Path, index: Sequence[tuple[int, int, int]], arrays: Mapping[str, Array], **extra_arrays: Array
+) -> None:
+    """Stores the pairs of a row: ``index`` is pre, post and the number of transition frames of each; ``arrays`` (by
+    ``KINDS``) are those frames, pair after pair. ``extra_arrays`` are stored with them.
     """
     temporary = path.with_name(f"_{path.name}")
-    singles = {kind: arrays[kind].astype(np.float32) for kind in KINDS}
-    np.savez(temporary, index=np.array(index, np.int32).reshape(-1, 3), **singles, **besides)  # type: ignore[arg-type]
+    float32_arrays = {kind: arrays[kind].astype(np.float32) for kind in KINDS}
+    np.savez(temporary, index=np.array(index, np.int32).reshape(-1, 3), **float32_arrays, **extra_arrays)  # type: ignore[arg-type]
     put_file(temporary, path)
 
 
-def write_words(made: Path, words: Iterable[tuple[Clip, Array]]) -> list[tuple[int, int]]:
-    """Write the three arrays of all words, given as clips with their numbers (T, 3 K); returns the first frame and the
+def write_words(folder: Path, words: Iterable[tuple[Clip, Array]]) -> list[tuple[int, int]]:
+    """Writes the three arrays of all words, given as clips with their numbers (T, 3 K); returns the first frame and the
     number of frames of each.
     """
     clips, numbers = zip(*words, strict=True)
-    np.save(made / "word_rotations.npy", np.concatenate([clip.local_rotations for clip in clips]).astype(np.float32))
-    np.save(made / "word_roots.npy", np.concatenate([clip.root_positions for clip in clips]).astype(np.float32))
-    np.save(made / "word_positions.npy", np.concatenate(numbers).astype(np.float32))
+    np.save(folder / "word_rotations.npy", np.concatenate([clip.local_rotations for clip in clips]).astype(np.float32))
+    np.save(folder / "word_roots.npy", np.concatenate([clip.root_positions for clip in clips]).astype(np.float32))
+    np.save(folder / "word_positions.npy", np.concatenate(numbers).astype(np.float32))
     lengths = [len(clip) for clip in clips]
     return list(zip([0, *np.cumsum(lengths[:-1]).tolist()], lengths, strict=True))
 
 
-def write_transitions(made: Path, rows: Sequence[StoredRow]) -> None:
-    """Concatenate the rows' files into one array each, reading one row at a time."""
+def write_transitions(folder: Path, rows: Sequence[StoredRow]) -> None:
+    """Concatenates the rows' files into one array each, reading one row at a time."""
     table = []
     first = 0
     shapes: dict[str, tuple[int, ...]] = {}
@@ -291,42 +301,42 @@ def write_transitions(made: Path, rows: Sequence[StoredRow]) -> None:
         for after, (pre, post, count) in zip(row.after, index.tolist(), strict=True):
             table.append((row.before, after, pre, post, first, count))
             first += count
-    np.save(made / "pairs.npy", np.array(table, np.int32))
+    np.save(folder / "pairs.npy", np.array(table, np.int32))
     for kind in KINDS:
-        with (made / f"new_{kind}.npy").open("wb") as out:  # not memory-mapped: a full disk would end the process
+        with (folder / f"new_{kind}.npy").open("wb") as file:  # not memory-mapped: a full disk would end the process
             header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.float32)), "fortran_order": False}
-            np.lib.format.write_array_header_1_0(out, {**header, "shape": (first, *shapes[kind])})
+            np.lib.format.write_array_header_1_0(file, {**header, "shape": (first, *shapes[kind])})
             for row in rows:
                 with np.load(row.path) as arrays:
-                    out.write(arrays[kind].tobytes())
+                    file.write(arrays[kind].tobytes())
 
 
 EXTENT = 1.3
-"""Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
+"""Side of the cube that is scaled to [-0.5, 0.5]^3, in statures: wide enough for every reach."""
 
 
-def signer_space(bones: Skeleton, stature_cm: float) -> NumberSpace:
-    """The numbers of all joints of a synthetic signer: cm from the middle of the body's height, over ``EXTENT``
-    statures.
+def make_signer_space(bones: Skeleton, stature_cm: float) -> NumberSpace:
+    """Returns the number space of all joints of a synthetic signer: cm from the middle of the body's height, over
+    ``EXTENT`` statures.
     """
-    return space_of(bones, (0.0, 0.5 * stature_cm, 0.0), EXTENT * stature_cm)
+    return make_space(bones, (0.0, 0.5 * stature_cm, 0.0), EXTENT * stature_cm)
 
 
 VERSION = 3
-"""Raised with every change of the motion: the same recipe with another version is another corpus."""
+"""Increased with every change of the motion: the same recipe with another version is another corpus."""
 MADE_BY = {1: "c5abc78a609a948fbc99a3267faac73027bdb4d9", 2: "282f865c197c93cc22ffe320557550ef72876836"}
-"""Commits of this project that make earlier versions."""
+"""Commits of this project that write earlier versions."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a corpus of pairs is made of.
+    """The recipe of a corpus of pairs.
 
     signs: the signs, in order
-    seed: of the signers and the splits
+    seed: seeds the signers and the splits
     fps: frame rate
-    n_other: how many pairs a second signer makes, for the split of unseen signers
-    truth: what the cuts depend on, one of ``truth.KINDS``
+    n_other: number of pairs by a second signer, for the split of unseen signers
+    truth: on what the cuts depend, one of ``truth.KINDS``
     """
 
     signs: tuple[Sign, ...]
@@ -337,71 +347,74 @@ class Recipe:
 
     @property
     def hash(self) -> str:
-        """Twelve hex digits that change with everything the corpus depends on."""
+        """Returns twelve hex digits that change with everything the corpus depends on."""
         text = json.dumps({"version": VERSION, "motion": MOTION_VERSION, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def signers(self) -> tuple[Signer, Signer]:
-        """The signer of all pairs (for seed 0 the standard signer), and the second signer."""
+        """Returns the signer of all pairs (for seed 0 the standard signer), and the second signer."""
         return lexicon_signer(self.seed), draw_signer(2 * self.seed + 1)
 
 
 def normalise_positions(clip: Clip, stature_cm: float) -> FloatArray:
-    """The numbers (T, 3 J) of a synthetic signer's clip (``signer_space``)."""
-    return signer_space(clip.skeleton, stature_cm).numbers(clip)
+    """Returns the numbers (T, 3 J) of a synthetic signer's clip (``make_signer_space``)."""
+    return make_signer_space(clip.skeleton, stature_cm).to_numbers(clip)
 
 
 class _PairRow(NamedTuple):
-    """All pairs of one signer (0 or 1) and one word before: the signs' indices before and after."""
+    """All pairs of one signer (0 or 1) with one word before: the signs' indices before and after."""
 
     signer: int
     before: int
     after: tuple[int, ...]
 
-    def path(self, part: Path) -> Path:
-        """Where the row is stored until the corpus is complete."""
-        return part / f"row-{self.signer}-{self.before:05d}.npz"
+    def locate(self, part_folder: Path) -> Path:
+        """Returns the file that stores the row until the corpus is complete."""
+        return part_folder / f"row-{self.signer}-{self.before:05d}.npz"
 
-    def to_stored_row(self, part: Path, n: int) -> StoredRow:
-        """The row with the numbers of its words in a corpus of ``n`` words a signer."""
-        first = self.signer * n
-        return StoredRow(self.path(part), first + self.before, tuple(first + q for q in self.after))
+    def to_stored_row(self, part_folder: Path, n_words: int) -> StoredRow:
+        """Returns the row with the numbers of its words in a corpus of ``n_words`` words per signer."""
+        first = self.signer * n_words
+        return StoredRow(self.locate(part_folder), first + self.before, tuple(first + q for q in self.after))
 
 
 def write_pairs(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:
-    """Make a corpus of all ordered pairs in ``folder`` and return the folder. Called again after an interruption, it
-    continues.
+    """Writes a corpus of all ordered pairs into ``folder`` and returns the folder. Called again after an interruption,
+    it continues.
 
-    Raises ``InputError`` where the folder holds something else or cannot be written, or another call makes the same.
+    Raises ``InputError`` if the folder holds something else or cannot be written, or another call writes the same
+    corpus.
     """
     folder = Path(folder)
     truth.by_partner(recipe.truth)
     if recipe.truth == "events":
         raise InputError("truth events: made by readable_pairs.write_readable, expected partner or word")
-    check_folder(folder, HEAD, _files_of)
-    target = folder.resolve()  # "." has no name of its own
-    part = target.with_name(f".{target.name}-{recipe.hash}.part")
-    hint = f"finished rows stay in {part.name}, and the same call continues from there"
+    check_folder(folder, HEAD, _list_files)
+    target = folder.resolve()  # "." has no name
+    part_folder = target.with_name(f".{target.name}-{recipe.hash}.part")
+    hint = f"finished rows stay in {part_folder.name}, and the same call continues from there"
     try:
-        with resumable_folder(part):
-            rows = _rows(recipe)
-            words = _write_rows(recipe, rows, part, progress, processes)
-            with replacing_folder(folder, hint) as made:
-                every = [word for signed in words for word in signed]
-                at = write_words(made, [(w.clip, normalise_positions(w.clip, w.signer.stature_cm)) for w in every])
-                write_transitions(made, [row.to_stored_row(part, len(recipe.signs)) for row in rows])
+        with resumable_folder(part_folder):
+            rows = _list_rows(recipe)
+            words = _write_rows(recipe, rows, part_folder, progress, processes)
+            with replacing_folder(folder, hint) as new_folder:
+                all_words = [word for signer_words in words for word in signer_words]
+                spans = write_words(
+                    new_folder, [(w.clip, normalise_positions(w.clip, w.signer.stature_cm)) for w in all_words]
+                )
+                write_transitions(new_folder, [row.to_stored_row(part_folder, len(recipe.signs)) for row in rows])
                 splits = draw_splits(
                     recipe.seed, len(recipe.signs), [(row.signer, row.before, q) for row in rows for q in row.after]
                 )
-                head = _head(recipe, list(zip(every, at, strict=True)), splits)
-                (made / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
+                head = _make_head(recipe, list(zip(all_words, spans, strict=True)), splits)
+                (new_folder / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
     return folder
 
 
-def _files_of(folder: Path) -> Sequence[str]:
-    """The files of a corpus. Raises ``InputError`` for one of another version, which other code has made."""
+def _list_files(folder: Path) -> Sequence[str]:
+    """Returns the files of a corpus. Raises ``InputError`` for one of another version, which other code has written."""
     version = Pairs(folder).version
     if version != VERSION:
         raise InputError(
@@ -411,37 +424,50 @@ def _files_of(folder: Path) -> Sequence[str]:
 
 
 def _write_rows(
-    recipe: Recipe, rows: Sequence[_PairRow], part: Path, progress: Progress | None, processes: int
+    recipe: Recipe, rows: Sequence[_PairRow], part_folder: Path, progress: Progress | None, processes: int
 ) -> list[list[IsolatedWord]]:
-    """Write the rows' files, as far as they are not there whole; returns the words of both signers."""
-    todo = [row for row in rows if not is_whole(row.path(part))]
-    total, done = sum(len(row.after) for row in rows), sum(len(row.after) for row in rows if row not in todo)
+    """Writes the files of all rows that are missing or damaged; returns the words of both signers."""
+    pending_rows = [row for row in rows if not is_whole(row.locate(part_folder))]
+    n_total, n_done = (
+        sum(len(row.after) for row in rows),
+        sum(len(row.after) for row in rows if row not in pending_rows),
+    )
     with Pool(processes) as run:
-        words = [list(run(_word, [(sign, signer, recipe.fps) for sign in recipe.signs])) for signer in recipe.signers()]
-        jobs = ((row.path(part), words[row.signer], row, truth.by_partner(recipe.truth)) for row in todo)
+        words = [
+            list(run(_synthesize_word, [(sign, signer, recipe.fps) for sign in recipe.signs]))
+            for signer in recipe.signers()
+        ]
+        jobs = (
+            (row.locate(part_folder), words[row.signer], row, truth.by_partner(recipe.truth)) for row in pending_rows
+        )
         for row in run(_write_row, jobs):
-            done += len(row.after)
+            n_done += len(row.after)
             if progress is not None:
-                progress(done, total)
+                progress(n_done, n_total)
     return words
 
 
-def _rows(recipe: Recipe) -> list[_PairRow]:
-    """All pairs of the first signer, and ``n_other`` pairs of the second, drawn by seed."""
-    n = len(recipe.signs)
-    rows = [_PairRow(0, p, tuple(range(n))) for p in range(n)]
-    chosen = np.sort(stream("other-signer", recipe.seed, n).permutation(n * n)[: recipe.n_other])
-    rows += [_PairRow(1, p, tuple(int(c % n) for c in chosen if c // n == p)) for p in range(n)]
+def _list_rows(recipe: Recipe) -> list[_PairRow]:
+    """Returns all pairs of the first signer, and ``n_other`` pairs of the second, drawn by seed."""
+    n_signs = len(recipe.signs)
+    rows = [_PairRow(0, p, tuple(range(n_signs))) for p in range(n_signs)]
+    chosen_pairs = np.sort(
+        stream("other-signer", recipe.seed, n_signs).permutation(n_signs * n_signs)[: recipe.n_other]
+    )
+    rows += [
+        _PairRow(1, p, tuple(int(pair % n_signs) for pair in chosen_pairs if pair // n_signs == p))
+        for p in range(n_signs)
+    ]
     return [row for row in rows if row.after]
 
 
-def _word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
+def _synthesize_word(job: tuple[Sign, Signer, float]) -> IsolatedWord:
     sign, signer, fps = job
     return with_touches(planner.synthesize_word(sign, signer, fps=fps))
 
 
 def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow:
-    """Write a row's transitions into a file of its own."""
+    """Writes a row's transitions into a file of its own."""
     path, words, row, partner = job
     p = words[row.before]
     states, index = [], []
@@ -456,7 +482,7 @@ def _write_row(job: tuple[Path, list[IsolatedWord], _PairRow, bool]) -> _PairRow
     return row
 
 
-def _head(
+def _make_head(
     recipe: Recipe,
     words: Sequence[tuple[IsolatedWord, tuple[int, int]]],
     splits: dict[str, dict[str, list[int]]],
@@ -468,7 +494,7 @@ def _head(
             "first": first,
             "frames": n_frames,
             "hands": word.sign.hands,
-            "events": asdict(events_with_touches(word)),
+            "events": asdict(measure_touches(word)),
         }
         for word, (first, n_frames) in words
     ]
@@ -487,31 +513,32 @@ def _head(
 
 
 def draw_splits(seed: int, n_words: int, pairs: Sequence[tuple[int, int, int]]) -> dict[str, dict[str, list[int]]]:
-    """Numbers of the pairs (signer, word before, word after) for training, validation and test, by seed.
+    """Returns the numbers of the pairs (signer, word before, word after) for training, validation and test, by seed.
 
     random: pairs drawn 80 : 10 : 10 (the paper's protocol; the paper does not print its ratio). unseen-words: words
     drawn 70 : 10 : 20; a pair belongs where both of its words do, and other pairs are left out. unseen-signer: training
     and validation of random, tested on the second signer.
     """
     rng = stream("splits", seed, n_words)
-    first = [k for k, (signer, _, _) in enumerate(pairs) if signer == 0]
-    order = rng.permutation(first).tolist()
+    first_signer_pairs = [k for k, (signer, _, _) in enumerate(pairs) if signer == 0]
+    order = rng.permutation(first_signer_pairs).tolist()
     a, b = round(0.8 * len(order)), round(0.9 * len(order))
     random = {"train": sorted(order[:a]), "valid": sorted(order[a:b]), "test": sorted(order[b:])}
     words = rng.permutation(n_words).tolist()
     a, b = round(0.7 * n_words), round(0.8 * n_words)
     groups = {"train": set(words[:a]), "valid": set(words[a:b]), "test": set(words[b:])}
-    unseen = {
-        name: [k for k in first if pairs[k][1] in group and pairs[k][2] in group] for name, group in groups.items()
+    unseen_words = {
+        name: [k for k in first_signer_pairs if pairs[k][1] in group and pairs[k][2] in group]
+        for name, group in groups.items()
     }
-    others = [k for k, (signer, _, _) in enumerate(pairs) if signer == 1]
+    second_signer_pairs = [k for k, (signer, _, _) in enumerate(pairs) if signer == 1]
     return {
         "random": random,
-        "unseen-words": unseen,
-        "unseen-signer": {"train": random["train"], "valid": random["valid"], "test": others},
+        "unseen-words": unseen_words,
+        "unseen-signer": {"train": random["train"], "valid": random["valid"], "test": second_signer_pairs},
     }
 
 
 def read_signer(row: Mapping[str, Any]) -> Signer:
-    """The signer whose fields stand in a row of JSON; one without a manner moves plainly."""
+    """Returns the signer whose fields are in a JSON object; its motion is plain if there is no manner."""
     return Signer(**{**row, "manner": Manner(**row.get("manner", {}))})

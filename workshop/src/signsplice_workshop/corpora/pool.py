@@ -1,4 +1,4 @@
-"""Runs many jobs in a few processes, and tells which of their files an interrupted call left whole."""
+"""Runs many jobs in a few processes, and checks which of their files an interrupted call left complete."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from signsplice.errors import SignspliceError
 
 
 class Pool:
-    """Runs jobs in worker processes, or in this one where ``processes`` is 1. A context manager: it returns a function
+    """Runs jobs in worker processes, or in this one if ``processes`` is 1. A context manager: it returns a function
     ``run(job, items)`` that yields the results in the order of the items, with at most nine jobs submitted ahead. The
-    processes end with this one, also when it is killed.
+    processes end with this one, even if it is killed.
     """
 
     def __init__(self, processes: int) -> None:
@@ -34,20 +34,20 @@ class Pool:
         if self.pool is None:
             yield from map(job, items)
             return
-        waiting = []
+        futures = []
         try:
             for item in items:
-                waiting.append(self.pool.submit(job, item))
-                if len(waiting) > 8:
-                    yield waiting.pop(0).result()
-            for future in waiting:
+                futures.append(self.pool.submit(job, item))
+                if len(futures) > 8:
+                    yield futures.pop(0).result()
+            for future in futures:
                 yield future.result()
         except BrokenProcessPool as error:
             raise SignspliceError("a worker process was ended from outside; the same call continues") from error
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a .npz file is there, and every byte in it agrees with its checksum."""
+    """Returns whether a .npz file exists and every byte in it agrees with its checksum."""
     try:
         with ZipFile(path) as archive:
             return bool(archive.namelist()) and archive.testzip() is None

@@ -1,8 +1,8 @@
-"""Makes corpora of pairs of version 4, whose truth can be read (``readable``).
+"""Writes corpora of pairs of version 4, whose truth can be read from motion (``readable``).
 
-The corpus to judge on: all ordered pairs of the known words by one signer, and pairs of unseen words, of unseen
-signers, and of both. The corpus to teach on: pseudo-signs, different ones by each of many signers. A signer's words and
-pairs are one job and one file until the corpus is complete, so that an interrupted call continues.
+The corpus to evaluate on (judged): all ordered pairs of the known words by one signer, and pairs of unseen words, of
+unseen signers, and of both. The corpus to train on (taught): pseudo-signs, different ones by each of many signers. A
+signer's words and pairs are one job and one file until the corpus is complete, so that an interrupted call continues.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ from signsplice_workshop.corpora.motion_version import MOTION_VERSION
 from signsplice_workshop.corpora.pairs import EXTENT, FILES, HEAD, KINDS, normalise_positions
 from signsplice_workshop.corpora.pool import Pool, is_whole
 from signsplice_workshop.corpora.readable import Card
-from signsplice_workshop.corpora.touches import events_with_touches
+from signsplice_workshop.corpora.touches import measure_touches
 
 VERSION = 4
-"""Raise it where the constants below or ``readable`` change: a corpus's hash is of the rest of its recipe."""
+"""Increase it if the constants below or ``readable`` change: a corpus's hash covers the rest of its recipe."""
 TRUTH, TAUGHT = "events", "many"
-"""The truth of these corpora, and the only split of one to teach on."""
+"""The truth of these corpora, and the only split of one to train on."""
 TAKES = 4
-"""Takes of a word that are made until one can be read."""
+"""Largest number of takes of a word that are generated until one can be read."""
 FIRST_SIGNER, FIRST_TAUGHT, SIGNERS_A_SEED = 500, 600, 100_000
-"""Seeds of the first unseen signer and of the first signer to teach on, and how far those of the next corpus's seed are
-away: no corpus is judged on a signer that another one teaches."""
+"""Seeds of the first unseen signer and of the first signer to train on, and the distance to those of the next corpus's
+seed: no corpus is evaluated on a signer that another one trains on."""
 TAUGHT_MARGIN = 1.05
-"""``readable.STILL_MARGIN`` of words that are taught and never judged: more of them can be read."""
+"""``readable.STILL_MARGIN`` of words to train on, which are never evaluated: more of them can be read."""
 VALID_SIGNERS = 4
-"""Signers of a corpus to teach on whose pairs are for validation, the last ones."""
+"""Number of signers of a corpus to train on whose pairs are for validation, the last ones."""
 
 
 @dataclass(frozen=True)
 class JudgedCorpus:
-    """The corpus to judge on.
+    """The corpus to evaluate on.
 
     signs: candidates, of which those that can be read are taken, in an order drawn by seed
-    seed: of order, splits and the first signer (for seed 0 the standard signer)
-    n_known: words of which all pairs are made
-    n_unseen: words beside them
-    n_signers: unseen signers
-    n_pairs: pairs of unseen words; as many of unseen signers, and of both
+    seed: seeds order, splits and the first signer (for seed 0 the standard signer)
+    n_known: number of words of which all pairs are generated
+    n_unseen: number of further words
+    n_signers: number of unseen signers
+    n_pairs: number of pairs of unseen words; as many of unseen signers, and of both
     """
 
     signs: tuple[Sign, ...]
@@ -68,12 +68,12 @@ class JudgedCorpus:
 
 @dataclass(frozen=True)
 class TaughtCorpus:
-    """The corpus to teach on: pseudo-signs of many signers.
+    """The corpus to train on: pseudo-signs of many signers.
 
-    n_signers: signers, the last ``VALID_SIGNERS`` for validation
-    n_words: words of each signer, different ones
-    n_pairs: pairs of each signer of which transitions are made
-    seed: of signs and signers
+    n_signers: number of signers, the last ``VALID_SIGNERS`` for validation
+    n_words: number of words of each signer, different ones
+    n_pairs: number of pairs of each signer of which transitions are generated
+    seed: seeds signs and signers
     """
 
     n_signers: int = 64
@@ -84,8 +84,8 @@ class TaughtCorpus:
 
 @dataclass(frozen=True)
 class OwnMannerCorpus(TaughtCorpus):
-    """A corpus to teach systems on that are used: its signers sign in manners of their own, without holds, and events
-    are where they were planned (``readable.make_word_from_plan``).
+    """A corpus to train shipped systems on: its signers sign in manners of their own, without holds, and events are
+    where they were planned (``readable.make_word_from_plan``).
 
     slack: how far outside the stroke they lie, frames
     """
@@ -98,9 +98,9 @@ Recipe = JudgedCorpus | TaughtCorpus
 
 @dataclass(frozen=True)
 class _Job:
-    """One signer's words and pairs: candidates for words (signs, or seeds of pseudo-signs), how many are wanted, the
-    margin with which they are read, ``slack`` instead for words in the signer's own manner, and how pairs are chosen:
-    for each range of words how many, None for all.
+    """One signer's words and pairs: candidates for words (signs, or seeds of pseudo-signs), how many are needed, the
+    margin with which they are read, ``slack`` instead for words in the signer's own manner, and how many pairs are
+    drawn for each range of words, None for all.
     """
 
     signer: Signer
@@ -115,8 +115,8 @@ class _Job:
 
 
 def hash_recipe(recipe: Recipe) -> str:
-    """Twelve hex digits that change with the recipe, the signer's motion and the numbers of ``readable``. Any other
-    change of the rules raises ``VERSION``.
+    """Returns twelve hex digits that change with the recipe, the signer's motion and the numbers of ``readable``.
+    Increase ``VERSION`` for any other change of the rules.
     """
     rules = {k: v for k, v in vars(readable).items() if k.isupper() and isinstance(v, int | float | tuple)}
     stored = {"version": VERSION, "motion": MOTION_VERSION, "rules": rules, type(recipe).__name__: asdict(recipe)}
@@ -124,46 +124,48 @@ def hash_recipe(recipe: Recipe) -> str:
 
 
 def write_readable(recipe: Recipe, folder: Path, progress: Progress | None = None, processes: int = 2) -> Path:
-    """Make a corpus in ``folder`` and return the folder. Called again after an interruption, it continues.
+    """Writes a corpus into ``folder`` and returns the folder. Called again after an interruption, it continues.
 
-    Raises ``InputError`` where the folder holds something else or cannot be written, another call makes the same, or
-    too few of the signs can be read.
+    Raises ``InputError`` if the folder holds something else or cannot be written, another call writes the same corpus,
+    or too few of the signs can be read.
     """
     folder = Path(folder)
     check_folder(folder, HEAD, lambda _: FILES)
     target = folder.resolve()
-    part = target.with_name(f".{target.name}-{hash_recipe(recipe)}.part")
-    hint = f"finished signers stay in {part.name}, and the same call continues from there"
+    part_folder = target.with_name(f".{target.name}-{hash_recipe(recipe)}.part")
+    hint = f"finished signers stay in {part_folder.name}, and the same call continues from there"
     try:
-        with resumable_folder(part):
-            jobs = _jobs(recipe, part)
-            todo = [job for job in jobs if not is_whole(job.path)]
+        with resumable_folder(part_folder):
+            jobs = _plan_jobs(recipe, part_folder)
+            pending_jobs = [job for job in jobs if not is_whole(job.path)]
             with Pool(processes) as run:
-                for done, _ in enumerate(run(_write_signer, todo), len(jobs) - len(todo) + 1):
+                for n_done, _ in enumerate(run(_write_signer, pending_jobs), len(jobs) - len(pending_jobs) + 1):
                     if progress is not None:
-                        progress(done, len(jobs))
-            with replacing_folder(folder, hint) as made:
-                _merge(recipe, jobs, made)
+                        progress(n_done, len(jobs))
+            with replacing_folder(folder, hint) as new_folder:
+                _merge(recipe, jobs, new_folder)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}); {hint}") from error
     return folder
 
 
-def _jobs(recipe: Recipe, part: Path) -> list[_Job]:
-    """The jobs of a recipe. The words of a judged corpus are those that can be read in its first signer's motion."""
+def _plan_jobs(recipe: Recipe, part_folder: Path) -> list[_Job]:
+    """Returns the jobs of a recipe. The words of a judged corpus are those that can be read in its first signer's
+    motion.
+    """
     if isinstance(recipe, TaughtCorpus):
         slack = recipe.slack if isinstance(recipe, OwnMannerCorpus) else None
         signers = [draw_signer(FIRST_TAUGHT + SIGNERS_A_SEED * recipe.seed + k) for k in range(recipe.n_signers)]
         return [
             _Job(
-                signer=readable.careful(signer) if slack is None else signer,
+                signer=readable.make_careful(signer) if slack is None else signer,
                 candidates=tuple(range((1000 * recipe.seed + k) * 100_000, (1000 * recipe.seed + k + 1) * 100_000)),
                 n_words=recipe.n_words,
                 takes=1,
                 margin=TAUGHT_MARGIN,
                 known=(),
                 n_pairs=(0, recipe.n_pairs),
-                path=part / f"signer-{k:04d}.npz",
+                path=part_folder / f"signer-{k:04d}.npz",
                 slack=slack,
             )
             for k, signer in enumerate(signers)
@@ -171,41 +173,43 @@ def _jobs(recipe: Recipe, part: Path) -> list[_Job]:
     order = stream("readable-words", recipe.seed).permutation(len(recipe.signs))
     signs = tuple(recipe.signs[k] for k in order)
     n_words = recipe.n_known + recipe.n_unseen
-    first = readable.careful(lexicon_signer(recipe.seed))
-    glosses = _readable_glosses(signs, first, n_words)
-    chosen = tuple(sign for sign in signs if sign.gloss in glosses)
+    first_signer = readable.make_careful(lexicon_signer(recipe.seed))
+    glosses = _find_readable_glosses(signs, first_signer, n_words)
+    chosen_signs = tuple(sign for sign in signs if sign.gloss in glosses)
     known = tuple(glosses[: recipe.n_known])
-    share = recipe.n_pairs // max(recipe.n_signers, 1)
+    n_signer_pairs = recipe.n_pairs // max(recipe.n_signers, 1)
     seeds = [FIRST_SIGNER + SIGNERS_A_SEED * recipe.seed + k for k in range(recipe.n_signers)]
-    signers = [first, *(readable.careful(draw_signer(seed)) for seed in seeds)]
+    signers = [first_signer, *(readable.make_careful(draw_signer(seed)) for seed in seeds)]
     return [
         _Job(
             signer=signer,
-            candidates=chosen,
+            candidates=chosen_signs,
             n_words=n_words,
             takes=TAKES,
             margin=readable.STILL_MARGIN,
             known=known,
-            n_pairs=(share, share) if k else (None, recipe.n_pairs),
-            path=part / f"signer-{k:04d}.npz",
+            n_pairs=(n_signer_pairs, n_signer_pairs) if k else (None, recipe.n_pairs),
+            path=part_folder / f"signer-{k:04d}.npz",
         )
         for k, signer in enumerate(signers)
     ]
 
 
-def _readable_glosses(signs: Sequence[Sign], signer: Signer, wanted: int) -> list[str]:
-    """The glosses of the first signs that can be read in the signer's motion. Raises ``InputError`` for too few."""
+def _find_readable_glosses(signs: Sequence[Sign], signer: Signer, n_words: int) -> list[str]:
+    """Returns the glosses of the first signs that can be read in the signer's motion. Raises ``InputError`` for too
+    few.
+    """
     glosses = []
     for sign in signs:
-        if _readable_word(sign, signer, TAKES, readable.STILL_MARGIN) is not None:
+        if _make_readable_word(sign, signer, TAKES, readable.STILL_MARGIN) is not None:
             glosses.append(sign.gloss)
-        if len(glosses) == wanted:
+        if len(glosses) == n_words:
             return glosses
-    raise InputError(f"{len(glosses)} of {len(signs)} signs can be read, expected {wanted}; ask for fewer words")
+    raise InputError(f"{len(glosses)} of {len(signs)} signs can be read, expected {n_words}; ask for fewer words")
 
 
-def _readable_word(sign: Sign, signer: Signer, takes: int, margin: float) -> tuple[IsolatedWord, Card] | None:
-    """The first take of a word that can be read, with its card."""
+def _make_readable_word(sign: Sign, signer: Signer, takes: int, margin: float) -> tuple[IsolatedWord, Card] | None:
+    """Returns the first take of a word that can be read, with its card."""
     for take in range(takes):
         word = readable.make_word(sign, signer, take, margin)
         if word is not None:
@@ -214,12 +218,12 @@ def _readable_word(sign: Sign, signer: Signer, takes: int, margin: float) -> tup
 
 
 def _write_signer(job: _Job) -> None:
-    """Write a signer's words, cards and pairs."""
+    """Writes a signer's words, cards and pairs."""
     words: list[tuple[IsolatedWord, Card]] = []
     for candidate in job.candidates:
-        sign = pseudo.sign(candidate) if isinstance(candidate, int) else candidate
+        sign = pseudo.draw_sign(candidate) if isinstance(candidate, int) else candidate
         if job.slack is None:
-            word = _readable_word(sign, job.signer, job.takes, job.margin)
+            word = _make_readable_word(sign, job.signer, job.takes, job.margin)
         else:
             word = readable.make_word_from_plan(sign, job.signer, job.slack)
         if word is not None:
@@ -229,19 +233,21 @@ def _write_signer(job: _Job) -> None:
     known = np.array([word.sign.gloss in job.known for word, _ in words])
     index, states = [], []
     rng = stream("readable-pairs", job.signer.name)
-    for group, wanted in zip((np.flatnonzero(known), np.flatnonzero(~known)), job.n_pairs, strict=True):
+    for group, n_pairs in zip((np.flatnonzero(known), np.flatnonzero(~known)), job.n_pairs, strict=True):
         pairs = [(int(p), int(q)) for p in group for q in group]
-        found = 0
-        for k in rng.permutation(len(pairs)) if wanted is not None else range(len(pairs)):
-            if wanted is not None and found >= wanted:
+        n_written = 0
+        for k in rng.permutation(len(pairs)) if n_pairs is not None else range(len(pairs)):
+            if n_pairs is not None and n_written >= n_pairs:
                 break
             splice = _splice(words[pairs[k][0]], words[pairs[k][1]])
             if splice is not None:
                 index.append((*pairs[k], splice.pre, splice.post, len(splice.states)))
                 states.append(splice.states)
-                found += 1
-    arrays = {f"word_{kind}": rows for kind, rows in _arrays([word.states for word, _ in words], job.signer).items()}
-    arrays |= {f"new_{kind}": rows for kind, rows in _arrays(states, job.signer).items()}
+                n_written += 1
+    arrays = {
+        f"word_{kind}": rows for kind, rows in _make_arrays([word.states for word, _ in words], job.signer).items()
+    }
+    arrays |= {f"new_{kind}": rows for kind, rows in _make_arrays(states, job.signer).items()}
     rows = [
         {
             "gloss": word.sign.gloss,
@@ -249,7 +255,7 @@ def _write_signer(job: _Job) -> None:
             "frames": len(word),
             "hands": word.sign.hands,
             "known": bool(is_known),
-            "events": asdict(events_with_touches(word)),
+            "events": asdict(measure_touches(word)),
             "card": asdict(card),
         }
         for (word, card), is_known in zip(words, known, strict=True)
@@ -260,25 +266,25 @@ def _write_signer(job: _Job) -> None:
 
 
 def _splice(p: tuple[IsolatedWord, Card], q: tuple[IsolatedWord, Card]) -> truth.Splice | None:
-    """The truth of a pair; None where its length lies within the margin or its transition is not valid."""
-    pre, post = readable.leave(p[1], q[1]), readable.enter(p[1], q[1])
+    """Returns the truth of a pair; None if its length lies within the margin or its transition is not valid."""
+    pre, post = readable.find_leave_frame(p[1], q[1]), readable.find_enter_frame(p[1], q[1])
     before, after = p[0].states[pre - 2 : pre + 1], q[0].states[post : post + 3]
-    n_frames = readable.transition_frames(before[-1], after[0], p[0].signer)
+    n_frames = readable.count_transition_frames(before[-1], after[0], p[0].signer)
     if n_frames is None:
         return None
-    states, valid = truth.transition_of(n_frames, before, after, p[0])
+    states, valid = truth.synthesize_transition(n_frames, before, after, p[0])
     return truth.Splice(pre, post, states) if valid else None
 
 
-def _arrays(states: Sequence[np.ndarray], signer: Signer) -> dict[str, np.ndarray]:
-    """Rotations, roots and numbers of many stretches of states, one after another."""
+def _make_arrays(states: Sequence[np.ndarray], signer: Signer) -> dict[str, np.ndarray]:
+    """Returns rotations, roots and numbers of many arrays of states, one after another."""
     clip = pose.clip(np.concatenate(states), signer, readable.FPS)
     arrays = (clip.local_rotations, clip.root_positions, normalise_positions(clip, signer.stature_cm))
     return {kind: array.astype(np.float32) for kind, array in zip(KINDS, arrays, strict=True)}
 
 
-def _merge(recipe: Recipe, jobs: Sequence[_Job], made: Path) -> None:
-    """Write the corpus of all signers' files."""
+def _merge(recipe: Recipe, jobs: Sequence[_Job], folder: Path) -> None:
+    """Writes the corpus from all signers' files."""
     rows: list[dict[str, Any]] = []
     first_words, table = [], []
     n_frames = n_new = 0
@@ -292,17 +298,17 @@ def _merge(recipe: Recipe, jobs: Sequence[_Job], made: Path) -> None:
         for word in words:
             rows.append({**word, "first": n_frames})
             n_frames += word["frames"]
-    np.save(made / "pairs.npy", np.array(table, np.int32))
+    np.save(folder / "pairs.npy", np.array(table, np.int32))
     for name in (f"{part}_{kind}" for part in ("word", "new") for kind in KINDS):
         total = n_frames if name.startswith("word") else n_new
-        with (made / f"{name}.npy").open("wb") as out:
+        with (folder / f"{name}.npy").open("wb") as file:
             for number, job in enumerate(jobs):
                 with np.load(job.path) as arrays:
                     array = arrays[name]
                 if number == 0:
                     header = {"descr": np.lib.format.dtype_to_descr(array.dtype), "fortran_order": False}
-                    np.lib.format.write_array_header_1_0(out, {**header, "shape": (total, *array.shape[1:])})
-                out.write(array.tobytes())
+                    np.lib.format.write_array_header_1_0(file, {**header, "shape": (total, *array.shape[1:])})
+                file.write(array.tobytes())
     head = {
         "version": VERSION,
         "motion": MOTION_VERSION,
@@ -314,30 +320,34 @@ def _merge(recipe: Recipe, jobs: Sequence[_Job], made: Path) -> None:
         "signers": [asdict(job.signer) for job in jobs],
         "first_words": first_words,
         "words": rows,
-        "splits": _splits(recipe, rows, np.array(table), first_words),
+        "splits": _divide_pairs(recipe, rows, np.array(table), first_words),
     }
-    (made / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
+    (folder / HEAD).write_text(json.dumps(head, indent=1) + "\n", encoding="utf-8")
 
 
-def _splits(
+def _divide_pairs(
     recipe: Recipe, rows: Sequence[dict[str, Any]], table: np.ndarray, first_words: Sequence[int]
 ) -> dict[str, dict[str, list[int]]]:
-    """Numbers of the pairs for training, validation and test. Of a corpus to teach on: one split, whose validation is
-    of other signers. Of one to judge on: pairs of known words, divided 80 : 10 : 10 by seed, and three tests beside.
+    """Returns the numbers of the pairs for training, validation and test. A corpus to train on has one split, validated
+    on other signers. One to evaluate on divides the pairs of known words 80 : 10 : 10 by seed, and has three more
+    tests.
     """
     signer = np.searchsorted(first_words, table[:, 0], side="right") - 1
     if isinstance(recipe, TaughtCorpus):
-        last = recipe.n_signers - min(VALID_SIGNERS, recipe.n_signers - 1)
-        taught = {"train": np.flatnonzero(signer < last), "valid": np.flatnonzero(signer >= last)}
-        return {TAUGHT: {**{part: numbers.tolist() for part, numbers in taught.items()}, "test": []}}
+        first_valid_signer = recipe.n_signers - min(VALID_SIGNERS, recipe.n_signers - 1)
+        parts = {
+            "train": np.flatnonzero(signer < first_valid_signer),
+            "valid": np.flatnonzero(signer >= first_valid_signer),
+        }
+        return {TAUGHT: {**{part: numbers.tolist() for part, numbers in parts.items()}, "test": []}}
     known = np.array([row["known"] for row in rows])[table[:, 0]]
     order = stream("splits", recipe.seed, recipe.n_known).permutation(np.flatnonzero((signer == 0) & known)).tolist()
     a, b = round(0.8 * len(order)), round(0.9 * len(order))
-    taught_on = {"train": sorted(order[:a]), "valid": sorted(order[a:b])}
+    train_and_valid = {"train": sorted(order[:a]), "valid": sorted(order[a:b])}
     tests = {
         "random": sorted(order[b:]),
         "unseen-words": np.flatnonzero((signer == 0) & ~known).tolist(),
         "unseen-signer": np.flatnonzero((signer > 0) & known).tolist(),
         "unseen-both": np.flatnonzero((signer > 0) & ~known).tolist(),
     }
-    return {name: {**taught_on, "test": numbers} for name, numbers in tests.items()}
+    return {name: {**train_and_valid, "test": numbers} for name, numbers in tests.items()}

@@ -1,4 +1,4 @@
-"""Clips drawn between keys as animation programs draw them, and captured clips with noise or smoothed.
+"""Clips redrawn between keys as animation programs draw them, and captured clips with noise or smoothed.
 
     LINES        slerp between quaternions (glTF LINEAR; Blender, Unity), or lines between Euler angles (Maya)
     BLENDER      auto-clamped handles with continuous acceleration, its default since 2.80; BLENDER_OLD without
@@ -6,7 +6,7 @@
     UNITY        clamped-auto tangents of quaternion components
     SPLINE       a cubic with continuous second derivative through all keys of a quaternion component
 
-Sources of the tangents stand beside their functions. A curve is a cubic of time between two keys, BLENDER_OLD apart.
+Each function for tangents names its source. A curve is a cubic of time between two keys, except for BLENDER_OLD.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Tangents = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Key times (K,) and values (K, C) -> slopes into and out of every key (K, C)."""
 _THIRD, _OLD_HANDLE = 1.0 / 3.0, 1.0 / 2.5614
 """Length of a handle along time, as a fraction of the interval to the next key: a third makes a cubic of time; the
-other is ``calchandleNurb_intern``'s with smoothing "None" (Blender, blenkernel/intern/curve.cc).
+other is that of ``calchandleNurb_intern`` with smoothing "None" (Blender, blenkernel/intern/curve.cc).
 """
 
 
@@ -35,7 +35,7 @@ other is ``calchandleNurb_intern``'s with smoothing "None" (Blender, blenkernel/
 class Drawing:
     """How a program draws between keys.
 
-    axes: order of the Euler channels that are keyed; None: quaternion components are, or rotations are slerped.
+    axes: order of the keyed Euler channels; None: quaternion components are keyed, or rotations are slerped.
     tangents: of its curves; None: lines.
     handle: length of handles, as a fraction of the interval.
     """
@@ -45,45 +45,45 @@ class Drawing:
     handle: float = _THIRD
 
 
-def _secants(times: FloatArray, values: FloatArray) -> FloatArray:
-    """Slopes (K - 1, C) of the lines between keys."""
+def _compute_secants(times: FloatArray, values: FloatArray) -> FloatArray:
+    """Returns the slopes (K - 1, C) of the lines between keys."""
     return np.asarray(np.diff(values, axis=0) / np.diff(times)[:, None])
 
 
-def _limit(slopes: FloatArray, secants: FloatArray, handle: float) -> FloatArray:
-    """Slopes (K, C), flat at both ends and at keys that lie beyond both neighbours or level with one, and no steeper
-    than lets both handles stay between the values of their keys.
+def _limit_slopes(slopes: FloatArray, secants: FloatArray, handle: float) -> FloatArray:
+    """Returns slopes (K, C), flat at both ends and at keys that lie beyond both neighbours or level with one, and
+    limited so that both handles stay between the values of their keys.
     """
     before, after = secants[:-1], secants[1:]
-    most = np.minimum(np.abs(before), np.abs(after)) / handle
+    steepest = np.minimum(np.abs(before), np.abs(after)) / handle
     inner = np.where(
-        before * after > 0.0, np.sign(after) * np.minimum(np.maximum(np.sign(after) * slopes[1:-1], 0.0), most), 0.0
+        before * after > 0.0, np.sign(after) * np.minimum(np.maximum(np.sign(after) * slopes[1:-1], 0.0), steepest), 0.0
     )
     return np.concatenate([np.zeros_like(slopes[:1]), inner, np.zeros_like(slopes[:1])])
 
 
-def _mean_secants(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means of the secants on either side, and the secants."""
-    secants = _secants(times, values)
+def _average_secants(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns the means of the secants on either side, and the secants."""
+    secants = _compute_secants(times, values)
     slopes = np.zeros_like(values)
     slopes[1:-1] = 0.5 * (secants[:-1] + secants[1:])
     return slopes, secants
 
 
-def _blender_old(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Auto-clamped handles: ``calchandleNurb_intern`` with HD_AUTO_ANIM (Blender, blenkernel/intern/curve.cc)."""
-    slopes, secants = _mean_secants(times, values)
-    limited = _limit(slopes, secants, _OLD_HANDLE)
+def _compute_old_blender_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns auto-clamped handles: ``calchandleNurb_intern``, HD_AUTO_ANIM (Blender, blenkernel/intern/curve.cc)."""
+    slopes, secants = _average_secants(times, values)
+    limited = _limit_slopes(slopes, secants, _OLD_HANDLE)
     return limited, limited
 
 
-def _blender(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same with smoothing "Continuous Acceleration": ``bezier_handle_calc_smooth_fcurve`` (same file) solves for
-    slopes at which the second derivative is continuous; flat keys stay, and handles that overshoot are locked at the
-    limit and the others solved again.
+def _compute_blender_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns the same with smoothing "Continuous Acceleration": ``bezier_handle_calc_smooth_fcurve`` (same file)
+    solves for slopes at which the second derivative is continuous; flat keys stay, and handles that overshoot are
+    locked at the limit and the others solved again.
     """
-    steps, secants = np.diff(times), _secants(times, values)
-    locked = _limit(_mean_secants(times, values)[0], secants, _THIRD) == 0.0
+    steps, secants = np.diff(times), _compute_secants(times, values)
+    locked = _limit_slopes(_average_secants(times, values)[0], secants, _THIRD) == 0.0
     slopes = np.zeros_like(values)
     for channel in range(values.shape[1]):
         fixed, target = locked[:, channel].copy(), np.zeros(len(times))
@@ -94,33 +94,35 @@ def _blender(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
             bands[0, free + 1] = 1.0 / steps[free]
             bands[2, free - 1] = 1.0 / steps[free - 1]
             bands[1, free] = 2.0 / steps[free - 1] + 2.0 / steps[free]
-            right = target.copy()
-            right[free] = 3.0 * (secants[free - 1, channel] / steps[free - 1] + secants[free, channel] / steps[free])
-            solved = solve_banded((1, 1), bands, right)
-            clipped = _limit(solved[:, None], secants[:, channel, None], _THIRD)[:, 0]
-            over = ~fixed & (np.abs(solved - clipped) > 1e-12)
-            target[over], fixed[over] = clipped[over], True
-            if not over.any():
+            right_side = target.copy()
+            right_side[free] = 3.0 * (
+                secants[free - 1, channel] / steps[free - 1] + secants[free, channel] / steps[free]
+            )
+            solved = solve_banded((1, 1), bands, right_side)
+            clipped = _limit_slopes(solved[:, None], secants[:, channel, None], _THIRD)[:, 0]
+            overshooting = ~fixed & (np.abs(solved - clipped) > 1e-12)
+            target[overshooting], fixed[overshooting] = clipped[overshooting], True
+            if not overshooting.any():
                 break
         slopes[:, channel] = clipped
     return slopes, slopes
 
 
-def _maya_auto(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Auto tangents: spline tangents, flat at both ends, that do not overshoot a neighbour (Autodesk, Maya 2023 help,
-    Graph Editor Tangents menu, "Auto Span").
+def _compute_maya_auto_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns auto tangents: spline tangents, flat at both ends, that do not overshoot a neighbour (Autodesk, Maya 2023
+    help, Graph Editor Tangents menu, "Auto Span").
     """
     slopes = np.zeros_like(values)
     slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, None]
-    limited = _limit(slopes, _secants(times, values), _THIRD)
+    limited = _limit_slopes(slopes, _compute_secants(times, values), _THIRD)
     return limited, limited
 
 
-def _maya_clamped(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Clamped tangents: from the key before to the key after, but a line between two keys of nearly one value
+def _compute_maya_clamped_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns clamped tangents: from the key before to the key after, but a line between two keys of nearly one value
     (Autodesk, Maya 2013 help, Graph Editor Tangents menu, "Clamped").
     """
-    secants = _secants(times, values)
+    secants = _compute_secants(times, values)
     slopes = np.concatenate([secants[:1], (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, None], secants[-1:]])
     into, out_of = slopes.copy(), slopes.copy()
     level = np.abs(np.diff(values, axis=0)) < _LEVEL
@@ -132,16 +134,17 @@ _LEVEL = 1e-4
 """Radians; Maya does not publish its tolerance."""
 
 
-def _unity(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Clamped-auto tangents: means of both secants (``AnimationCurveUtility.UpdateTangents`` of Unity's Live Capture),
-    flat at the ends, that do not overshoot (Unity manual, "Editing Curves": Clamped Auto; its code is not public).
+def _compute_unity_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns clamped-auto tangents: means of both secants (``AnimationCurveUtility.UpdateTangents`` of Unity's Live
+    Capture), flat at the ends, that do not overshoot (Unity manual, "Editing Curves": Clamped Auto; its code is not
+    public).
     """
-    slopes, secants = _mean_secants(times, values)
-    limited = _limit(slopes, secants, _THIRD)
+    slopes, secants = _average_secants(times, values)
+    limited = _limit_slopes(slopes, secants, _THIRD)
     return limited, limited
 
 
-def _spline(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _compute_spline_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     slopes = np.asarray(CubicSpline(times, values)(times, 1)) if len(times) > 1 else np.zeros_like(values)
     return slopes, slopes
 
@@ -149,20 +152,22 @@ def _spline(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
 DRAWINGS = {
     "line": Drawing(None, None),
     "euler-line": Drawing("XYZ", None),
-    "blender": Drawing(None, _blender),
-    "blender-euler": Drawing("XYZ", _blender),
-    "blender-old": Drawing(None, _blender_old, _OLD_HANDLE),
-    "maya-auto": Drawing("XYZ", _maya_auto),
-    "maya-clamped": Drawing("ZYX", _maya_clamped),
-    "unity": Drawing(None, _unity),
-    "spline": Drawing(None, _spline),
+    "blender": Drawing(None, _compute_blender_slopes),
+    "blender-euler": Drawing("XYZ", _compute_blender_slopes),
+    "blender-old": Drawing(None, _compute_old_blender_slopes, _OLD_HANDLE),
+    "maya-auto": Drawing("XYZ", _compute_maya_auto_slopes),
+    "maya-clamped": Drawing("ZYX", _compute_maya_clamped_slopes),
+    "unity": Drawing(None, _compute_unity_slopes),
+    "spline": Drawing(None, _compute_spline_slopes),
 }
 """Kinds of drawing by name."""
 
 
-def key_frames(n_frames: int, every: int | tuple[int, int], rng: np.random.Generator | None = None) -> FloatArray:
-    """Frames (K,) of keys from the first to the last frame: ``every`` so many, or at intervals drawn from a range, both
-    ends included.
+def choose_key_frames(
+    n_frames: int, every: int | tuple[int, int], rng: np.random.Generator | None = None
+) -> FloatArray:
+    """Returns the key frames (K,) from the first to the last frame: every ``every`` frames, or at intervals drawn from
+    a range, both ends included.
     """
     if isinstance(every, int):
         keys = np.arange(0, n_frames - 1, every)
@@ -183,65 +188,67 @@ def rekey_clip(
     fps: float | None = None,
     joints: Sequence[int] | NDArray[np.intp] | None = None,
 ) -> Clip:
-    """The clip with keys every so many frames and what a program draws between them.
+    """Returns the clip keyed every so many frames, with what a program draws between the keys.
 
-    every, rng: of ``key_frames``. kind: of ``DRAWINGS``. fps: the rate at which the program plays its curves; None: the
-    clip's. ``motion.resample`` of the result is another motion. joints: those that are keyed, by default all.
+    every, rng: of ``choose_key_frames``. kind: of ``DRAWINGS``. fps: the rate at which the program plays its curves;
+    None: the clip's. ``motion.resample`` of the result is another motion. joints: those that are keyed, by default all.
     """
-    drawing, keys = DRAWINGS[kind], key_frames(len(clip), every, rng)
+    drawing, keys = DRAWINGS[kind], choose_key_frames(len(clip), every, rng)
     rate = clip.fps if fps is None else fps
     n_frames = int(np.floor((len(clip) - 1) * rate / clip.fps + 1e-9)) + 1
     times = np.arange(n_frames, dtype=np.float64) * clip.fps / rate
-    q = rotation.continuous(clip.local_rotations)
-    values = q if drawing.axes is None else rotation.nearest_euler_sequence(rotation.to_euler(q, drawing.axes))
-    at_keys = values[keys.astype(int)].reshape(len(keys), -1)
+    quats = rotation.continuous(clip.local_rotations)
+    values = quats if drawing.axes is None else rotation.nearest_euler_sequence(rotation.to_euler(quats, drawing.axes))
+    key_values = values[keys.astype(int)].reshape(len(keys), -1)
     if drawing.tangents is not None:
-        drawn = _between(keys, at_keys, drawing.tangents(keys, at_keys), times, drawing.handle)
-        drawn = drawn.reshape(len(times), *values.shape[1:])
+        curve_values = _evaluate_curves(keys, key_values, drawing.tangents(keys, key_values), times, drawing.handle)
+        curve_values = curve_values.reshape(len(times), *values.shape[1:])
     elif drawing.axes is None:
-        piece, weight = _pieces(keys, times)
-        knots = q[keys.astype(int)]
-        drawn = rotation.slerp(knots[piece], knots[piece + 1], weight[:, None])
+        interval, fraction = _find_intervals(keys, times)
+        knots = quats[keys.astype(int)]
+        curve_values = rotation.slerp(knots[interval], knots[interval + 1], fraction[:, None])
     else:
-        piece, weight = _pieces(keys, times)
-        drawn = (at_keys[piece] + weight[:, None] * (at_keys[piece + 1] - at_keys[piece])).reshape(
-            len(times), *values.shape[1:]
-        )
-    local = rotation.normalize(drawn) if drawing.axes is None else rotation.from_euler(drawn, drawing.axes)
+        interval, fraction = _find_intervals(keys, times)
+        curve_values = (
+            key_values[interval] + fraction[:, None] * (key_values[interval + 1] - key_values[interval])
+        ).reshape(len(times), *values.shape[1:])
+    local_quats = (
+        rotation.normalize(curve_values) if drawing.axes is None else rotation.from_euler(curve_values, drawing.axes)
+    )
     played = replace(sample_clip(clip, times), fps=rate) if rate != clip.fps else replace(clip, channels=None)
     if joints is not None:
-        local, columns = np.array(played.local_rotations), local
-        local[:, joints] = columns[:, joints]
-    return replace(played, local_rotations=local, channels=None)
+        local_quats, keyed_quats = np.array(played.local_rotations), local_quats
+        local_quats[:, joints] = keyed_quats[:, joints]
+    return replace(played, local_rotations=local_quats, channels=None)
 
 
-def _pieces(keys: FloatArray, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-    """Of every time, the key before it and the fraction of the interval that has passed."""
-    piece = np.clip(np.searchsorted(keys, times + 1e-9, side="right") - 1, 0, len(keys) - 2)
-    return piece, np.asarray((times - keys[piece]) / (keys[piece + 1] - keys[piece]))
+def _find_intervals(keys: FloatArray, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    """Returns for every time the key before it and the fraction of the interval that has passed."""
+    interval = np.clip(np.searchsorted(keys, times + 1e-9, side="right") - 1, 0, len(keys) - 2)
+    return interval, np.asarray((times - keys[interval]) / (keys[interval + 1] - keys[interval]))
 
 
-def _between(
+def _evaluate_curves(
     keys: FloatArray, values: FloatArray, slopes: tuple[FloatArray, FloatArray], times: FloatArray, handle: float
 ) -> FloatArray:
-    """Bezier curves (T, C) at ``times``, through values (K, C) with slopes into and out of each key."""
-    piece, weight = _pieces(keys, times)
+    """Returns Bezier curves (T, C) at ``times``, through values (K, C) with slopes into and out of each key."""
+    interval, fraction = _find_intervals(keys, times)
     into, out_of = slopes
-    s = weight
-    for _ in range(8 if handle != _THIRD else 0):  # Newton's steps to the curve's parameter at a time
+    s = fraction
+    for _ in range(8 if handle != _THIRD else 0):  # Newton's steps to the curve's parameter at each time
         x = 3.0 * handle * s * (1.0 - s) ** 2 + 3.0 * (1.0 - handle) * s**2 * (1.0 - s) + s**3
         rate = 3.0 * handle * (1.0 - s) ** 2 + 6.0 * (1.0 - 2.0 * handle) * s * (1.0 - s) + 3.0 * handle * s**2
-        s = s - (x - weight) / rate
+        s = s - (x - fraction) / rate
     s = s[:, None]
-    length = handle * (keys[piece + 1] - keys[piece])[:, None]
-    first, last = values[piece], values[piece + 1]
-    points = (first, first + length * out_of[piece], last - length * into[piece + 1], last)
+    length = handle * (keys[interval + 1] - keys[interval])[:, None]
+    first, last = values[interval], values[interval + 1]
+    points = (first, first + length * out_of[interval], last - length * into[interval + 1], last)
     binomials = ((1.0 - s) ** 3, 3.0 * s * (1.0 - s) ** 2, 3.0 * s**2 * (1.0 - s), s**3)
     return np.asarray(sum(b * p for b, p in zip(binomials, points, strict=True)))
 
 
-def noisy(clip: Clip, rad: float, rng: np.random.Generator, width: float = 0.0) -> Clip:
-    """The clip with noise of ``rad`` on every joint: white, or smoothed over ``width`` frames and as strong."""
+def add_noise(clip: Clip, rad: float, rng: np.random.Generator, width: float = 0.0) -> Clip:
+    """Returns the clip with noise of ``rad`` on every joint: white, or smoothed over ``width`` frames and as strong."""
     noise = rng.normal(size=(*clip.local_rotations.shape[:2], 3))
     if width:
         noise = gaussian_filter1d(noise, width, axis=0, mode="nearest")
@@ -250,9 +257,9 @@ def noisy(clip: Clip, rad: float, rng: np.random.Generator, width: float = 0.0) 
     return replace(clip, local_rotations=rotation.normalize(local), channels=None)
 
 
-def low_passed(clip: Clip, hertz: float, order: int = 4) -> Clip:
-    """The clip without motion faster than ``hertz``, as motion made from video is smoothed: a Butterworth filter over
-    quaternion components, to and fro.
+def low_pass(clip: Clip, hertz: float, order: int = 4) -> Clip:
+    """Returns the clip without motion faster than ``hertz``, as motion made from video is smoothed: a Butterworth
+    filter over quaternion components, forwards and backwards.
     """
     sections = butter(order, hertz, fs=clip.fps, output="sos")
     local = sosfiltfilt(sections, rotation.continuous(clip.local_rotations), axis=0)
@@ -260,21 +267,21 @@ def low_passed(clip: Clip, hertz: float, order: int = 4) -> Clip:
 
 
 KEY_FRAMES = (3, 12)
-"""Fewest and most frames between the keys of ``with_keys``."""
+"""Smallest and largest number of frames between the keys of ``with_keys``."""
 
 
 def with_keys(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The motion drawn anew between its frames at keys some ``KEY_FRAMES`` apart: by lines, by the cubics through
-    their neighbours (Catmull and Rom 1974), or by cubics that do not overshoot (Fritsch and Carlson 1980).
+    """Returns the motion redrawn between keys some ``KEY_FRAMES`` apart: by lines, by the cubics through their
+    neighbours (Catmull and Rom 1974), or by cubics that do not overshoot (Fritsch and Carlson 1980).
     """
-    every, last = int(rng.integers(KEY_FRAMES[0], KEY_FRAMES[1] + 1)), len(quats) - 1
-    keys = np.unique([0, *range(int(rng.integers(every)), last, every), last])
-    values, at = rotation.continuous(quats[keys]), np.arange(len(quats))
+    interval, last_frame = int(rng.integers(KEY_FRAMES[0], KEY_FRAMES[1] + 1)), len(quats) - 1
+    keys = np.unique([0, *range(int(rng.integers(interval)), last_frame, interval), last_frame])
+    values, frames = rotation.continuous(quats[keys]), np.arange(len(quats))
     kind = int(rng.integers(3))
     if kind == 0 or len(keys) < 3:
-        drawn = interp1d(keys, values, axis=0)(at)
+        redrawn = interp1d(keys, values, axis=0)(frames)
     elif kind == 1:
-        drawn = CubicHermiteSpline(keys, values, np.gradient(values, keys, axis=0))(at)
+        redrawn = CubicHermiteSpline(keys, values, np.gradient(values, keys, axis=0))(frames)
     else:
-        drawn = PchipInterpolator(keys, values)(at)
-    return rotation.normalize(drawn)
+        redrawn = PchipInterpolator(keys, values)(frames)
+    return rotation.normalize(redrawn)

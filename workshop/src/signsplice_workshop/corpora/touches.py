@@ -1,4 +1,4 @@
-"""How near the hands of an isolated word come to the skin in its first and last postures."""
+"""Measures how near the hands of an isolated word come to the skin in its first and last postures."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from signsplice.signer.timing import Events
 class SeenEvents(Events):
     """Events of a word, and how near its hands are to the skin then.
 
-    Skin distances are those of ``skin_clearances``: of the strong hand, or of either where the hands mirror one
-    another, to head, trunk, the other hand and the other arm.
+    Skin distances are those of ``measure_skin_clearances``: of the strong hand, or of either if the hands mirror each
+    other, to head, trunk, the other hand and the other arm.
 
     touches_first: whether the first posture touches: a skin distance of at most 5 mm
     touches_last: whether the last posture touches
@@ -38,12 +38,14 @@ class SeenEvents(Events):
     gap_last_cm: float | None = None
 
 
-def events_with_touches(word: IsolatedWord) -> SeenEvents:
-    """The events of a word with skin distances, measured where they are not known yet."""
+def measure_touches(word: IsolatedWord) -> SeenEvents:
+    """Returns the events of a word with skin distances, measured if they are not known yet."""
     events = word.events
     if isinstance(events, SeenEvents):
         return events
-    first, last = skin_clearances(word.clip, (events.start, events.end), touching_sides(word.sign.hands, word.signer))
+    first, last = measure_skin_clearances(
+        word.clip, (events.start, events.end), find_touching_sides(word.sign.hands, word.signer)
+    )
     return SeenEvents(
         **vars(events),
         touches_first=bool(first <= TOUCH_CM),
@@ -54,12 +56,12 @@ def events_with_touches(word: IsolatedWord) -> SeenEvents:
 
 
 def with_touches(word: IsolatedWord) -> IsolatedWord:
-    """A word whose skin distances are measured, so that many cuts of it need not."""
-    return replace(word, events=events_with_touches(word))
+    """Returns a word whose skin distances are measured, so that many cuts of it need not measure them."""
+    return replace(word, events=measure_touches(word))
 
 
-def touching_sides(hands: str, signer: Signer) -> tuple[str, ...]:
-    """The hands whose touches count, of ``SIDES``: the strong one, and both where they mirror one another; ``hands``
+def find_touching_sides(hands: str, signer: Signer) -> tuple[str, ...]:
+    """Returns the hands whose touches count, of ``SIDES``: the strong one, or both if they mirror each other; ``hands``
     says how a sign's hands work together.
     """
     if hands in MIRRORED_HANDS:
@@ -67,25 +69,25 @@ def touching_sides(hands: str, signer: Signer) -> tuple[str, ...]:
     return ("left",) if signer.left_handed else ("right",)
 
 
-def skin_clearances(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> FloatArray:
-    """Least distance (F,), cm, at some frames, from the skin of the hands ``sides`` to head, neck, trunk, the other
-    hand and the other arm; negative inside, rounded so that a mirrored signer has the same.
+def measure_skin_clearances(clip: Clip, frames: Sequence[int], sides: Sequence[str]) -> FloatArray:
+    """Returns the least distance (F,), cm, at ``frames``, from the skin of the hands ``sides`` to head, neck, trunk,
+    the other hand and the other arm; negative inside, rounded so that a mirrored signer has the same.
     """
-    at = list(frames)
+    rows = list(frames)
     body = body_capsules(clip.skeleton)
     starts, ends = capsule_ends(
-        body, *kinematics.forward(Clip(clip.skeleton, clip.local_rotations[at], clip.root_positions[at], clip.fps))
+        body, *kinematics.forward(Clip(clip.skeleton, clip.local_rotations[rows], clip.root_positions[rows], clip.fps))
     )
     pairs = skin_pairs(body, frozenset(body.keys))
-    wanted = np.flatnonzero(_of_hands(pairs, sides, np.array([*body.groups.left, *body.groups.right])))
-    rows, k = np.repeat(np.arange(len(at)), len(wanted)), np.tile(wanted, len(at))
-    distance = pair_clearances(starts, ends, body.radii, pairs, rows, k).distance
-    return np.asarray(distance.reshape(len(at), -1).min(axis=1).round(6))
+    hand_pairs = np.flatnonzero(_select_hand_pairs(pairs, sides, np.array([*body.groups.left, *body.groups.right])))
+    frame_indices, pair_indices = np.repeat(np.arange(len(rows)), len(hand_pairs)), np.tile(hand_pairs, len(rows))
+    distance = pair_clearances(starts, ends, body.radii, pairs, frame_indices, pair_indices).distance
+    return np.asarray(distance.reshape(len(rows), -1).min(axis=1).round(6))
 
 
-def _of_hands(pairs: SkinPairs, sides: Sequence[str], hands: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which pairs (K,) have a capsule of one of these hands."""
+def _select_hand_pairs(pairs: SkinPairs, sides: Sequence[str], hands: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Returns which pairs (K,) have a capsule of one of these hands."""
     numbers = [SIDES.index(side) for side in sides]
-    own = np.isin(pairs.own_side, numbers)
-    other = np.isin(pairs.other_side, numbers) & np.isin(pairs.other, hands)
-    return np.asarray(own | other)
+    is_own_hand = np.isin(pairs.own_side, numbers)
+    is_other_hand = np.isin(pairs.other_side, numbers) & np.isin(pairs.other, hands)
+    return np.asarray(is_own_hand | is_other_hand)

@@ -1,1 +1,1 @@
-"""What methods, bodies, tempo and the corpus are worth, in numbers."""
+"""Measurements of methods, bodies, tempo and the corpus."""

@@ -1,4 +1,4 @@
-"""Words on avatars: how far every vertex of a hand lies from the skin that it touches, as a player poses both.
+"""Measures words on avatars: distance of every vertex of a hand from the skin that it touches, in a player's pose.
 
 The fit of motion to an avatar looks at some points of hands and skin; here every vertex of a hand is measured in every
 frame, against points 3 mm apart on the posed triangles of head, neck and trunk, or of the other hand.
@@ -23,153 +23,170 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
-from signsplice_workshop.measure.measures import Measure, Progress, Row, markdown_rows, percent, row_of, track_progress
+from signsplice_workshop.measure.measures import (
+    Measure,
+    Progress,
+    Row,
+    format_measures,
+    make_row,
+    percent,
+    track_progress,
+)
 
 WORDS = ("MOTHER", "THANK-YOU", "NAME", "BOOK", "FRIEND", "PLEASE")
-_STEP, _AROUND, _MOST_ACROSS = 0.003, 0.06, 0.006
-"""Distance of points on triangles; of triangles from a hand that are looked at; and how far a vertex may lie from the
-normal through the nearest point; all m.
+_POINT_SPACING_M, _SEARCH_M, _MAX_LATERAL_M = 0.003, 0.06, 0.006
+"""Distance between points on triangles; distance from a hand within which triangles count; and largest distance of a
+vertex from the normal through the nearest point; all m.
 """
-_SIGNS = 0.99
+_MIN_SIGNING = 0.99
 
 
 @dataclass(frozen=True, eq=False)
-class _Touches:
-    """Heights (N,) of the lowest vertex where a hand touches, and at the source; greatest depth in any frame, m."""
+class _TouchHeights:
+    """Heights (N,) of the lowest vertex in frames where a hand touches, on the avatar and at the source; greatest depth
+    in any frame; m.
+    """
 
     heights: FloatArray
-    source: FloatArray
+    source_heights: FloatArray
     deepest: float
 
 
-def _fraction(heights: FloatArray) -> float | None:
+def _fraction_near(heights: FloatArray) -> float | None:
     return float((np.abs(heights) < KEPT_M).mean()) if len(heights) else None
 
 
-def _median(of: _Touches) -> float | None:
-    return float(np.median(of.heights)) if len(of.heights) else None
+def _median_height(touches: _TouchHeights) -> float | None:
+    return float(np.median(touches.heights)) if len(touches.heights) else None
 
 
 MEASURES = (
     Measure("avatar", "avatar"),
     Measure("word", "word"),
     Measure("skin", "on"),
-    Measure("n_touching", "frames", function=lambda of: len(of.heights)),
-    percent("near", "within 5 mm of skin", 0, lambda of: _fraction(of.heights)),
-    percent("kept", "of the source", 0, lambda of: _fraction(of.heights - of.source)),
-    Measure("median", "median, mm", "{:.1f}", 1e3, _median),
-    Measure("deepest", "deepest, mm", "{:.1f}", 1e3, lambda of: of.deepest),
+    Measure("n_touching", "frames", function=lambda touches: len(touches.heights)),
+    percent("near", "within 5 mm of skin", 0, lambda touches: _fraction_near(touches.heights)),
+    percent("kept", "of the source", 0, lambda touches: _fraction_near(touches.heights - touches.source_heights)),
+    Measure("median", "median, mm", "{:.1f}", 1e3, _median_height),
+    Measure("deepest", "deepest, mm", "{:.1f}", 1e3, lambda touches: touches.deepest),
 )
-"""Of a word on an avatar, and a skin that a hand touches, "body" or "hand": hands and frames of contacts in which the
-source is nearer than 5 mm; fraction of these whose lowest vertex lies within 5 mm of the skin, and of where it was at
-the source; median height of the lowest vertex, m; greatest depth of a vertex in any frame in which the hand signs, m.
+"""Measures of a word on an avatar, for a skin that a hand touches ("body" or "hand"): number of pairs of hand and frame
+in contact, with the source nearer than 5 mm; fraction of these whose lowest vertex lies within 5 mm of the skin, and
+of its height at the source; median height of the lowest vertex, m; greatest depth of a vertex in any frame in which
+the hand signs, m.
 """
 
 
 def signature(words: Sequence[Clip]) -> str:
-    """What decides the figures: words, and how heights are measured."""
-    return f"words:{','.join(word.name for word in words)}|touch:{TOUCH_M}|within:{KEPT_M}|points:{_STEP}"
+    """Returns the recipe of the figures: words, and how heights are measured."""
+    return f"words:{','.join(word.name for word in words)}|touch:{TOUCH_M}|within:{KEPT_M}|points:{_POINT_SPACING_M}"
 
 
 def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress | None = None) -> list[Row]:
-    """A row for each avatar, word and kind of skin. Raises ``InputError`` for an avatar without skin."""
+    """Returns a row for each avatar, word and kind of skin. Raises ``InputError`` for an avatar without skin."""
     for avatar in avatars:
         if body_capsules(avatar).skin is None:
             raise InputError(f"{avatar.label}: holds no skin of head, trunk and both hands, expected a skinned mesh")
     cases = [(avatar, word) for avatar in avatars for word in words]
-    return [row for avatar, word in track_progress(cases, progress) for row in _rows(avatar, word)]
+    return [row for avatar, word in track_progress(cases, progress) for row in _measure_word(avatar, word)]
 
 
 def table(rows: Sequence[Row]) -> list[str]:
-    """Lines of Markdown: the rows, and the fractions of all frames."""
-    lines = markdown_rows(MEASURES, rows)
+    """Returns the rows as lines of Markdown, and the fractions of all frames."""
+    lines = format_measures(MEASURES, rows)
     for skin in ("body", "hand"):
-        some = [row for row in rows if row.skin == skin and row.n_touching]
-        n = sum(row.n_touching for row in some)
-        near, kept = (sum(row.n_touching * (getattr(row, what) or 0.0) for row in some) for what in ("near", "kept"))
+        touching_rows = [row for row in rows if row.skin == skin and row.n_touching]
+        count = sum(row.n_touching for row in touching_rows)
+        n_near, n_kept = (
+            sum(row.n_touching * (getattr(row, field) or 0.0) for row in touching_rows) for field in ("near", "kept")
+        )
         deepest = max((row.deepest for row in rows if row.skin == skin), default=0.0)
-        if n:
-            lines += ["", f"On the {skin}: {n} frames, {100.0 * (near / n):.1f} % within 5 mm of skin, "
-                      f"{100.0 * (kept / n):.1f} % of the source; deepest {1e3 * deepest:.1f} mm."]  # fmt: skip
+        if count:
+            lines += ["", f"On the {skin}: {count} frames, {100.0 * (n_near / count):.1f} % within 5 mm of skin, "
+                      f"{100.0 * (n_kept / count):.1f} % of the source; deepest {1e3 * deepest:.1f} mm."]  # fmt: skip
     return lines
 
 
-def _rows(avatar: Avatar, word: Clip) -> Iterator[Row]:
-    done = retarget(word, avatar)
+def _measure_word(avatar: Avatar, word: Clip) -> Iterator[Row]:
+    retargeted = retarget(word, avatar)
     active = signing(word)
-    then = _source_distances(word)
-    for skin, heights in zip(("body", "hand"), _heights(done.clip, avatar, active > _SIGNS), strict=True):
+    source_distances = _source_distances(word)
+    for skin, heights in zip(
+        ("body", "hand"), _lowest_vertex_heights(retargeted.clip, avatar, active > _MIN_SIGNING), strict=True
+    ):
         touching = np.zeros((len(word), 2), bool)
-        for contact in done.contacts:
+        for contact in retargeted.contacts:
             if (contact.region == "hand") == (skin == "hand") and contact.region != "arm":
                 touching[slice(*contact.frames), 0 if skin == "hand" else SIDES.index(contact.hand)] = True
-        touching &= np.isfinite(heights) & (then[skin] < TOUCH_M)
-        found, source = heights[touching], np.maximum(then[skin][touching], -PRESS_M)
-        touches = _Touches(found, source, max(0.0, -float(heights.min(initial=0.0))))
-        yield row_of(MEASURES, touches, avatar=avatar.label, word=word.name, skin=skin)
+        touching &= np.isfinite(heights) & (source_distances[skin] < TOUCH_M)
+        touch_heights, source_heights = heights[touching], np.maximum(source_distances[skin][touching], -PRESS_M)
+        touches = _TouchHeights(touch_heights, source_heights, max(0.0, -float(heights.min(initial=0.0))))
+        yield make_row(MEASURES, touches, avatar=avatar.label, word=word.name, skin=skin)
 
 
 def _source_distances(word: Clip) -> dict[str, FloatArray]:
-    """Least skin distances (T, 2) of both hands at the source: from head and trunk, and, in the first column, from one
-    another; infinite where farther than a touch.
+    """Returns the least skin distances (T, 2) of both hands at the source: from head and trunk, and from the other hand
+    in the first column; infinite beyond the distance of a touch.
     """
     body = body_capsules(word.skeleton)
     posed, pairs = pose_body(word, body), skin_pairs(body, frozenset(body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, TOUCH_M)
     distance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
-    out = {skin: np.full((len(word), 2), np.inf) for skin in ("body", "hand")}
+    distances = {skin: np.full((len(word), 2), np.inf) for skin in ("body", "hand")}
     is_hand = np.isin(pairs.other[k], [*body.groups.left, *body.groups.right])
-    for skin, rows in (("body", pairs.other_side[k] < 0), ("hand", is_hand)):
+    for skin, selected in (("body", pairs.other_side[k] < 0), ("hand", is_hand)):
         side = np.where(is_hand, 0, pairs.own_side[k])
-        np.minimum.at(out[skin], (frames[rows], side[rows]), distance[rows])
-    return out
+        np.minimum.at(distances[skin], (frames[selected], side[selected]), distance[selected])
+    return distances
 
 
-def _heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Heights (T, 2) of each hand's lowest vertex above head and trunk, and, in the first column, of the left hand's
-    above the right one, m; infinite where far, or where the hand does not sign.
+def _lowest_vertex_heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Returns the heights (T, 2) of each hand's lowest vertex above head and trunk, and, in the first column, of the
+    left hand's above the right one, m; infinite if far, or if the hand does not sign.
     """
     skin = body_capsules(avatar).skin
     assert skin is not None
     mesh, roles, rest = skin.mesh, rig_info(avatar).roles.joints, kinematics.rest_positions(avatar)
     hands = [kinematics.subtree(avatar, roles[f"{side}Hand"]) for side in SIDES]
-    own = [np.flatnonzero(mesh.is_of(joints, bare=True)) for joints in hands]
+    hand_vertices = [np.flatnonzero(mesh.is_of(joints, bare=True)) for joints in hands]
     body = [roles[role] for role in BODY if role in roles]
-    surfaces = mesh.samples(body, _STEP), mesh.samples(hands[1], _STEP, bare=True)
+    surfaces = mesh.samples(body, _POINT_SPACING_M), mesh.samples(hands[1], _POINT_SPACING_M, bare=True)
     rotations, positions = kinematics.forward(clip)
-    out = np.full((2, len(clip), 2), np.inf)
+    heights = np.full((2, len(clip), 2), np.inf)
     for frame in np.flatnonzero(signs.any(axis=1)).tolist():
-        turn, move = rotations[frame], positions[frame] - np.einsum("jab,jb->ja", rotations[frame], rest)
+        turns, offsets = rotations[frame], positions[frame] - np.einsum("jab,jb->ja", rotations[frame], rest)
         vertices = np.zeros_like(mesh.positions)
         for k in range(mesh.joints.shape[1]):
             joints = mesh.joints[:, k]
             vertices += mesh.weights[:, k, None] * (
-                np.einsum("vab,vb->va", turn[joints], mesh.positions) + move[joints]
+                np.einsum("vab,vb->va", turns[joints], mesh.positions) + offsets[joints]
             )
         for side in (0, 1):
             if signs[frame, side]:
-                out[0, frame, side] = _lowest(vertices, own[side], surfaces[0], THICK_M[0])
+                heights[0, frame, side] = _lowest_height(vertices, hand_vertices[side], surfaces[0], THICK_M[0])
         if signs[frame].all():
-            out[1, frame, 0] = _lowest(vertices, own[0], surfaces[1], THICK_M[1])
-    return out[0], out[1]
+            heights[1, frame, 0] = _lowest_height(vertices, hand_vertices[0], surfaces[1], THICK_M[1])
+    return heights[0], heights[1]
 
 
-def _lowest(
+def _lowest_height(
     vertices: FloatArray,
-    own: NDArray[np.intp],
+    hand_vertices: NDArray[np.intp],
     surface: tuple[NDArray[np.int64], FloatArray, FloatArray],
-    thick: float,
+    half_thickness: float,
 ) -> float:
-    """The least height of the vertices ``own`` above a surface: corners and shares of its points, half thickness."""
-    corners, shares, _ = surface
-    hand = vertices[own]
-    low, high = hand.min(axis=0) - _AROUND, hand.max(axis=0) + _AROUND
-    first = vertices[corners[:, 0]]
-    near = np.flatnonzero(((first > low) & (first < high)).all(axis=1))
-    if not len(near):
+    """Returns the least height of the vertices ``hand_vertices`` above a surface, given by the corners and weights of
+    its points and half its thickness.
+    """
+    corners, weights, _ = surface
+    hand = vertices[hand_vertices]
+    low, high = hand.min(axis=0) - _SEARCH_M, hand.max(axis=0) + _SEARCH_M
+    first_corners = vertices[corners[:, 0]]
+    near_points = np.flatnonzero(((first_corners > low) & (first_corners < high)).all(axis=1))
+    if not len(near_points):
         return np.inf
-    of = vertices[corners[near]]
-    points = np.einsum("sc,scx->sx", shares[near], of)
-    normals = np.cross(of[:, 1] - of[:, 0], of[:, 2] - of[:, 0])
+    triangles = vertices[corners[near_points]]
+    points = np.einsum("sc,scx->sx", weights[near_points], triangles)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    return least_height(hand, cKDTree(points), normals, _MOST_ACROSS, thick)[0]
+    return least_height(hand, cKDTree(points), normals, _MAX_LATERAL_M, half_thickness)[0]

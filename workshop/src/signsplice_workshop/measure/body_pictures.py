@@ -1,4 +1,4 @@
-"""A picture of words on several bodies side by side, each at the frame in which most touches, from front and side."""
+"""Draws words on several bodies side by side, from front and side, each at the frame in which most skin touches."""
 
 from __future__ import annotations
 
@@ -23,47 +23,47 @@ WORDS = ("NAME", "MOTHER", "APPLE", "FAMILY", "PLEASE", "DEAF", "FRIEND", "HAT")
 SHOWN = ("narrow", "broad", "child", "chibi", "long arms")
 _VIEWS = ("front", "side")
 _CELL, _LABEL = 180, 20
-_FULL = 1.4
-"""Height of a drawing over its width; the lower part is cut off, since hands are above."""
+_ASPECT = 1.4
+"""Height of a drawing over its width; the lower part is cut off, since hands are above it."""
 
 
 def write_pictures(words: Sequence[Clip], path: Path, progress: Progress | None = None) -> None:
-    """Write a page as PNG: a row for each word; the source, the first of ``SHOWN`` with rotations alone, and the
-    bodies of ``SHOWN``, fitted.
+    """Writes a page as PNG, a row for each word: the source, the first body of ``SHOWN`` with copied rotations alone,
+    and all bodies of ``SHOWN``, fitted.
     """
     image_ = pillow("Image")
-    heads = ("source", f"{SHOWN[0]}, rotations alone", *SHOWN)
-    wide = _CELL * len(_VIEWS)
-    sheet = image_.new("RGB", (wide * len(heads), _LABEL + len(words) * (_CELL + _LABEL)), PAPER)
+    headings = ("source", f"{SHOWN[0]}, rotations alone", *SHOWN)
+    width = _CELL * len(_VIEWS)
+    sheet = image_.new("RGB", (width * len(headings), _LABEL + len(words) * (_CELL + _LABEL)), PAPER)
     pen = pillow("ImageDraw").Draw(sheet)
-    for k, head in enumerate(heads):
-        write_line(pen, head, (k + 0.5) * wide, 2, wide, INK, 14)
+    for k, heading in enumerate(headings):
+        write_line(pen, heading, (k + 0.5) * width, 2, width, INK, 14)
     for n, word in enumerate(track_progress(words, progress)):
         top = _LABEL + n * (_CELL + _LABEL)
-        write_line(pen, word.name, 0.5 * wide, top + 1, wide, INK, 14)
-        for k, picture in enumerate(_row(word)):
-            sheet.paste(image_.fromarray(picture), (k * wide, top + _LABEL))
+        write_line(pen, word.name, 0.5 * width, top + 1, width, INK, 14)
+        for k, picture in enumerate(_draw_row(word)):
+            sheet.paste(image_.fromarray(picture), (k * width, top + _LABEL))
     with replacing(path) as temporary:
         sheet.quantize(64, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)
 
 
-def _row(word: Clip) -> list[Image]:
+def _draw_row(word: Clip) -> list[Image]:
     body = build_capsules(word.skeleton, BodyShape())
-    frame = _touching_frame(word, body)
-    pictures = [_both_views(word, body, frame)]
+    frame = _find_touching_frame(word, body)
+    pictures = [_draw_views(word, body, frame)]
     for name in SHOWN:
         skeleton = scale_bones(word.skeleton, BODIES[name])
-        other = build_capsules(skeleton, BODIES[name].shape)
-        to = Reference(skeleton, word.fps, placement(word), word.local_rotations[0], name)
-        carried = copy_rotations(word, to)[0]
+        target_body = build_capsules(skeleton, BODIES[name].shape)
+        reference = Reference(skeleton, word.fps, placement(word), word.local_rotations[0], name)
+        copied = copy_rotations(word, reference)[0]
         if name == SHOWN[0]:
-            pictures.append(_both_views(carried, other, frame))
-        pictures.append(_both_views(fit_body(word, body, carried, other).clip, other, frame))
+            pictures.append(_draw_views(copied, target_body, frame))
+        pictures.append(_draw_views(fit_body(word, body, copied, target_body).clip, target_body, frame))
     return pictures
 
 
-def _touching_frame(clip: Clip, body: BodyCapsules) -> int:
-    """The frame in which most pairs of skins touch while the clip signs."""
+def _find_touching_frame(clip: Clip, body: BodyCapsules) -> int:
+    """Returns the frame in which most pairs of skins touch while the clip signs."""
     posed, pairs = pose_body(clip, body), skin_pairs(body, frozenset(body.keys))
     frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, TOUCH_M)
     clearance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
@@ -71,6 +71,6 @@ def _touching_frame(clip: Clip, body: BodyCapsules) -> int:
     return int(np.bincount(frames[signs & (clearance < TOUCH_M)], minlength=len(clip)).argmax())
 
 
-def _both_views(clip: Clip, body: BodyCapsules, frame: int) -> Image:
-    size = _CELL, int(_FULL * _CELL)
+def _draw_views(clip: Clip, body: BodyCapsules, frame: int) -> Image:
+    size = _CELL, int(_ASPECT * _CELL)
     return np.concatenate([draw(make_scene(clip, view, body), frame, *size)[:_CELL] for view in _VIEWS], axis=1)

@@ -1,4 +1,4 @@
-"""Validity of a corpus: joint limits, bone lengths, collisions, steps at the seams, and pairs planned anew."""
+"""Checks a corpus: joint limits, bone lengths, collisions, steps at the seams, and pairs planned anew."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _WRISTS = [JOINTS["RightHand"], JOINTS["LeftHand"]]
 
 @dataclass(frozen=True)
 class CorpusChecks:
-    """The worst that was found over all pairs.
+    """The worst values over all pairs.
 
-    n_pairs: pairs examined.
+    n_pairs: number of pairs examined.
     deepest_word_cm: greatest depth of a hand in head, trunk, the other arm or its hand, in the words.
     deepest_transition_cm: the same in the transitions.
-    forearm_word_cm, forearm_transition_cm: likewise, of a forearm in the trunk.
-    n_too_deep: pairs with a hand deeper than ``LIMIT_CM``.
+    forearm_word_cm, forearm_transition_cm: greatest depth of a forearm in the trunk, in words and in transitions.
+    n_too_deep: number of pairs with a hand deeper than ``LIMIT_CM``.
     over_limit_deg: largest angle by which a joint is beyond its limits.
     bone_change_cm: largest change of a bone's length.
     transition_step_cm: largest step of a joint from one frame to the next, in transitions and across their seams.
     word_step_cm: the same within the words.
     seam_wrist_change_cm: largest change of a wrist's step from one frame to the next at a seam.
-    n_misplaced: pairs whose cut or transition lies outside the stored frames.
+    n_misplaced: number of pairs whose cut or transition lies outside the stored frames.
     """
 
     n_pairs: int
@@ -58,7 +58,7 @@ class CorpusChecks:
 
 
 def examine(pairs: Pairs, progress: Progress | None = None) -> CorpusChecks:
-    """Checks of every word and every transition of a corpus."""
+    """Checks every word and every transition of a corpus and returns the worst values."""
     words = [_PosedClip(pairs.word_clip(k)) for k in range(len(pairs.head["words"]))]
     n_misplaced = next_first = 0
     rows = []
@@ -83,30 +83,30 @@ def examine(pairs: Pairs, progress: Progress | None = None) -> CorpusChecks:
         next_first = first + count
         if progress is not None and number % 50 == 0:
             progress(number + 1, len(pairs))
-    found = np.array(rows)  # (P, 7)
-    deepest, _, over_limit_rad, bone_change, step, forearm, wrist_change = found.max(axis=0).tolist()
+    values = np.array(rows)  # (P, 7)
+    deepest, _, over_limit_rad, bone_change, step, forearm, wrist_change = values.max(axis=0).tolist()
     return CorpusChecks(
         n_pairs=len(pairs),
-        deepest_word_cm=max(float(w.depth.max()) for w in words),
+        deepest_word_cm=max(float(word.depth.max()) for word in words),
         deepest_transition_cm=deepest,
-        forearm_word_cm=max(float(w.forearm.max()) for w in words),
+        forearm_word_cm=max(float(word.forearm.max()) for word in words),
         forearm_transition_cm=forearm,
-        n_too_deep=int((found[:, 1] > LIMIT_CM).sum()),
-        over_limit_deg=float(np.rad2deg(max(over_limit_rad, *(w.over_limit for w in words)))),
-        bone_change_cm=max(bone_change, *(w.bone_change for w in words)),
+        n_too_deep=int((values[:, 1] > LIMIT_CM).sum()),
+        over_limit_deg=float(np.rad2deg(max(over_limit_rad, *(word.over_limit for word in words)))),
+        bone_change_cm=max(bone_change, *(word.bone_change for word in words)),
         transition_step_cm=step,
-        word_step_cm=max(float(w.steps.max()) for w in words),
+        word_step_cm=max(float(word.steps.max()) for word in words),
         seam_wrist_change_cm=wrist_change,
         n_misplaced=n_misplaced,
     )
 
 
 class _PosedClip:
-    """What is checked in one clip.
+    """Values of one clip that are checked.
 
     positions: (T, J, 3) global joint positions, cm.
-    depth: (T,) of the deeper hand in the body, cm.
-    forearm: (T,) of the deeper forearm in the trunk, cm.
+    depth: (T,) depth of the deeper hand in the body, cm.
+    forearm: (T,) depth of the deeper forearm in the trunk, cm.
     steps: (T - 1,) largest step of a joint between two frames, cm.
     bone_change: largest change of a bone's length, cm.
     over_limit: see ``over_limit``, radians.
@@ -125,14 +125,16 @@ class _PosedClip:
 
 
 def _wrist_change(p: _PosedClip, seam: _PosedClip, q: _PosedClip, pre: int, post: int) -> float:
-    """Largest change of the wrists' step (cm a frame, from one frame to the next) at both seams."""
+    """Returns the largest change of the wrists' step (cm a frame, from one frame to the next) at both seams."""
     leaving = np.concatenate([p.positions[pre - 1 : pre, _WRISTS], seam.positions[:2, _WRISTS]])  # (3, 2, 3)
     entering = np.concatenate([seam.positions[-2:, _WRISTS], q.positions[post + 1 : post + 2, _WRISTS]])
-    return max(float(np.linalg.norm(np.diff(x, n=2, axis=0), axis=-1).max()) for x in (leaving, entering))
+    return max(
+        float(np.linalg.norm(np.diff(positions, n=2, axis=0), axis=-1).max()) for positions in (leaving, entering)
+    )
 
 
 def over_limit(local_rotations: FloatArray) -> float:
-    """Largest angle (radians) by which an elbow, wrist or finger joint is beyond its limits, 0 where none is.
+    """Returns the largest angle (radians) by which an elbow, wrist or finger joint is beyond its limits, 0 if none is.
 
     local_rotations: (T, 53, 4), joints of the synthetic signer.
     """
@@ -145,7 +147,7 @@ def over_limit(local_rotations: FloatArray) -> float:
         twist = rotation.twist_angle(wrist, [1.0, 0.0, 0.0])
         swing = rotation.log(rotation.multiply(rotation.exp(-twist[:, None] * [1.0, 0.0, 0.0]), wrist))
         (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
-        beyond = [
+        excesses = [
             np.abs(twist + forearm_twist) - pose.FOREARM_LIMIT,
             np.linalg.norm(bend, axis=-1) - pose.ELBOW_LIMIT,
             *(swing[:, 1] - high_side, low_side - swing[:, 1], swing[:, 2] - high_bent, low_bent - swing[:, 2]),
@@ -154,13 +156,13 @@ def over_limit(local_rotations: FloatArray) -> float:
         fingers = local_rotations[:, first : first + 12].reshape(-1, 4, 3, 4) * mirror  # (T, finger, joint, 4)
         flexion = 2.0 * np.arctan2(fingers[..., 2], fingers[..., 3])
         limits = hand.LIMITS[:16].reshape(4, 4, 2)[:, 1:]
-        beyond += [(flexion - limits[..., 1]).ravel(), (limits[..., 0] - flexion).ravel()]
-        worst = max([worst, *(float(b.max()) for b in beyond)])
+        excesses += [(flexion - limits[..., 1]).ravel(), (limits[..., 0] - flexion).ravel()]
+        worst = max([worst, *(float(excess.max()) for excess in excesses)])
     return float(max(0.0, worst - _ROUNDING))
 
 
-def check_made_here(pairs: Pairs) -> None:
-    """Raise ``InputError`` for a corpus of another version than this code makes."""
+def check_version(pairs: Pairs) -> None:
+    """Raises ``InputError`` for a corpus of another version than this code makes."""
     if pairs.version != VERSION:
         raise InputError(
             f"{pairs.folder}: is a corpus of version {pairs.version}, which an earlier commit makes "
@@ -169,12 +171,12 @@ def check_made_here(pairs: Pairs) -> None:
 
 
 def replan(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple[int, int]:
-    """Number of drawn pairs of the first signer planned anew from their signs, and number of those that differ.
+    """Returns the number of drawn pairs of the first signer planned anew from their signs, and the number that differ.
 
-    A pair differs where any bit of its utterance's rotations or roots is not the stored one. Pairs with a word that
+    A pair differs if any bit of its utterance's rotations or roots is not the stored one. Pairs with a word that
     ``signs`` lacks are left out. Raises ``InputError`` for a corpus of version 1.
     """
-    check_made_here(pairs)
+    check_version(pairs)
     words = pairs.head["words"]
     has_sign = np.array([row["gloss"] in signs for row in words])
     candidates = np.flatnonzero((pairs.index[:, 0] < len(words) // 2) & has_sign[pairs.index[:, :2]].all(axis=1))
@@ -182,30 +184,30 @@ def replan(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple
     planned: dict[int, planner.IsolatedWord] = {}
     n_different = 0
     for number in sorted(chosen.tolist()):
-        both = pairs.index[number, :2].tolist()
-        for k in both:
+        word_numbers = pairs.index[number, :2].tolist()
+        for k in word_numbers:
             if k not in planned:
                 planned[k] = planner.synthesize_word(signs[words[k]["gloss"]], pairs.signers[0], fps=pairs.head["fps"])
-        clip = sentences.utter([planned[k] for k in both], changes=False, partner=pairs.by_partner).clip
+        clip = sentences.utter([planned[k] for k in word_numbers], changes=False, partner=pairs.by_partner).clip
         stored = (pairs.utterance(number, "rotations"), pairs.utterance(number, "roots"))
-        anew = (clip.local_rotations.astype(np.float32), clip.root_positions.astype(np.float32))
-        n_different += not all(np.array_equal(a, b) for a, b in zip(stored, anew, strict=True))
+        replanned = (clip.local_rotations.astype(np.float32), clip.root_positions.astype(np.float32))
+        n_different += not all(np.array_equal(a, b) for a, b in zip(stored, replanned, strict=True))
     return len(chosen), n_different
 
 
 TOUCH_CM = 0.5
-"""Skin distance up to which a hand is seen to touch."""
+"""Largest skin distance of a hand that is seen to touch."""
 _MIRRORED = ("symmetric", "alternating")
 
 
 @dataclass(frozen=True)
 class TouchAgreement:
-    """First and last postures of words, by what their events say and what is seen.
+    """Numbers of first and last postures of words, by flags of their events and by measured distances.
 
     n_postures: postures compared.
-    n_touching: those that are seen to touch.
-    n_missed: those that are seen to touch, but not flagged.
-    n_false: those that are flagged, but not seen to touch.
+    n_touching: postures that are seen to touch.
+    n_missed: postures that are seen to touch, but not flagged.
+    n_false: postures that are flagged, but not seen to touch.
     """
 
     n_postures: int
@@ -215,9 +217,9 @@ class TouchAgreement:
 
 
 def score_touches(pairs: Pairs) -> TouchAgreement:
-    """Agreement of flagged and seen touches in all words of a corpus. Distances are measured anew, on the stored
-    rotations, with the capsules that tell collisions. Version 1 does not say which hands a sign has: there the strong
-    hand alone counts.
+    """Returns the agreement of flagged and seen touches in all words of a corpus. Distances are measured anew, on the
+    stored rotations, with the capsules that tell collisions. Version 1 does not say which hands a sign has; there
+    the strong hand alone counts.
     """
     flags, distances = [], []
     for k, row in enumerate(pairs.head["words"]):
@@ -233,16 +235,20 @@ def score_touches(pairs: Pairs) -> TouchAgreement:
 
 
 def skin_distance(clip: Clip, frame: int, sides: tuple[str, ...]) -> float:
-    """Least distance, clip units, from the skin of some hands to head, neck, trunk, other hand and other arm."""
+    """Returns the least distance, clip units, from the skin of the hands of ``sides`` to head, neck, trunk, other hand
+    and other arm.
+    """
     body = body_capsules(clip.skeleton)
     starts, ends = capsule_ends(body, *kinematics.forward(clip[frame : frame + 1]))
-    return -max(float(collision.overlap(starts, ends, body.radii, *_meeting(body, side))[0].max()) for side in sides)
+    return -max(
+        float(collision.overlap(starts, ends, body.radii, *_select_capsules(body, side))[0].max()) for side in sides
+    )
 
 
-def _meeting(body: BodyCapsules, side: str) -> tuple[list[int], list[int]]:
-    """The capsules of a hand and those that it can meet."""
+def _select_capsules(body: BodyCapsules, side: str) -> tuple[list[int], list[int]]:
+    """Returns the capsules of a hand and the capsules that it can meet."""
     groups = body.groups
-    own, other = (groups.left, (*groups.right, *groups.right_arm))
+    hand_capsules, opposite_capsules = (groups.left, (*groups.right, *groups.right_arm))
     if side == "right":
-        own, other = (groups.right, (*groups.left, *groups.left_arm))
-    return list(own), [*groups.head, *groups.trunk, *other]
+        hand_capsules, opposite_capsules = (groups.right, (*groups.left, *groups.left_arm))
+    return list(hand_capsules), [*groups.head, *groups.trunk, *opposite_capsules]

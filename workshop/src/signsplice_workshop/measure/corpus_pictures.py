@@ -1,4 +1,4 @@
-"""Pictures of a corpus of pairs: a page of plots, and contact sheets of words, letters and pairs."""
+"""Draws pictures of a corpus of pairs: a page of plots, and contact sheets of words, letters and pairs."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ SHEET_WORDS = (
     *("MOTHER", "BOOK", "LEARN", "HOUSE", "WATER", "PLEASE", "FRIEND", "UNDERSTAND", "TREE", "SCHOOL"),
 )
 N_ROWS = 10
-"""Pseudo-signs and pairs on a sheet."""
-MENDED = (
+"""Number of pseudo-signs and of pairs on a sheet."""
+REVISED_WORDS = (
     *("PHONE", "I", "WE", "HE-SHE", "BIRD", "fs-P", "fs-Q", "READ", "FEEL", "TASTE", "PLEASE", "SORRY", "DAY", "STAND"),
     *("DANCE", "PROUD", "DIFFERENT", "RESPONSIBLE", "GIRAFFE", "ANGRY", "ELEPHANT", "DOG", "SIT", "ACT", "HIS-HER"),
     *("PAST", "KING", "HOSPITAL", "WALK", "CLIMB", "PURPLE", "BOSS", "FISH", "FORGET", "MORNING", "SMELL", "SWEET"),
@@ -42,57 +42,65 @@ _BLUE, _AMBER = "#3f6fa8", "#de8e20"
 def write_sheets(
     pairs: Pairs, signs: Mapping[str, Sign], images: Path, advance: Callable[[int, int], None] | None
 ) -> None:
-    """Write contact sheets of twenty words, all letters, ten pseudo-signs and ten pairs into a folder. Pseudo-signs and
-    pairs have a second row, seen from the side, where the hand moves mostly forward or back.
+    """Writes contact sheets of twenty words, all letters, ten pseudo-signs and ten pairs into a folder. Pseudo-signs
+    and pairs have a second row, seen from the side, if the hand moves mostly forward or back.
     """
-    words = [planner.synthesize_word(signs[g]) for g in SHEET_WORDS if g in signs]
-    half = (len(words) + 1) // 2
-    for n, part in enumerate((words[:half], words[half:]), 1):
-        write_strips([_word_strip(word) for word in part], images / f"corpus-words-{n}.png", progress=advance)
+    words = [planner.synthesize_word(signs[gloss]) for gloss in SHEET_WORDS if gloss in signs]
+    n_first = (len(words) + 1) // 2
+    for n, sheet_words in enumerate((words[:n_first], words[n_first:]), 1):
+        write_strips([_word_strip(word) for word in sheet_words], images / f"corpus-words-{n}.png", progress=advance)
     letters = [planner.synthesize_word(sign) for sign in notation.alphabet().values()]
     _write_letters(letters, images / "corpus-letters.png")
-    made = [planner.synthesize_word(pseudo.sign(seed)) for seed in range(N_ROWS)]
-    rows = [strip for word in made for strip in _with_side(_word_strip(word))]
+    pseudo_words = [planner.synthesize_word(pseudo.draw_sign(seed)) for seed in range(N_ROWS)]
+    rows = [strip for word in pseudo_words for strip in _add_side_view(_word_strip(word))]
     write_strips(rows, images / "corpus-pseudo.png", progress=advance)
-    write_front_and_side(MENDED, images / "corpus-mended.png")
+    write_front_and_side(REVISED_WORDS, images / "corpus-mended.png")
     n_words = len(pairs.head["words"]) // 2
     first = np.flatnonzero(pairs.index[:, 0] < n_words)
     chosen = stream("sheet", n_words).choice(first, min(N_ROWS, len(first)), replace=False).tolist()
-    rows = [strip for k in chosen for strip in _with_side(_pair_strip(pairs, k))]
+    rows = [strip for k in chosen for strip in _add_side_view(_pair_strip(pairs, k))]
     write_strips(rows, images / "corpus-pairs.png", progress=advance)
 
 
-def _with_side(strip: Strip) -> list[Strip]:
-    """A row from the front, and one from the side where the strong wrist moves farther forward and back than it does
-    across or up, between the second frame shown and the last but one.
+def _add_side_view(strip: Strip) -> list[Strip]:
+    """Returns a row from the front, and one from the side if the strong wrist moves farther forward and back than it
+    does sideways or up, between the second frame shown and the last but one.
     """
     wrist = strong_wrist(strip.clip[strip.frames[1] : strip.frames[-2] + 1], strip.hand)
-    across, up, forward = np.ptp(wrist, axis=0)
+    sideways, up, forward = np.ptp(wrist, axis=0)
     side = replace(strip, caption=f"{strip.caption}, from the side", view="side")
-    return [strip, side] if forward > max(across, up) else [strip]
+    return [strip, side] if forward > max(sideways, up) else [strip]
 
 
 def _word_strip(word: planner.IsolatedWord) -> Strip:
-    """A frame of the preparation, eight of the sign, one of the retraction."""
-    e = word.events
-    inner = np.linspace(e.start, e.end, 8).round().astype(int).tolist()
-    return Strip(word.clip, word.sign.gloss, [(e.up + e.start) // 2, *inner, (e.end + e.down) // 2])
+    """Returns a strip of a frame of the preparation, eight of the sign, and one of the retraction."""
+    events = word.events
+    inner = np.linspace(events.start, events.end, 8).round().astype(int).tolist()
+    return Strip(word.clip, word.sign.gloss, [(events.up + events.start) // 2, *inner, (events.end + events.down) // 2])
 
 
 def _pair_strip(pairs: Pairs, number: int) -> Strip:
-    """Frames on either side of the transition and up to four of it, which are framed."""
+    """Returns a strip of frames on either side of the transition and up to four of the transition, which are framed."""
     pre, _, _ = pairs.truth(number)
     count = int(pairs.index[number, 5])
     clip = pairs.clip(number)
-    new = list(range(pre + 1, pre + 1 + count))
-    inner = [new[k] for k in np.linspace(0, count - 1, min(4, count)).round().astype(int)]
-    frames = [pre - 6, pre - 3, pre, *inner, new[-1] + 1, new[-1] + 4, new[-1] + 7]
-    caption, shown = clip.name.replace(" ", " > "), [min(f, len(clip) - 1) for f in frames]
-    return Strip(clip, caption, shown, new, hand=strong_side(pairs))
+    gap_frames = list(range(pre + 1, pre + 1 + count))
+    inner = [gap_frames[k] for k in np.linspace(0, count - 1, min(4, count)).round().astype(int)]
+    frames = [
+        pre - 6,
+        pre - 3,
+        pre,
+        *inner,
+        gap_frames[-1] + 1,
+        gap_frames[-1] + 4,
+        gap_frames[-1] + 7,
+    ]
+    caption, shown = clip.name.replace(" ", " > "), [min(frame, len(clip) - 1) for frame in frames]
+    return Strip(clip, caption, shown, gap_frames, hand=strong_side(pairs))
 
 
 def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns: int = 9, size: int = 150) -> None:
-    """Every letter's hand at the middle of its hold, large, on one page."""
+    """Writes every letter's hand at the middle of its hold, large, on one page."""
     cells = []
     for letter in letters:
         frame = (letter.events.start + letter.events.end) // 2
@@ -101,22 +109,22 @@ def _write_letters(letters: Sequence[planner.IsolatedWord], path: Path, columns:
 
 
 def write_front_and_side(glosses: Sequence[str], path: Path, columns: int = 3, size: int = 140) -> None:
-    """Write a page of words and letters of this package: two frames of each from the front, then from the side; the
-    first posture and the last one, or the end of the first of several passes.
+    """Writes a page of words and letters of this package, with two frames of each from the front, then from the side:
+    the first posture, and the last posture or the end of the first of several passes.
     """
     signs = {**notation.everyday(), **notation.alphabet()}
     cells = []
     for gloss in glosses:
         word = planner.synthesize_word(signs[gloss])
-        e = word.events
-        frames = (e.start, e.passes[0][1] if len(e.passes) > 1 else e.end)
+        events = word.events
+        frames = (events.start, events.passes[0][1] if len(events.passes) > 1 else events.end)
         scenes = [make_scene(word.clip, view) for view in ("front", "side")]
         cells.append((np.hstack([draw(scene, frame, size, size) for scene in scenes for frame in frames]), gloss))
     write_cells(cells, path, columns, 64)
 
 
 def check_matplotlib() -> None:
-    """Raise ``MissingExtraError`` without matplotlib."""
+    """Raises ``MissingExtraError`` without matplotlib."""
     try:
         import matplotlib
     except ImportError as error:
@@ -129,7 +137,7 @@ def check_matplotlib() -> None:
 def write_plot(
     durations: Sequence[Quantity], motion: WristMotion, bends: Mapping[str, Mapping[str, FloatArray]], path: Path
 ) -> None:
-    """Write four plots: durations, speeds at the ends of transitions, wrist speeds, finger ranges.
+    """Writes four plots: durations, speeds at the ends of transitions, wrist speeds, finger ranges.
 
     bends: column -> finger joint -> its bend, degrees, of the corpus and of real clips.
     """
@@ -147,12 +155,12 @@ def write_plot(
 
 
 def _plot_durations(ax: Any, durations: Sequence[Quantity]) -> None:
-    for n, q in enumerate(durations):
-        for values, shift, colour in ((q.ours, -0.13, _BLUE), (q.real, 0.13, _AMBER)):
+    for n, quantity in enumerate(durations):
+        for values, shift, colour in ((quantity.ours, -0.13, _BLUE), (quantity.real, 0.13, _AMBER)):
             ax.plot([values[0], values[4]], [n + shift] * 2, color=colour, lw=1)
             ax.plot([values[1], values[3]], [n + shift] * 2, color=colour, lw=6, solid_capstyle="butt")
             ax.plot(values[2], n + shift, "k|", ms=9)
-    ax.set_yticks(range(len(durations)), [f"{q.name}\n{q.source}" for q in durations], fontsize=8)
+    ax.set_yticks(range(len(durations)), [f"{quantity.name}\n{quantity.source}" for quantity in durations], fontsize=8)
     ax.invert_yaxis()
     ax.set(title="durations: corpus (blue), real (amber)", xlabel="ms; 5, 25, 50, 75, 95 %")
 

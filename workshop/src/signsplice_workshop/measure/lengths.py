@@ -1,5 +1,5 @@
-"""How long people hold signs and travel between them, from annotated motion capture of Czech Sign Language
-(``czech_lengths.csv``), and the numbers of ``splicing.durations`` that follow.
+"""Reads how long people hold signs and travel between them, from annotated motion capture of Czech Sign Language
+(``czech_lengths.csv``), and fits the numbers of ``splicing.durations``.
 
 The annotations are Ondřej Valach's (github.com/oValach/Sign_Language_BT, MIT): 333 signs alone, and 33 takes of running
 signing with 917 signs and 621 transitions between two of them. Doubtful ones are left out.
@@ -23,7 +23,7 @@ from signsplice.splicing.options import choose
 
 TABLE = Path(__file__).with_name("czech_lengths.csv")
 PERCENTILES = np.arange(5, 96, 5)
-"""Those at which travels and times are matched."""
+"""Percentiles at which travels and times are matched."""
 TRAVEL_WIDTHS = (
     0.21, 0.29, 0.33, 0.38, 0.44, 0.49, 0.56, 0.65, 0.75, 0.88, 1.01, 1.08, 1.13, 1.18, 1.20, 1.24, 1.29, 1.33, 1.41,
 )  # fmt: skip
@@ -36,9 +36,9 @@ TRAVEL_WIDTHS = (
 class Lengths:
     """Annotated lengths, seconds.
 
-    alone: of signs shown alone, by gloss.
-    running: of signs in running signing, by gloss.
-    transitions: between two signs.
+    alone: lengths of signs shown alone, by gloss.
+    running: lengths of signs in running signing, by gloss.
+    transitions: lengths between two signs.
     """
 
     alone: dict[str, FloatArray]
@@ -47,7 +47,7 @@ class Lengths:
 
 
 def read(path: Path = TABLE) -> Lengths:
-    """The lengths of a table like ``TABLE``."""
+    """Returns the lengths of a table like ``TABLE``."""
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     signs = [row for row in rows if row["kind"] == "sign"]
@@ -63,8 +63,8 @@ def _seconds(milliseconds: str) -> FloatArray:
 
 
 def fit_signs(lengths: Lengths) -> tuple[float, float]:
-    """The median over glosses of a sign's length in running signing over that alone, and the mean length of signs in
-    running signing, seconds.
+    """Returns the median over glosses of a sign's length in running signing over its length alone, and the mean length
+    of signs in running signing, seconds.
     """
     ratios = [
         np.median(running) / np.median(lengths.alone[gloss])
@@ -75,8 +75,9 @@ def fit_signs(lengths: Lengths) -> tuple[float, float]:
 
 
 def fit_transitions(lengths: Lengths, travel_widths: Sequence[float] = TRAVEL_WIDTHS) -> tuple[float, float]:
-    """The numbers a and b, seconds, of T = a + b log2(1 + D) that give travels of D shoulder widths (percentiles
-    ``PERCENTILES``) the same percentiles of the annotated transitions, with the least squared error of log T.
+    """Returns the numbers a and b, seconds, of T = a + b log2(1 + D) that give travels of D shoulder widths
+    (percentiles ``PERCENTILES``) the same percentiles as the annotated transitions, with the least squared error of
+    log T.
     """
     doublings, seconds = np.log2(1.0 + np.array(travel_widths)), np.percentile(lengths.transitions, PERCENTILES)
 
@@ -88,7 +89,9 @@ def fit_transitions(lengths: Lengths, travel_widths: Sequence[float] = TRAVEL_WI
 
 
 def measure_travels(clips: Sequence[Clip]) -> FloatArray:
-    """How far the farther hand goes in each transition of a sentence cut by the default cutter, shoulder widths."""
+    """Returns the travel of the farther hand in each transition of a sentence cut by the default cutter, shoulder
+    widths.
+    """
     cuts = choose().cutter.cut_all(clips)
     return np.array(
         [travel_widths(arms(p), arms(q), cut.pre, cut.post) for (p, q), cut in zip(pairwise(clips), cuts, strict=True)]

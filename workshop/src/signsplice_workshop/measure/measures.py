@@ -1,5 +1,5 @@
-"""Tables of measures: each names a figure, computes it and says how it is shown. All subjects make their rows, JSON and
-Markdown of such a table. Also figures of a corpus beside real ones, and which of them agree.
+"""Tables of measures: each measure names a figure, computes it and says how it is shown. The rows, JSON and Markdown of
+all evaluations are made of such tables. Also compares figures of a corpus with real ones.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ class Measure:
     """One figure of a row.
 
     name: its key in JSON.
-    head: head of its column of Markdown, with the unit; measures with one head share a cell, and one without a head is
-        in JSON alone.
-    form: format of the number in its cell, "{:.2f}".
+    head: head of its column of Markdown, with the unit; measures with the same head share a cell, and a measure without
+        a head is in JSON alone.
+    form: format of the number in its cell, such as "{:.2f}".
     factor: from the figure to the unit that is shown.
-    function: the figure of what was measured, None where there is none; a measure without a function names what was
-        measured.
+    function: computes the figure from the measured object, or None if it has none; a measure without a function names
+        the measured object.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Measure:
     function: Callable[[Any], object] | None = None
 
     def cell(self, row: Row) -> str:
-        """The figure of a row as text; "-" in place of a number that there is not."""
+        """Returns the figure of a row as text; "-" for a missing number."""
         value = getattr(row, self.name)
         if isinstance(value, bool):
             return "yes" if value else "no"
@@ -52,45 +52,53 @@ class Measure:
 
 
 def percent(name: str, head: str, digits: int, function: Callable[[Any], object] | None = None) -> Measure:
-    """A measure whose fraction is shown in %."""
+    """Returns a measure whose fraction is shown in %."""
     return Measure(name, head, f"{{:.{digits}f}} %", 100.0, function)
 
 
-def over(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[Iterable[object]], float | None]:
-    """A function of measurements: a statistic of a field of theirs, of those that have it; None where none has."""
+def aggregate(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[Iterable[object]], float | None]:
+    """Returns a function that gives a statistic of a field of measurements that have it; None if none has it."""
 
     def function(measurements: Iterable[object]) -> float | None:
-        values = [value for value in (getattr(one, field) for one in measurements) if value is not None]
+        values = [value for value in (getattr(measurement, field) for measurement in measurements) if value is not None]
         return float(statistic(np.array(values))) if values else None
 
     return function
 
 
-def row_of(measures: Sequence[Measure], measured: object, **names: object) -> Row:
-    """The figures of what was measured; ``names``: what it is called, by measures without a function."""
-    figures = {one.name: names[one.name] if one.function is None else one.function(measured) for one in measures}
+def make_row(measures: Sequence[Measure], measured: object, **names: object) -> Row:
+    """Returns the figures of a measured object; ``names``: values of the measures without a function."""
+    figures = {
+        measure.name: names[measure.name] if measure.function is None else measure.function(measured)
+        for measure in measures
+    }
     return SimpleNamespace(**figures)
 
 
-def markdown_rows(measures: Sequence[Measure], rows: Iterable[Row]) -> list[str]:
-    """Lines of a Markdown table of rows."""
-    heads = dict.fromkeys(one.head for one in measures if one.head)
-    cells = [["".join(one.cell(row) for one in measures if one.head == head) for head in heads] for row in rows]
-    return markdown(list(heads), cells)
+def format_measures(measures: Sequence[Measure], rows: Iterable[Row]) -> list[str]:
+    """Returns rows as lines of a Markdown table."""
+    headings = dict.fromkeys(measure.head for measure in measures if measure.head)
+    cells = [
+        ["".join(measure.cell(row) for measure in measures if measure.head == heading) for heading in headings]
+        for row in rows
+    ]
+    return format_table(list(headings), cells)
 
 
-def markdown(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:
-    """Lines of a Markdown table."""
-    return [_line(head), _line(["---"] * len(head)), *map(_line, rows)]
+def format_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:
+    """Returns lines of a Markdown table."""
+    return [_format_line(head), _format_line(["---"] * len(head)), *map(_format_line, rows)]
 
 
-def _line(cells: Sequence[object]) -> str:
+def _format_line(cells: Sequence[object]) -> str:
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
-def tables_in(lines: Iterable[str]) -> list[dict[str, Any]]:
-    """The tables among lines of Markdown: each with its section, the paragraph before it, and its rows as shown."""
-    found: list[dict[str, Any]] = []
+def parse_tables(lines: Iterable[str]) -> list[dict[str, Any]]:
+    """Returns the tables among lines of Markdown: each with its section, the paragraph before it, and its rows as
+    shown.
+    """
+    tables: list[dict[str, Any]] = []
     section, paragraph, head = "", list[str](), list[str]()
     for line in lines:
         if line.startswith("#"):
@@ -98,28 +106,28 @@ def tables_in(lines: Iterable[str]) -> list[dict[str, Any]]:
         elif not line.startswith("|"):
             paragraph, head = ([] if head or (line and paragraph[-1:] == [""]) else paragraph) + [line], []
         elif not head:
-            head = _cells(line)
-            found.append({"section": section, "text": " ".join(paragraph).strip(), "rows": []})
+            head = _split_cells(line)
+            tables.append({"section": section, "text": " ".join(paragraph).strip(), "rows": []})
         elif not line.startswith("| ---"):
-            found[-1]["rows"].append(dict(zip(head, _cells(line), strict=True)))
-    return found
+            tables[-1]["rows"].append(dict(zip(head, _split_cells(line), strict=True)))
+    return tables
 
 
-def csv_text(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
-    """Rows as the text of a CSV file."""
+def format_csv(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+    """Returns rows as the text of a CSV file."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerows([head, *rows])
     return text.getvalue()
 
 
-def _cells(line: str) -> list[str]:
+def _split_cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split("|")]
 
 
 PERCENTILES = (5, 25, 50, 75, 95)
 MEDIAN_WITHIN, TAILS_WITHIN = 0.15, 0.25
-"""How far our median, and our 5 and 95 %, may be from the real ones, as a fraction of these."""
+"""Largest difference of our median, and of our 5 and 95 %, from the real ones, as a fraction of these."""
 HEAD = ("quantity", "unit", "corpus", "real", "from", "ratio", "median / 5 % / 95 %")
 
 
@@ -127,11 +135,11 @@ HEAD = ("quantity", "unit", "corpus", "real", "from", "ratio", "median / 5 % / 9
 class Quantity:
     """One line of a table of realism.
 
-    name, unit: of the quantity.
+    name, unit: name and unit of the quantity.
     ours: ``PERCENTILES`` of the corpus (5), or one figure (1).
     real: real percentiles (5), the ends of a range (2), or one figure (1), a median where ``ours`` has percentiles.
-    source: where the real figures are from.
-    spread: whether a range's ends are real 5 and 95 %, rather than a range of medians.
+    source: source of the real figures.
+    spread: whether the ends of a range are real 5 and 95 %, rather than a range of medians.
     """
 
     name: str
@@ -168,35 +176,35 @@ class Quantity:
 
 
 def percentiles(values: Sequence[float] | FloatArray) -> tuple[float, ...]:
-    """``PERCENTILES`` of some values."""
-    return tuple(float(v) for v in np.percentile(values, PERCENTILES))
+    """Returns ``PERCENTILES`` of the values."""
+    return tuple(float(value) for value in np.percentile(values, PERCENTILES))
 
 
-def table(quantities: Sequence[Quantity]) -> list[str]:
-    """Markdown: a line for each quantity, and below, which agree and which miss."""
+def format_quantities(quantities: Sequence[Quantity]) -> list[str]:
+    """Returns Markdown: a line for each quantity, and below, which agree and which miss."""
     words = {True: "yes", False: "no", None: "-"}
     rows = []
-    for q in quantities:
-        real = (" to " if len(q.real) == 2 else " / ").join(map(number, q.real))
-        ours = " / ".join(map(number, q.ours))
-        agrees = " / ".join(words[part] for part in q.agreement)
-        rows.append((q.name, q.unit, ours, real, q.source, f"{q.ratio:.2f}", agrees))
-    return [*markdown(HEAD, rows), "", *misses(quantities)]
+    for quantity in quantities:
+        real = (" to " if len(quantity.real) == 2 else " / ").join(map(format_number, quantity.real))
+        ours = " / ".join(map(format_number, quantity.ours))
+        agrees = " / ".join(words[agreement] for agreement in quantity.agreement)
+        rows.append((quantity.name, quantity.unit, ours, real, quantity.source, f"{quantity.ratio:.2f}", agrees))
+    return [*format_table(HEAD, rows), "", *list_misses(quantities)]
 
 
-def misses(quantities: Sequence[Quantity]) -> list[str]:
-    """Which quantities miss, and in what, as one line of Markdown and a list."""
-    found = []
-    for q in quantities:
-        names = ("median" if len(q.ours) == 5 else "figure", "5 %", "95 %")
-        parts = [name for name, part in zip(names, q.agreement, strict=True) if part is False]
-        if parts:
-            found.append(f"- {q.name} ({q.source}): {', '.join(parts)}")
-    n_agree = len(quantities) - len(found)
+def list_misses(quantities: Sequence[Quantity]) -> list[str]:
+    """Returns the quantities that miss, and in what, as one line of Markdown and a list."""
+    missing = []
+    for quantity in quantities:
+        names = ("median" if len(quantity.ours) == 5 else "figure", "5 %", "95 %")
+        misses = [name for name, agrees in zip(names, quantity.agreement, strict=True) if agrees is False]
+        if misses:
+            missing.append(f"- {quantity.name} ({quantity.source}): {', '.join(misses)}")
+    n_agree = len(quantities) - len(missing)
     line = f"{n_agree} of {len(quantities)} rows agree in all that can be compared."
-    return [line] if not found else [f"{line} Still misses:", "", *found]
+    return [line] if not missing else [f"{line} Still misses:", "", *missing]
 
 
-def number(value: float) -> str:
-    """A figure with three digits."""
+def format_number(value: float) -> str:
+    """Returns a figure with three digits."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"

@@ -1,5 +1,5 @@
-"""Scores of a clip against the true one, signatures of these and of the scores of ``rig.metrics``, and how much of a
-clip rotates evenly, as between keys.
+"""Scores of a clip against the true one, signatures of these and of the scores of ``rig.metrics``, and the fraction of
+a clip that rotates evenly, as between keys.
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ JERK_RATIO = "jerk-ratio|joints:wrists|third-difference|rms|transition+-1/signs"
 
 
 def arm_and_finger_joints(clip: Clip) -> list[int]:
-    """Indices of the elbow, wrist and every finger joint of both arms."""
+    """Returns the indices of the elbow, wrist and every finger joint of both arms."""
     joints = rig_info(clip.skeleton).roles.joints
     return [joint for role, joint in joints.items() if role.endswith(("LowerArm", "Hand")) or _is_finger(role)]
 
 
 def fingertip_joints(clip: Clip) -> list[int]:
-    """Indices of the last joint of every finger; the hands where there are no fingers."""
+    """Returns the indices of the last joint of every finger; the hands if there are no fingers."""
     joints = rig_info(clip.skeleton).roles.joints
     tips = [joint for role, joint in joints.items() if role.endswith("Distal")]
     return tips or [joint for role, joint in joints.items() if role.endswith("Hand")]
 
 
 def relative_positions(clip: Clip, joints: Sequence[int]) -> FloatArray:
-    """Positions (T, K, 3) of joints in the axes of the root."""
+    """Returns the positions (T, K, 3) of joints in the axes of the root."""
     rotations, positions = kinematics.forward(clip, [0, *joints])
     return _joint_local_positions(0, rotations, positions, list(range(1, len(joints) + 1)))
 
 
 def position_error(predicted: Clip, true: Clip) -> float:
-    """Mean distance of elbow, wrist and finger joints, seen from the root, in thousandths of the arm's length."""
+    """Returns the mean distance of elbow, wrist and finger joints, seen from the root, in thousandths of the arm's
+    length.
+    """
     joints = arm_and_finger_joints(true)
     difference = relative_positions(predicted, joints) - relative_positions(true, joints)
     return float(1000.0 * np.linalg.norm(difference, axis=-1).mean() / rig_info(true.skeleton).sizes.arm_length)
@@ -49,7 +51,7 @@ def position_error(predicted: Clip, true: Clip) -> float:
 
 @dataclass(frozen=True)
 class GroupErrors:
-    """Mean distance of joints from the truth by group, thousandths of the arm's length; NaN where the rig has none.
+    """Mean distance of joints from the truth by group, thousandths of the arm's length; NaN if the rig has none.
 
     hands: both wrists, seen from the root.
     fingers: every finger joint, seen from its wrist and in its axes.
@@ -62,7 +64,7 @@ class GroupErrors:
 
 
 def group_errors(predicted: Clip, true: Clip) -> GroupErrors:
-    """The errors of a clip by group of joints: what one group gains does not hide what another loses."""
+    """Returns the errors of a clip by group of joints: what one group gains does not hide what another loses."""
     info = rig_info(true.skeleton)
     joints = info.roles.joints
     wrists = {side: joints[f"{side}Hand"] for side in SIDES if f"{side}Hand" in joints}
@@ -77,13 +79,15 @@ def group_errors(predicted: Clip, true: Clip) -> GroupErrors:
     posed = [kinematics.forward(clip) for clip in (predicted, true)]
 
     def error(parts: list[tuple[int, list[int]]]) -> float:
-        seen = [
+        clip_positions = [
             np.concatenate(
-                [_joint_local_positions(origin, *clip, of) for origin, of in parts] or [np.empty((len(true), 0, 3))], 1
+                [_joint_local_positions(origin, *clip, group_joints) for origin, group_joints in parts]
+                or [np.empty((len(true), 0, 3))],
+                1,
             )
             for clip in posed
         ]
-        distances = np.linalg.norm(seen[0] - seen[1], axis=-1)
+        distances = np.linalg.norm(clip_positions[0] - clip_positions[1], axis=-1)
         return float(1000.0 * distances.mean() / info.sizes.arm_length) if distances.size else float("nan")
 
     return GroupErrors(**{name: error(parts) for name, parts in groups.items()})
@@ -94,7 +98,7 @@ def _is_finger(role: str) -> bool:
 
 
 def _joint_local_positions(origin: int, rotations: FloatArray, positions: FloatArray, joints: list[int]) -> FloatArray:
-    """Positions (T, K, 3) of joints in the axes of one joint, of global rotations and positions of all."""
+    """Returns positions (T, K, 3) of joints in the axes of one joint, from global rotations and positions of all."""
     relative = positions[:, joints] - positions[:, origin, None]
     return np.asarray(np.einsum("tba,tkb->tka", rotations[:, origin], relative))
 
@@ -106,8 +110,8 @@ it rotates evenly.
 
 
 def even_rotation_frames(clip: Clip) -> FloatArray:
-    """For every frame but the first and the last (T - 2,): 1 where every arm and finger joint repeats its last rotation
-    step, 0 where one does not, NaN where none moves or is known.
+    """Returns for every frame but the first and the last (T - 2,): 1 if every arm and finger joint repeats its last
+    rotation step, 0 if one does not, NaN if none moves or is known.
 
     People never move so; a program that interpolates between keys does (slerp), and so does gap filling in a capture. A
     measurement on such frames shows how near a method is to that program.
@@ -121,8 +125,8 @@ def even_rotation_frames(clip: Clip) -> FloatArray:
 
 
 def even_rotation_fraction(clip: Clip) -> float:
-    """Share of the moving frames in which every arm and finger joint repeats its last rotation step
-    (``even_rotation_frames``): 0 of captured motion, and where nothing moves.
+    """Returns the fraction of the moving frames in which every arm and finger joint repeats its last rotation step
+    (``even_rotation_frames``): 0 of captured motion, and if nothing moves.
     """
     even = even_rotation_frames(clip)
     moving = even[~np.isnan(even)]
@@ -130,13 +134,15 @@ def even_rotation_fraction(clip: Clip) -> float:
 
 
 def format_keyedness(clip: Clip) -> str:
-    """How tables mark a clip that is keyed (``rig.keyedness``)."""
+    """Returns the text with which tables mark a keyed clip (``rig.keyedness``)."""
     even = 100.0 * even_rotation_fraction(clip)
     return f"{judge_keyedness(clip).reason}, {even:.0f} % of its moving frames repeat the step before"
 
 
 def motion_ratio(predicted: Clip, true: Clip) -> float:
-    """Path length of the fingertips, seen from the root, predicted over true; 1 moves as much as the truth does."""
+    """Returns the path length of the fingertips, seen from the root, predicted over true; 1 moves as much as the truth
+    does.
+    """
     joints = fingertip_joints(true)
     paths = [
         np.linalg.norm(np.diff(relative_positions(clip, joints), axis=0), axis=-1).sum() for clip in (predicted, true)

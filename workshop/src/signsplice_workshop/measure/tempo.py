@@ -1,5 +1,5 @@
-"""Sentences at the tempo of running signing beside the same at that of dictionary forms: how long signs take, and what
-is left of their movements, repetitions and contacts.
+"""Compares sentences at the tempo of running signing with the same sentences at the tempo of dictionary forms: how long
+signs take, and what is left of their movements, repetitions and contacts.
 """
 
 from __future__ import annotations
@@ -27,40 +27,38 @@ from signsplice_workshop.measure.measures import (
     Measure,
     Progress,
     Row,
-    markdown_rows,
-    over,
+    aggregate,
+    format_measures,
+    make_row,
     percent,
-    row_of,
     track_progress,
 )
 
 LENGTH = 7
-"""Signs of a sentence; the first and the last are not measured, since rest is part of them."""
+"""Number of signs of a sentence; the first and the last are not measured, since rest is part of them."""
 SLOW = 0.6
 """Tempo of a signer who shows dictionary forms slowly."""
 SLOW_DICTIONARIES = ((0.6, 0.5), (0.45, 0.8))
-"""Tempo, and seconds that the last posture is held beyond the signer's own time."""
+"""Tempo, and time that the last posture is held beyond the signer's own time, s."""
 NOISE_RAD = 0.004
-"""Deviation of each joint's rotations, within those of captures (0.002 to 0.008)."""
-_TURN_M, _SEEN_TURN_M = 0.015, 0.01
-"""A recorded hand turns back where it has gone this far, m, along the main axis of its path; a played one is seen to
-from the second on.
-"""
-_STILL_M = 0.05
+"""Standard deviation of each joint's rotations, radians, within those of captures (0.002 to 0.008)."""
+_MIN_TURN_M, _MIN_SEEN_TURN_M = 0.015, 0.01
+"""Distances along the main axis of a hand's path, m, above which it turns back: in a recording, and in a sentence."""
+_MIN_PATH_M = 0.05
 
 
 @dataclass(frozen=True)
 class _SignMeasurement:
-    """One sign of a sentence.
+    """Measurement of one sign of a sentence.
 
-    seconds, transition: how long it takes, and the transition before it, s.
+    seconds, transition: duration of the sign, and of the transition before it, s.
     peak, peak_ratio: highest speed of a wrist within the sign, m/s, and over the recorded sign's.
     jerk_ratio: jerk of the faster wrist over the recorded sign's, both scaled to one duration: 1 where the movement
         keeps its shape.
     whole: whether all its movements are kept.
     repeats: whether hands turn back no less often than recorded in its movements.
-    passes: seconds of passes of movements that were not as short as recorded.
-    contacts: how many were recorded, and how many are seen in two frames or more.
+    passes: durations of passes that are played faster than recorded, s.
+    contacts: number of recorded contacts, and number of those seen in two frames or more.
     """
 
     seconds: float
@@ -75,68 +73,74 @@ class _SignMeasurement:
 
 
 @dataclass(frozen=True)
-class _Measured:
+class _MeasuredLexicon:
     """The signs of a lexicon at one tempo, first and last of each sentence left out, and all seams."""
 
     signs: Sequence[_SignMeasurement]
     seams: Sequence[SeamScore]
 
 
-def _sign(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[_Measured], float | None]:
-    return lambda of: over(field, statistic)(of.signs)
+def _aggregate_signs(
+    field: str, statistic: Callable[[FloatArray], float]
+) -> Callable[[_MeasuredLexicon], float | None]:
+    return lambda measured: aggregate(field, statistic)(measured.signs)
 
 
-def _seam(field: str, statistic: Callable[[FloatArray], float]) -> Callable[[_Measured], float | None]:
-    return lambda of: over(field, statistic)(of.seams)
+def _aggregate_seams(
+    field: str, statistic: Callable[[FloatArray], float]
+) -> Callable[[_MeasuredLexicon], float | None]:
+    return lambda measured: aggregate(field, statistic)(measured.seams)
 
 
 def _percentile_95(values: FloatArray) -> float:
     return float(np.quantile(values, 0.95))
 
 
-def _mean_ratio(of: _Measured) -> float:
-    return float(np.mean([sign.seconds + sign.transition for sign in of.signs])) / RUNNING_S
+def _mean_ratio(measured: _MeasuredLexicon) -> float:
+    return float(np.mean([sign.seconds + sign.transition for sign in measured.signs])) / RUNNING_S
 
 
-def _shortest_pass(of: _Measured) -> float | None:
-    return min((seconds for sign in of.signs for seconds in sign.passes), default=None)
+def _shortest_pass(measured: _MeasuredLexicon) -> float | None:
+    return min((seconds for sign in measured.signs for seconds in sign.passes), default=None)
 
 
-def _contact_fraction(of: _Measured) -> float | None:
-    there, seen = np.sum([sign.contacts for sign in of.signs], axis=0).tolist()
-    return seen / there if there else None
+def _contact_fraction(measured: _MeasuredLexicon) -> float | None:
+    n_recorded, n_seen = np.sum([sign.contacts for sign in measured.signs], axis=0).tolist()
+    return n_seen / n_recorded if n_recorded else None
 
 
 MEASURES = (
     Measure("words", "words"),
     Measure("tempo", "tempo"),
-    Measure("n_signs", "signs", function=lambda of: len(of.signs)),
+    Measure("n_signs", "signs", function=lambda measured: len(measured.signs)),
     Measure("ratio", "of running tempo", "{:.2f}", function=_mean_ratio),
-    Measure("sign_seconds", "sign, s", "{:.2f}", function=_sign("seconds", np.nanmedian)),
-    Measure("transition_seconds", "transition, s", "{:.2f}", function=_sign("transition", np.nanmedian)),
-    Measure("longest", "95 %", "{:.2f}", function=_sign("seconds", _percentile_95)),
-    Measure("peak", "peak, m/s", "{:.2f}", function=_sign("peak", np.nanmedian)),
-    Measure("fastest", "fastest", "{:.2f}", function=_sign("peak", np.max)),
-    Measure("peak_ratio", "peak ratio", "{:.2f}", function=_sign("peak_ratio", np.nanmedian)),
-    Measure("jerk_ratio", "jerk ratio", "{:.2f}", function=_sign("jerk_ratio", np.nanmedian)),
-    Measure("velocity_jump", "velocity jump, m/s", "{:.2f}", function=_seam("velocity_jump", np.median)),
-    Measure("transition_peak", "transition peak", "{:.2f}", function=_seam("peak_speed_m_s", _percentile_95)),
-    percent("whole", "strokes whole", 0, _sign("whole", np.mean)),
-    percent("repetitions", "turns kept", 0, _sign("repeats", np.mean)),
+    Measure("sign_seconds", "sign, s", "{:.2f}", function=_aggregate_signs("seconds", np.nanmedian)),
+    Measure("transition_seconds", "transition, s", "{:.2f}", function=_aggregate_signs("transition", np.nanmedian)),
+    Measure("longest", "95 %", "{:.2f}", function=_aggregate_signs("seconds", _percentile_95)),
+    Measure("peak", "peak, m/s", "{:.2f}", function=_aggregate_signs("peak", np.nanmedian)),
+    Measure("fastest", "fastest", "{:.2f}", function=_aggregate_signs("peak", np.max)),
+    Measure("peak_ratio", "peak ratio", "{:.2f}", function=_aggregate_signs("peak_ratio", np.nanmedian)),
+    Measure("jerk_ratio", "jerk ratio", "{:.2f}", function=_aggregate_signs("jerk_ratio", np.nanmedian)),
+    Measure("velocity_jump", "velocity jump, m/s", "{:.2f}", function=_aggregate_seams("velocity_jump", np.median)),
+    Measure(
+        "transition_peak", "transition peak", "{:.2f}", function=_aggregate_seams("peak_speed_m_s", _percentile_95)
+    ),
+    percent("whole", "strokes whole", 0, _aggregate_signs("whole", np.mean)),
+    percent("repetitions", "turns kept", 0, _aggregate_signs("repeats", np.mean)),
     Measure("shortest_pass", "shortest pass, s", "{:.2f}", function=_shortest_pass),
     percent("contacts", "contacts kept", 0, _contact_fraction),
 )
-"""Of a lexicon at a tempo: seconds a sign takes, its transition included, over ``RUNNING_S``; what signs and seams are;
-fraction of the contacts that are seen in two frames or more.
+"""Measures of a lexicon at a tempo: seconds a sign takes, its transition included, over ``RUNNING_S``; values of signs
+and seams; fraction of the contacts that are seen in two frames or more.
 """
 _SHOWN = (*MEASURES[:5], MEASURES[6], MEASURES[5], *MEASURES[7:])
-"""In a table the longest signs stand beside the others."""
+"""Measures in the order of the table, with the longest signs beside the others."""
 
 
 def draw_words(n_words: int) -> dict[str, tuple[Signer, list[Sign]]]:
-    """Words that ship, drawn by seed, by the standard signer, and as many others by each of three other signers: one
-    drawn by seed, one who rests with folded hands, one who signs slowly. No word is in two of them. Raises
-    ``InputError`` where there are not so many words.
+    """Returns words that ship, drawn by seed, by the standard signer, and as many others by each of three other
+    signers: one drawn by seed, one who rests with folded hands, one who signs slowly. No word is in two of them.
+    Raises ``InputError`` if there are not so many words.
     """
     signs = list(notation.everyday().values())
     order = stream("tempo", len(signs)).permutation(len(signs)).tolist()
@@ -146,19 +150,19 @@ def draw_words(n_words: int) -> dict[str, tuple[Signer, list[Sign]]]:
         "signer 202, folded": replace(draw_signer(202), rest="folded"),
         "signer 203, slow": replace(draw_signer(203), tempo=SLOW),
     }
-    most = len(signs) // len(signers)
-    if not LENGTH <= n_words <= most:
-        raise InputError(f"{n_words} words of each signer, expected {LENGTH} to {most}")
+    max_words = len(signs) // len(signers)
+    if not LENGTH <= n_words <= max_words:
+        raise InputError(f"{n_words} words of each signer, expected {LENGTH} to {max_words}")
     rows = [order[n * n_words : (n + 1) * n_words] for n in range(len(signers))]
     return {name: (signer, [signs[k] for k in row]) for (name, signer), row in zip(signers.items(), rows, strict=True)}
 
 
-def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
-    """The words of ``draw_words``, signed, and those that ship as other dictionaries show and capture them: slowly with
-    long last holds, and with noise. Raises as ``draw_words`` does.
+def make_lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
+    """Returns the words of ``draw_words``, signed, and the words that ship as other dictionaries show and capture them:
+    slowly with long last holds, and with noise. Raises as ``draw_words`` does.
     """
     words = {
-        name: [planner.synthesize_word(one, signer) for one in signs]
+        name: [planner.synthesize_word(sign, signer) for sign in signs]
         for name, (signer, signs) in draw_words(n_words).items()
     }
     shipped = words["words that ship"]
@@ -170,18 +174,18 @@ def lexicons(n_words: int) -> dict[str, list[IsolatedWord]]:
 
 
 def hold_longer(word: IsolatedWord, seconds: float) -> IsolatedWord:
-    """The word with its last posture held so much longer."""
-    clip, events, n_more = word.clip, word.events, round(seconds * word.clip.fps)
-    frames = np.r_[: events.end + 1, [events.end] * n_more, events.end + 1 : len(clip)].astype(np.float64)
-    events = replace(events, end=events.end + n_more, down=events.down + n_more)
+    """Returns the word with its last posture held longer by ``seconds``."""
+    clip, events, n_added = word.clip, word.events, round(seconds * word.clip.fps)
+    frames = np.r_[: events.end + 1, [events.end] * n_added, events.end + 1 : len(clip)].astype(np.float64)
+    events = replace(events, end=events.end + n_added, down=events.down + n_added)
     return replace(word, clip=replace(sample_clip(clip, frames), name=clip.name), events=events)
 
 
 def add_noise(word: IsolatedWord, radians: float) -> IsolatedWord:
-    """The word with every joint turned by noise of this standard deviation an axis, smooth over 1/30 s."""
+    """Returns the word with every joint turned by noise of this standard deviation an axis, smooth over 1/30 s."""
     clip = word.clip
-    white = stream("noise", clip.name).standard_normal((*clip.local_rotations.shape[:2], 3))
-    turns = gaussian_filter1d(white, clip.fps / 30.0, axis=0)
+    white_noise = stream("noise", clip.name).standard_normal((*clip.local_rotations.shape[:2], 3))
+    turns = gaussian_filter1d(white_noise, clip.fps / 30.0, axis=0)
     rotations = rotation.multiply(clip.local_rotations, rotation.exp(turns * radians / turns.std()))
     return replace(word, clip=replace(clip, local_rotations=rotations))
 
@@ -192,9 +196,9 @@ def compare(
     bundle: str | Path | None = None,
     progress: Progress | None = None,
 ) -> list[Row]:
-    """One row for each lexicon and tempo; every word is measured once."""
+    """Returns one row for each lexicon and tempo; every word is measured once."""
     return [
-        row_of(
+        make_row(
             MEASURES,
             _measure_lexicon(lexicon, SpliceOptions(tempo=tempo, bundle=bundle)),
             words=name,
@@ -204,27 +208,27 @@ def compare(
     ]
 
 
-def _measure_lexicon(words: Sequence[IsolatedWord], options: SpliceOptions) -> _Measured:
-    """What became of every word in sentences of a lexicon's words."""
+def _measure_lexicon(words: Sequence[IsolatedWord], options: SpliceOptions) -> _MeasuredLexicon:
+    """Measures every word in sentences of a lexicon's words."""
     signs: list[_SignMeasurement] = []
     seams: list[SeamScore] = []
-    for part in _sentences(words):
-        result = splice([word.clip for word in part], options)
-        signs += list(_signs(result, part))
+    for sentence in _make_sentences(words):
+        result = splice([word.clip for word in sentence], options)
+        signs += list(_measure_signs(result, sentence))
         seams += result.seams
-    return _Measured(signs, seams)
+    return _MeasuredLexicon(signs, seams)
 
 
-def _sentences(words: Sequence[IsolatedWord]) -> Iterator[list[IsolatedWord]]:
-    """Sentences of ``LENGTH`` in which every word stands once between two others."""
+def _make_sentences(words: Sequence[IsolatedWord]) -> Iterator[list[IsolatedWord]]:
+    """Yields sentences of ``LENGTH`` in which every word stands once between two others."""
     inner = LENGTH - 2
     for start in range(0, len(words), inner):
-        part = list(words[start : start + inner])
-        yield [words[start - 1], *part, words[(start + len(part)) % len(words)]]
+        inner_words = list(words[start : start + inner])
+        yield [words[start - 1], *inner_words, words[(start + len(inner_words)) % len(words)]]
 
 
-def _signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Iterator[_SignMeasurement]:
-    """What each sign but the first and the last became."""
+def _measure_signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Iterator[_SignMeasurement]:
+    """Yields the measurement of each sign but the first and the last."""
     fps, wrists = result.clip.fps, wrist_positions(result.clip)
     touching = contact_frames(result.clip)
     for before, span in zip(result.spans, result.spans[1:-1], strict=False):
@@ -232,8 +236,8 @@ def _signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Iterator[_Sig
             continue
         word, played = words[span.clip], wrists[slice(*span.output)]
         recorded = wrist_positions(word.clip)[slice(*span.source)]
-        peaks = [_peak(path, fps) for path in (played, recorded)]
-        jerks = [_shape(path) for path in (played, recorded)]
+        peaks = [_peak_speed(path, fps) for path in (played, recorded)]
+        jerks = [_relative_jerk(path) for path in (played, recorded)]
         yield _SignMeasurement(
             seconds=len(played) / fps,
             transition=(before.output[1] - before.output[0]) / fps if before.kind == "transition" else 0.0,
@@ -241,21 +245,21 @@ def _signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Iterator[_Sig
             peak_ratio=peaks[0] / peaks[1] if peaks[1] > 0.0 else float("nan"),
             jerk_ratio=jerks[0] / jerks[1] if jerks[1] > 0.0 else float("nan"),
             whole=keeps_stroke(word, *span.source),
-            repeats=_repeats(span, word, wrists),
-            passes=tuple(_passes(span, word, fps)),
-            contacts=_contacts(span, word.clip, touching),
+            repeats=_repeats_turns(span, word, wrists),
+            passes=tuple(_shortened_passes(span, word, fps)),
+            contacts=_count_contacts(span, word.clip, touching),
         )
 
 
-def _passes(span: Span, word: IsolatedWord, fps: float) -> Iterator[float]:
-    """Seconds of each pass that is played faster than recorded."""
+def _shortened_passes(span: Span, word: IsolatedWord, fps: float) -> Iterator[float]:
+    """Yields the duration, s, of each pass that is played faster than recorded."""
     for begin, end in word.events.passes:
         seconds = (output_frame(span, end) - output_frame(span, begin)) / fps
         if seconds < (end - begin) / fps - 1e-3:
             yield seconds
 
 
-def _repeats(span: Span, word: IsolatedWord, wrists: FloatArray) -> bool:
+def _repeats_turns(span: Span, word: IsolatedWord, wrists: FloatArray) -> bool:
     """Whether the hands (T, W, 3) of a sentence turn back no less often than recorded in a sign's movements."""
     events = word.events
     if events.first is None or not events.passes:
@@ -265,61 +269,65 @@ def _repeats(span: Span, word: IsolatedWord, wrists: FloatArray) -> bool:
     start, stop = int(np.floor(output_frame(span, first))), int(np.ceil(output_frame(span, last))) + 1
     for path, played in zip(recorded.swapaxes(0, 1), wrists[start:stop].swapaxes(0, 1), strict=True):
         axis = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)[2][0]
-        if _direction_changes(played, axis, _SEEN_TURN_M) < _direction_changes(path, axis, _TURN_M):
+        if _count_direction_changes(played, axis, _MIN_SEEN_TURN_M) < _count_direction_changes(path, axis, _MIN_TURN_M):
             return False
     return True
 
 
-def _contacts(span: Span, clip: Clip, touching: Sequence[tuple[int, int]]) -> tuple[int, int]:
-    """Contacts recorded wholly within a span, and those of them that the sentence shows, in two frames or more."""
+def _count_contacts(span: Span, clip: Clip, touching: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    """Returns the number of contacts recorded wholly within a span, and of those that the sentence shows in two frames
+    or more.
+    """
     start, stop = span.source or (0, 0)
-    there = [(a, b) for a, b in contact_frames(clip) if start <= a and b <= stop]
-    seen = [
+    recorded = [(a, b) for a, b in contact_frames(clip) if start <= a and b <= stop]
+    is_shown = [
         any(max(first, output_frame(span, a) - 1) < min(end, output_frame(span, b - 1) + 2) for first, end in touching)
-        for a, b in there
+        for a, b in recorded
     ]
-    return len(there), sum(seen)
+    return len(recorded), sum(is_shown)
 
 
-def _peak(wrists: FloatArray, fps: float) -> float:
+def _peak_speed(wrists: FloatArray, fps: float) -> float:
     return float(np.linalg.norm(np.diff(wrists, axis=0), axis=-1).max(initial=0.0) * fps)
 
 
-def _shape(wrists: FloatArray) -> float:
-    """Root mean square jerk of the wrist (T, W, 3) that goes farther, over its path's length, in durations; NaN for one
-    that stands still.
+def _relative_jerk(wrists: FloatArray) -> float:
+    """Returns the root mean square jerk of the wrist (T, W, 3) that goes farther, over its path's length, in durations;
+    NaN if it stands still.
     """
     lengths = np.linalg.norm(np.diff(wrists, axis=0), axis=-1).sum(axis=0)
     hand = int(np.argmax(lengths))
-    if len(wrists) < 5 or lengths[hand] < _STILL_M:
+    if len(wrists) < 5 or lengths[hand] < _MIN_PATH_M:
         return float("nan")
     jerk = np.diff(wrists[:, hand], n=3, axis=0)
     return float(np.sqrt((jerk**2).sum(axis=-1).mean()) * (len(wrists) - 1) ** 3 / lengths[hand])
 
 
-def _direction_changes(path: FloatArray, axis: FloatArray, least: float) -> int:
-    """How often a wrist (T, 3) turns back along the main axis of its recorded path, by more than ``least`` m."""
-    along = path @ axis
-    turns, direction, extreme = 0, 0.0, along[0]
-    for value in along.tolist():
-        if direction == 0.0 and abs(value - extreme) > least:
+def _count_direction_changes(path: FloatArray, axis: FloatArray, minimum_m: float) -> int:
+    """Returns how often a wrist (T, 3) turns back along the main axis of its recorded path, by more than ``minimum_m``,
+    m.
+    """
+    coordinates = path @ axis
+    turns, direction, extreme = 0, 0.0, coordinates[0]
+    for value in coordinates.tolist():
+        if direction == 0.0 and abs(value - extreme) > minimum_m:
             direction, extreme = np.sign(value - extreme), value
         elif direction != 0.0 and (value - extreme) * direction >= 0.0:
             extreme = value
-        elif direction != 0.0 and abs(value - extreme) > least:
+        elif direction != 0.0 and abs(value - extreme) > minimum_m:
             turns, direction, extreme = turns + 1, -direction, value
     return turns
 
 
 def signature(n_words: int) -> str:
-    """The recipe of the numbers."""
+    """Returns the recipe of the numbers."""
     return (
         f"tempo|words:everyday,{n_words},drawn:once|signs:inner-of-{LENGTH}|running:{RUNNING_S:g}s"
-        f"|jerk:third-difference,rms,duration^3/path|turns:{1e3 * _TURN_M:g}mm"
+        f"|jerk:third-difference,rms,duration^3/path|turns:{1e3 * _MIN_TURN_M:g}mm"
         f"|slow:{','.join(f'{tempo:g}+{hold_s:g}s' for tempo, hold_s in SLOW_DICTIONARIES)}|noise:{NOISE_RAD:g}rad"
     )
 
 
 def table(rows: Sequence[Row], n_words: int) -> list[str]:
-    """The rows as Markdown, with their signature."""
-    return [f"`{signature(n_words)}`", "", *markdown_rows(_SHOWN, rows)]
+    """Returns the rows as Markdown, with their signature."""
+    return [f"`{signature(n_words)}`", "", *format_measures(_SHOWN, rows)]

@@ -1,1 +1,1 @@
-"""Trains the networks that ship: features, network, checkpoint, bundle."""
+"""Trains the shipped networks: features, network, checkpoint, bundle."""

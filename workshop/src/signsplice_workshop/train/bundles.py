@@ -19,10 +19,10 @@ from signsplice.splicing.bundle import BUNDLE_FILE, VERSION, read_config
 def write_bundle(
     folder: Path, values: Mapping[str, Any], files: Mapping[str, bytes], unlisted: Mapping[str, bytes] | None = None
 ) -> None:
-    """Write files and bundle.json into a folder, all in one step: its whole content is made beside it.
+    """Writes files and bundle.json into a folder, all in one step: its whole content is prepared beside it.
 
     unlisted: files that bundle.json does not list. Other files in the folder stay, except those of an earlier bundle.
-    Raises ``InputError`` where the folder cannot be written.
+    Raises ``InputError`` if the folder cannot be written.
     """
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
     text = json.dumps({"version": VERSION, **values, "files": hashes}, indent=1) + "\n"
@@ -31,24 +31,24 @@ def write_bundle(
         folder.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder.parent}: cannot be made ({error.strerror})") from error
-    with replacing_folder(folder) as made:
-        _keep_others(folder, made, written)
+    with replacing_folder(folder) as new_folder:
+        _link_remaining_files(folder, new_folder, written)
         for name, content in written.items():
-            (made / name).write_bytes(content)
+            (new_folder / name).write_bytes(content)
 
 
-def _keep_others(folder: Path, made: Path, written: Mapping[str, bytes]) -> None:
-    """Link what is in a folder, its earlier bundle and the files that will be ``written`` apart, into another one."""
+def _link_remaining_files(folder: Path, new_folder: Path, written: Mapping[str, bytes]) -> None:
+    """Links the files of a folder, except its earlier bundle and the files to be ``written``, into another one."""
     if not folder.is_dir():
         return
     replaced = set(written)
     with suppress(InputError):  # no bundle, or none that can be read: all of its files stay
         replaced |= set(read_config(folder).files)
 
-    def at_top(parent: str, names: list[str]) -> set[str]:
+    def find_replaced(parent: str, names: list[str]) -> set[str]:
         return replaced & set(names) if Path(parent) == folder else set()
 
-    shutil.copytree(folder, made, symlinks=True, ignore=at_top, copy_function=_link, dirs_exist_ok=True)
+    shutil.copytree(folder, new_folder, symlinks=True, ignore=find_replaced, copy_function=_link, dirs_exist_ok=True)
 
 
 def _link(source: str, copy: str) -> None:

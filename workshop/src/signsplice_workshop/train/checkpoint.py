@@ -22,9 +22,9 @@ NAME = "checkpoint.pt"
 
 
 def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: str) -> None:
-    """Write the state after ``step`` steps."""
+    """Writes the state after ``step`` steps."""
     state = {"step": step, "recipe": recipe, "network": network.state_dict(), "optimiser": optimiser.state_dict()}
-    content = io.BytesIO()  # torch reports a full disk as a fault of its own
+    content = io.BytesIO()  # torch reports a full disk as an error of another kind
     torch.save(state, content)
     atomic.write(folder / NAME, content.getbuffer())
 
@@ -36,10 +36,10 @@ def load(
     recipe: str,
     processes: Processes = ALONE,
 ) -> int:
-    """The number of steps done, with network and optimiser set to the checkpoint's state; 0 where there is none.
+    """Returns the number of steps done, with network and optimiser set to the checkpoint's state; 0 if there is none.
 
-    The first process reads it and hands it to the others, whose machines may not have it. Raises ``InputError`` where
-    it is broken or of another training.
+    The first process reads it and sends it to the others, whose machines may not have it. Raises ``InputError`` if it
+    is broken or of another training.
     """
     path = folder / NAME
     state = processes.broadcast_value(read(folder) if processes.first and path.exists() else None)
@@ -47,7 +47,7 @@ def load(
         return 0
     if state["recipe"] != recipe:
         raise InputError(f"{path}: of another training ({state['recipe']}, not {recipe}); name another folder")
-    with _readable(path):
+    with _convert_read_errors(path):
         network.load_state_dict(state["network"])
         if optimiser is not None:
             optimiser.load_state_dict(state["optimiser"])
@@ -55,21 +55,21 @@ def load(
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """A checkpoint's step, recipe, network and optimiser. Raises ``InputError`` where it is missing or broken."""
-    with _readable(folder / NAME):
+    """Returns a checkpoint's step, recipe, network and optimiser. Raises ``InputError`` if it is missing or broken."""
+    with _convert_read_errors(folder / NAME):
         state: dict[str, Any] = torch.load(folder / NAME, map_location="cpu", weights_only=True)
         return {name: state[name] for name in ("step", "recipe", "network", "optimiser")}
 
 
 def load_weights(folder: Path, network: nn.Module) -> None:
-    """Set a network to the weights of a checkpoint. Raises ``InputError`` where it is of another network."""
+    """Sets a network to the weights of a checkpoint. Raises ``InputError`` if it is of another network."""
     state = read(folder)
-    with _readable(folder / NAME):
+    with _convert_read_errors(folder / NAME):
         network.load_state_dict(state["network"])
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
+def _convert_read_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:  # a damaged file may raise anything

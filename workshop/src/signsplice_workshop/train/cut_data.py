@@ -46,8 +46,8 @@ class SignerWords:
 
     - trajectories: the words on the canonical humanoid
     - phases: (T,) for each word, indices into ``PHASES``
-    - true_cuts: (W, W, 3) for word before and word after: last frame kept, first frame kept, number of transition
-      frames; -1 where a pair has no truth
+    - true_cuts: (W, W, 3) for word before and word after: last kept frame, first kept frame, number of transition
+      frames; -1 if a pair has no truth
     """
 
     trajectories: tuple[CanonicalTrajectory, ...]
@@ -56,7 +56,7 @@ class SignerWords:
 
 
 def read_words(path: Path) -> SignerWords:
-    """The words of a signer's file, as ``synth.training_data`` writes it."""
+    """Returns the words of a signer's file, as ``synth.training_data`` writes it."""
     has_role = np.ones(len(ROLES), bool)
     trajectories, phases = [], []
     with open_signer_file(path) as stored:
@@ -65,16 +65,16 @@ def read_words(path: Path) -> SignerWords:
             frames = slice(first, first + n_frames)
             rotations_6d = rotation.to_6d(rotation.normalize(packed_quats[frames] / 32767.0))
             trajectories.append(CanonicalTrajectory(rotations_6d, positions[frames], has_role))
-            phases.append(frame_phases(np.arange(n_frames), word_events))
+            phases.append(classify_phases(np.arange(n_frames), word_events))
     return SignerWords(tuple(trajectories), tuple(phases), true_cuts.astype(np.int64))
 
 
-def frame_phases(at: Int, events: Sequence[int]) -> Int:
-    """Indices (T,) into ``PHASES`` of frames ``at`` (T,) of a word with the events (8,) of ``synth.training_data``."""
+def classify_phases(frames: Int, events: Sequence[int]) -> Int:
+    """Returns indices (T,) into ``PHASES`` of ``frames`` (T,) of a word with events (8,) of ``synth.training_data``."""
     up, start, end, down, begin, _, _, stop = events
-    in_stroke = (at >= begin) & (at <= stop) & (begin >= 0)
+    in_stroke = (frames >= begin) & (frames <= stop) & (begin >= 0)
     rest, preparation, hold, stroke, retraction = range(len(PHASES))
-    conditions = [at <= up, at < start, in_stroke, at <= end, at < down]
+    conditions = [frames <= up, frames < start, in_stroke, frames <= end, frames < down]
     return np.select(conditions, [rest, preparation, stroke, hold, retraction], rest)
 
 
@@ -85,8 +85,8 @@ class CutBatch:
     - tokens: (G, W, T, N_WORD)
     - mask: (G, W, T), False at padding
     - phases: (G, W, T), indices into ``PHASES``
-    - pre, post: (G, W, W), last frame kept of the word before, first frame kept of the word after
-    - has_truth: (G, W, W), False where the two frames are meaningless
+    - pre, post: (G, W, W), last kept frame of the word before, first kept frame of the word after
+    - has_truth: (G, W, W), False if the two frames are meaningless
     - step: the training step, for messages
     """
 
@@ -99,9 +99,9 @@ class CutBatch:
     step: int = 0
 
     def to(self, device: torch.device) -> CutBatch:
-        """The batch on a device."""
-        moved = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
-        return CutBatch(**moved, step=self.step)
+        """Returns the batch on a device."""
+        tensors = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
+        return CutBatch(**tensors, step=self.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ class CutDraw:
     """W words of one signer, with the truth of every pair: the fields of ``CutBatch`` for one draw.
 
     - words: tokens (T, N_WORD) and phases (T,) of each word
-    - others: (W, W), as in ``CutBatch``
+    - pre, post, has_truth: (W, W), as in ``CutBatch``
     """
 
     words: list[tuple[NDArray[np.float32], Int]]
@@ -139,18 +139,18 @@ class CutDataset:
         return sum(len(signer.trajectories) ** 2 for signer in chain(*self.signers))
 
     def rows(self, step: int, size: int, seed: int) -> Int:
-        """Numbers of the draws of a step."""
+        """Returns the numbers of the draws of a step."""
         return np.arange(step * size, (step + 1) * size)
 
     def batch(self, rows: Sequence[int] | Int, step: int = 0) -> CutBatch:
-        """The draws with these numbers, padded to one length."""
+        """Returns the draws with these numbers, padded to one length."""
         draws = [self.draw(int(row)) for row in rows]
         words = [word for draw in draws for word in draw.words]
         shape = len(draws), self.n_words
 
         def pad_arrays(arrays: Sequence[NDArray[Any]]) -> Tensor:
-            whole = pad_sequence([torch.from_numpy(array) for array in arrays], batch_first=True)
-            return whole.reshape(*shape, *whole.shape[1:])
+            padded = pad_sequence([torch.from_numpy(array) for array in arrays], batch_first=True)
+            return padded.reshape(*shape, *padded.shape[1:])
 
         pair_fields = [f.name for f in fields(CutDraw) if f.name != "words"]
         return CutBatch(
@@ -162,22 +162,22 @@ class CutDataset:
         )
 
     def draw(self, number: int) -> CutDraw:
-        """The draw of a number."""
+        """Returns the draw of a number."""
         rng = stream("cut", self.seed, "fixed" if self.n_fixed is not None else "endless", number)
         signer = draw_from_folders(self.signers, rng)
-        chosen = rng.choice(len(signer.trajectories), self.n_words, replace=False)
-        words, delays = self._words(signer, chosen, rng)
+        chosen_words = rng.choice(len(signer.trajectories), self.n_words, replace=False)
+        words, delays = self._augment_words(signer, chosen_words, rng)
         lengths = np.array([min(len(trajectory), features.WORD_FRAMES) for trajectory, _ in words])
-        pairs = np.ix_(chosen, chosen)
+        pairs = np.ix_(chosen_words, chosen_words)
         truth = signer.true_cuts[pairs]
         pre, post = _shift_cuts(truth, delays, lengths)
-        tokens = [_tokens(trajectory, phases) for trajectory, phases in words]
+        tokens = [_make_tokens(trajectory, phases) for trajectory, phases in words]
         return CutDraw(tokens, pre, post, truth[..., 2] >= 0)
 
-    def _words(
+    def _augment_words(
         self, signer: SignerWords, chosen: Int, rng: np.random.Generator
     ) -> tuple[list[tuple[CanonicalTrajectory, Int]], FloatArray]:
-        """The chosen words, augmented, with their phases; and by how many frames (W,) each is sampled later."""
+        """Returns the chosen words, augmented, with their phases; and by how many frames (W,) each is sampled later."""
         delays = np.zeros(len(chosen))
         words = []
         offsets = None
@@ -205,31 +205,35 @@ class CutDataset:
 
 
 def _shift_cuts(cuts: Int, delays: FloatArray, lengths: Int) -> tuple[Int, Int]:
-    """Frames (W, W) to leave and to enter at, of cuts (W, W, 3), in words that are sampled ``delays`` (W,) later."""
+    """Returns the frames (W, W) to leave and to enter at, of cuts (W, W, 3), in words that are sampled ``delays`` (W,)
+    later.
+    """
     pre, post = np.rint(cuts[..., 0] - delays[:, None]), np.rint(cuts[..., 1] - delays)
     clipped = np.clip(pre, 0, lengths[:, None] - 1), np.clip(post, 0, lengths - 1)
     return clipped[0].astype(np.int64), clipped[1].astype(np.int64)
 
 
-def _tokens(trajectory: CanonicalTrajectory, phases: Int) -> tuple[NDArray[np.float32], Int]:
-    """What the network sees of a word, an even number of frames, and their phases."""
+def _make_tokens(trajectory: CanonicalTrajectory, phases: Int) -> tuple[NDArray[np.float32], Int]:
+    """Returns the tokens that the network sees of a word, an even number of frames, and their phases."""
     tokens = features.word_tokens(trajectory)[: features.WORD_FRAMES]
     return tokens, np.concatenate([phases, phases[-1:]])[: len(tokens)]
 
 
 def _delay_trajectory(trajectory: CanonicalTrajectory, delay: float) -> CanonicalTrajectory:
-    """The trajectory sampled ``delay`` frames after each of its frames but the last, 0 to 1."""
+    """Returns the trajectory sampled ``delay`` frames, 0 to 1, after each of its frames but the last."""
     rotations_6d = (1.0 - delay) * trajectory.rotations_6d[:-1] + delay * trajectory.rotations_6d[1:]
     positions = (1.0 - delay) * trajectory.positions[:-1] + delay * trajectory.positions[1:]
-    return _from_inexact(rotations_6d, positions, trajectory)
+    return _orthonormalise(rotations_6d, positions, trajectory)
 
 
 def _with_noise(trajectory: CanonicalTrajectory, deviation: float, rng: np.random.Generator) -> CanonicalTrajectory:
     rotations_6d = trajectory.rotations_6d + rng.normal(0.0, deviation, trajectory.rotations_6d.shape)
     positions = trajectory.positions + rng.normal(0.0, deviation, trajectory.positions.shape)
-    return _from_inexact(rotations_6d, positions, trajectory)
+    return _orthonormalise(rotations_6d, positions, trajectory)
 
 
-def _from_inexact(rotations_6d: FloatArray, positions: FloatArray, like: CanonicalTrajectory) -> CanonicalTrajectory:
-    """A trajectory with orthonormalised rotations."""
-    return CanonicalTrajectory(rotation.matrix_to_6d(rotation.matrix_from_6d(rotations_6d)), positions, like.has_role)
+def _orthonormalise(
+    rotations_6d: FloatArray, positions: FloatArray, source: CanonicalTrajectory
+) -> CanonicalTrajectory:
+    """Returns a trajectory with orthonormalised rotations."""
+    return CanonicalTrajectory(rotation.matrix_to_6d(rotation.matrix_from_6d(rotations_6d)), positions, source.has_role)

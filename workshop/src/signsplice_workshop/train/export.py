@@ -1,4 +1,6 @@
-"""Trained networks as ONNX graphs, compared with torch before they are kept; and bundles with 16-bit weights."""
+"""Exports trained networks as ONNX graphs, compared with torch before they are kept; and bundles with 16-bit
+weights.
+"""
 
 from __future__ import annotations
 
@@ -32,14 +34,19 @@ TRANSPOSED = ".T"
 """Suffix of the name of a weight that a graph holds transposed."""
 
 
-def check_bundle_folder(out: Path) -> None:
-    """Raise ``InputError`` if ``out`` holds files but no bundle, so that nothing else is overwritten, or is a link or a
-    mount point.
+def check_bundle_folder(folder: Path) -> None:
+    """Raises ``InputError`` if ``folder`` holds files but no bundle, so that nothing else is overwritten, or is a link
+    or a mount point.
     """
-    if out.parent.is_dir():
-        check_place(out)
-    if out.is_dir() and any(out.iterdir()) and not (out / BUNDLE_FILE).exists() and not any(out.glob("*.onnx")):
-        raise InputError(f"{out}: is there already and is no bundle; choose a new name")
+    if folder.parent.is_dir():
+        check_place(folder)
+    if (
+        folder.is_dir()
+        and any(folder.iterdir())
+        and not (folder / BUNDLE_FILE).exists()
+        and not any(folder.glob("*.onnx"))
+    ):
+        raise InputError(f"{folder}: is there already and is no bundle; choose a new name")
 
 
 @dataclass(frozen=True)
@@ -63,8 +70,8 @@ class ExportGraph:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence the exporter's own messages, which are meant for its developers."""
+def _silence_exporter() -> Iterator[None]:
+    """Silences the exporter's own messages, which are meant for its developers."""
     loggers = [
         logging.getLogger(name) for name in ("torch.__trace", "torch.onnx", "torch.export", "onnxscript", "onnx_ir")
     ]
@@ -81,12 +88,12 @@ def _quiet() -> Iterator[None]:
 
 
 def export_onnx(name: str, graph: ExportGraph) -> bytes:
-    """A graph as ONNX. Raises ``SignspliceError`` if onnxruntime and torch differ."""
+    """Returns a graph as ONNX. Raises ``SignspliceError`` if onnxruntime and torch differ."""
     shapes: list[Any] = [dict.fromkeys(graph.free.get(key, ()), _FREE) or None for key in graph.inputs]
     dynamic: tuple[Any, ...] = tuple(shapes)
     if graph.n_named is not None:
         dynamic = (*shapes[: graph.n_named], tuple(shapes[graph.n_named :]))
-    with _quiet():
+    with _silence_exporter():
         program = torch.onnx.export(
             graph.module,
             tuple(graph.inputs.values()),
@@ -98,14 +105,16 @@ def export_onnx(name: str, graph: ExportGraph) -> bytes:
         )
     if program is None:
         raise SignspliceError(f"{name}: torch made no ONNX program")
-    model = _with_weight_names(_without_metadata(program.model_proto), graph.module)
+    model = _restore_weight_names(_strip_metadata(program.model_proto), graph.module)
     content: bytes = model.SerializeToString()
     compare(name, graph, content)
     return content
 
 
-def _without_metadata(model: Any) -> Any:
-    """The model without the exporter's notes: source lines with paths of this machine, a third of a small file."""
+def _strip_metadata(model: Any) -> Any:
+    """Returns the model without the exporter's notes: source lines with paths of this machine, a third of a small
+    file.
+    """
 
     def strip(message: Any) -> None:
         for field, value in message.ListFields():
@@ -119,8 +128,10 @@ def _without_metadata(model: Any) -> Any:
     return model
 
 
-def _with_weight_names(model: Any, module: nn.Module) -> Any:
-    """The model with the names of its transposed weights restored, so that a training can start from the graph."""
+def _restore_weight_names(model: Any, module: nn.Module) -> Any:
+    """Returns the model with the names of its transposed weights restored, so that a training can start from the
+    graph.
+    """
     unnamed = [entry for entry in model.graph.initializer if entry.name.startswith("val_")]
     new_names: dict[str, str] = {}
     for name, weight in module.state_dict().items():
@@ -141,32 +152,33 @@ def _with_weight_names(model: Any, module: nn.Module) -> Any:
 
 
 def compare(name: str, graph: ExportGraph, content: bytes) -> None:
-    """Raise ``SignspliceError`` if onnxruntime and torch differ on the example or the other inputs."""
+    """Raises ``SignspliceError`` if onnxruntime and torch differ on the example or the other inputs."""
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
     used = {entry.name for entry in session.get_inputs()}
     for inputs in (graph.inputs, *graph.checks):
         with torch.no_grad():
-            answer = graph.module(*inputs.values())
-        expected = (answer,) if isinstance(answer, Tensor) else answer
-        found = session.run(list(graph.outputs), {key: v.numpy() for key, v in inputs.items() if key in used})
-        for output, a, b in zip(graph.outputs, found, expected, strict=True):
-            true = b.numpy()
-            if a.shape != true.shape or (
-                a.size and np.max(np.abs(a - 1.0 * true) / np.maximum(1, np.abs(true))) > TOLERANCE
+            torch_output = graph.module(*inputs.values())
+        expected = (torch_output,) if isinstance(torch_output, Tensor) else torch_output
+        results = session.run(list(graph.outputs), {key: value.numpy() for key, value in inputs.items() if key in used})
+        for output, actual, true_tensor in zip(graph.outputs, results, expected, strict=True):
+            true = true_tensor.numpy()
+            if actual.shape != true.shape or (
+                actual.size and np.max(np.abs(actual - 1.0 * true) / np.maximum(1, np.abs(true))) > TOLERANCE
             ):
                 raise SignspliceError(
-                    f"{name}: onnxruntime and torch differ in {output} ({a.shape}, {true.shape}); nothing was exported"
+                    f"{name}: onnxruntime and torch differ in {output} ({actual.shape}, {true.shape}); nothing was "
+                    "exported"
                 )
 
 
-def product_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
-    """ONNX graphs of a task's network by file name, compared with torch on validation data.
+def export_product_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
+    """Returns ONNX graphs of a task's network by file name, compared with torch on validation data.
 
-    Raises ``SignspliceError`` where onnxruntime and torch differ.
+    Raises ``SignspliceError`` if onnxruntime and torch differ.
     """
     network = task.network.eval().cpu()
     if isinstance(network, Cutting):
-        graphs = _cutting_graphs(network, [valid.batch([k]) for k in range(3)])
+        graphs = _make_cutting_graphs(network, [valid.batch([k]) for k in range(3)])
     else:
         # The example is a batch of several gaps, because the exporter would take a size of 1 for a constant.
         inputs = [{"tokens": valid.batch(rows).tokens} for rows in ([0, 1, 2], [3], [4, 5])]
@@ -174,8 +186,10 @@ def product_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
     return {f"{name}.onnx": export_onnx(name, graph) for name, graph in graphs.items()}
 
 
-def _cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, ExportGraph]:
-    """The graphs of a cutting network, with the first two words of each batch as example and as other inputs."""
+def _make_cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, ExportGraph]:
+    """Returns the graphs of a cutting network, with the first two words of each batch as example and as other
+    inputs.
+    """
     words = [batch.tokens[:, k][batch.mask[:, k]][None] for batch in batches for k in (0, 1)]
     with torch.no_grad():
         readings = [network.read(tokens) for tokens in words]
@@ -197,12 +211,12 @@ FLOAT16 = "float16"
 _LEAST = 1024
 """Smaller arrays (biases, the numbers' mean and deviation) keep 32 bits."""
 HALF = "_float16"
-"""Ending of the name of a weight that is stored in 16 bits."""
+"""Suffix of the name of a weight that is stored in 16 bits."""
 
 
 def cast_weights_to_float16(content: bytes) -> bytes:
-    """A graph with its larger weights stored in 16 bits, which it widens to 32 when it is opened. All arithmetic stays
-    in 32 bits; a weight loses up to one part in 2,000 of itself.
+    """Returns a graph with its larger weights stored in 16 bits, which it widens to 32 when it is opened. All
+    arithmetic stays in 32 bits; a weight loses up to one part in 2,000 of itself.
     """
     model = onnx.load_model_from_string(content)
     casts = []
@@ -219,29 +233,29 @@ def cast_weights_to_float16(content: bytes) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def weights_of(content: bytes) -> dict[str, Array]:
-    """A graph's weights by name, those of 16 bits widened to 32."""
+def read_weights(content: bytes) -> dict[str, Array]:
+    """Returns a graph's weights by name, those of 16 bits widened to 32."""
     stored = onnx.load_model_from_string(content).graph.initializer
     weights = ((entry.name.removesuffix(HALF), numpy_helper.to_array(entry)) for entry in stored)
     return {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in weights}
 
 
-def halve_bundle(source: Path, out: Path, facts: Mapping[str, Any] | None = None) -> tuple[int, int]:
-    """Write a bundle with 16-bit weights into another folder; returns the graphs' bytes before and after.
+def halve_bundle(source: Path, folder: Path, facts: Mapping[str, Any] | None = None) -> tuple[int, int]:
+    """Writes a bundle with 16-bit weights into another folder; returns the graphs' bytes before and after.
 
-    bundle.json has ``precision`` and, in ``halved``, the sha256 of the bundle that it was made from with ``facts``.
-    Raises ``InputError`` where the source is no bundle, has other than 32-bit weights, or is the folder to write, and
-    as ``check_bundle_folder`` does.
+    bundle.json has ``precision`` and, in ``halved``, the sha256 of the source bundle with ``facts``. Raises
+    ``InputError`` if the source is no bundle, has other than 32-bit weights, or is the folder to write, and as
+    ``check_bundle_folder`` does.
     """
     config = read_config(source)
     if config.precision is not None:
         raise InputError(f"{source}: has {config.precision} weights; name the bundle that it was made from")
-    if out.exists() and out.samefile(source):
-        raise InputError(f"{out}: is the bundle itself; name another folder")
-    check_bundle_folder(out)
+    if folder.exists() and folder.samefile(source):
+        raise InputError(f"{folder}: is the bundle itself; name another folder")
+    check_bundle_folder(folder)
     files = {name: read_file(source, config, name) for name in config.files}
-    small = {name: cast_weights_to_float16(content) for name, content in files.items()}
+    half_files = {name: cast_weights_to_float16(content) for name, content in files.items()}
     stored = {k: v for k, v in config.stored.items() if k not in ("version", "files")}
     stored |= {"precision": FLOAT16, "halved": {"bundle": bundle_sha256(source), **(facts or {})}}
-    write_bundle(out, stored, small)
-    return sum(map(len, files.values())), sum(map(len, small.values()))
+    write_bundle(folder, stored, half_files)
+    return sum(map(len, files.values())), sum(map(len, half_files.values()))

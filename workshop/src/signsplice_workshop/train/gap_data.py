@@ -8,7 +8,7 @@ signed while the body stands still and the arms wander. Captures also differ in 
 rigged, they sway, and they are noisy. A batch depends on the seed and the step alone.
 
 Augmentations take canonical rotations, quaternions (T, R, 4) with one for each role of ``rig.canonical.ROLES``, and
-return an array of that form, with the number of frames that they state.
+return an array of the same form, with the number of frames that they state.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ NOISE_PROBABILITY = 0.3
 NOISE_RAD = (0.001, 0.008)
 """Range of the standard deviation of noise."""
 KEYED_PROBABILITY = 0.25
-"""Fraction of the hidden stretches that a program drew between keys: there the curve is hard to better, and a clip
-that is not seen to be keyed must not be made worse.
+"""Fraction of the hidden stretches that a program drew between keys: there the curve is hard to improve, and a clip
+that is not recognised as keyed must not be made worse.
 """
 OTHER_ARM_PROBABILITY = 0.3
 _MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.N_CONTEXT
@@ -69,7 +69,8 @@ _MIN_FRAMES = gap_features.MIN_GAP_FRAMES + 2 * gap_features.N_CONTEXT
 
 
 def draw_augmented_take(draw_take: Callable[[], FloatArray], rng: np.random.Generator, idle: bool = True) -> FloatArray:
-    """One take of ``draw_take`` with a random tempo, lags, another take's left arm; at least ``_MIN_FRAMES`` long.
+    """Returns a take of ``draw_take`` with a random tempo, lags, another take's left arm; at least ``_MIN_FRAMES``
+    long.
 
     ``idle``: a fraction of the results shows no signing, but a body that stands still or arms that wander.
     """
@@ -87,26 +88,26 @@ def draw_augmented_take(draw_take: Callable[[], FloatArray], rng: np.random.Gene
 
 
 def with_random_tempo(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The motion at a random tempo; unchanged where it would become shorter than ``_MIN_FRAMES``."""
+    """Returns the motion at a random tempo; unchanged if it would become shorter than ``_MIN_FRAMES``."""
     tempo = float(rng.uniform(*TEMPO_RANGE)) if rng.random() < TEMPO_PROBABILITY else 1.0
     varies = rng.random() < TEMPO_WAVES_PROBABILITY
-    out = with_tempo(quats, _varying_tempo(tempo, len(quats), rng) if varies else tempo)
-    return out if len(out) >= _MIN_FRAMES else quats
+    retimed = with_tempo(quats, _draw_varying_tempo(tempo, len(quats), rng) if varies else tempo)
+    return retimed if len(retimed) >= _MIN_FRAMES else quats
 
 
 def with_tempo(quats: FloatArray, tempo: float | FloatArray) -> FloatArray:
-    """The same motion ``tempo`` times as fast; ``tempo`` is one number, or one for each frame of the result."""
+    """Returns the same motion ``tempo`` times as fast; ``tempo`` is one number, or one for each frame of the result."""
     if isinstance(tempo, float):
-        at = np.arange(0.0, len(quats) - 1.0, tempo)
+        times = np.arange(0.0, len(quats) - 1.0, tempo)
     else:
-        at = np.cumsum(tempo) - tempo[0]
-        at = at[at < len(quats) - 1.0]
-    low = at.astype(int)
-    return rotation.nlerp(quats[low], quats[low + 1], (at - low)[:, None])
+        times = np.cumsum(tempo) - tempo[0]
+        times = times[times < len(quats) - 1.0]
+    lower = times.astype(int)
+    return rotation.nlerp(quats[lower], quats[lower + 1], (times - lower)[:, None])
 
 
-def _varying_tempo(tempo: float, n_frames: int, rng: np.random.Generator) -> FloatArray:
-    """Tempos that vary around one value, enough of them to reach the end of ``n_frames``."""
+def _draw_varying_tempo(tempo: float, n_frames: int, rng: np.random.Generator) -> FloatArray:
+    """Returns tempos that vary around one value, enough of them to reach the end of ``n_frames``."""
     times = np.arange(int(2.0 * n_frames / tempo) + 1) / FEATURE_FPS
     rates, phases = rng.uniform(*TEMPO_WAVES_HZ, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
     waves = np.sin(2.0 * np.pi * rates * times[:, None] + phases).sum(axis=1) * np.sqrt(2.0 / 3.0)
@@ -114,7 +115,9 @@ def _varying_tempo(tempo: float, n_frames: int, rng: np.random.Generator) -> Flo
 
 
 def with_wandering_arms(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The motion with slow random rotations added: large ones to arms and hands, small ones to all other joints."""
+    """Returns the motion with slow random rotations added: large ones to arms and hands, small ones to all other
+    joints.
+    """
     scale = np.full(quats.shape[1], 0.15)  # (R,)
     for side in (LEFT, RIGHT):
         scale[side.start + 1 : side.start + len(ARM)] = 1.0
@@ -125,7 +128,7 @@ def with_wandering_arms(quats: FloatArray, rng: np.random.Generator) -> FloatArr
 def _with_waves(
     quats: FloatArray, rotvecs: FloatArray, hz: tuple[float, float], n_waves: int, rng: np.random.Generator
 ) -> FloatArray:
-    """The motion with every joint rotated by ``n_waves`` sine waves of amplitude ``rotvecs`` (R, 3)."""
+    """Returns the motion with every joint rotated by ``n_waves`` sine waves of amplitude ``rotvecs`` (R, 3)."""
     times = np.arange(len(quats))[:, None, None, None] / FEATURE_FPS  # (T, 1, 1, 1)
     shape = (*rotvecs.shape, n_waves)
     rates, phases = rng.uniform(*hz, shape), rng.uniform(0.0, 2.0 * np.pi, shape)
@@ -134,23 +137,25 @@ def _with_waves(
 
 
 def with_joint_lags(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The motion with every joint delayed or advanced by a constant time of its own."""
+    """Returns the motion with every joint delayed or advanced by a constant time of its own."""
     lags = rng.normal(0.0, rng.uniform(0.0, LAG_FRAMES), quats.shape[1])
-    at = np.clip(np.arange(len(quats))[:, None] + lags, 0.0, len(quats) - 1.001)  # (T, R)
-    low, roles = at.astype(int), np.arange(quats.shape[1])
-    return rotation.nlerp(quats[low, roles], quats[low + 1, roles], at - low)
+    times = np.clip(np.arange(len(quats))[:, None] + lags, 0.0, len(quats) - 1.001)  # (T, R)
+    lower, roles = times.astype(int), np.arange(quats.shape[1])
+    return rotation.nlerp(quats[lower, roles], quats[lower + 1, roles], times - lower)
 
 
-def with_left_arm_of(quats: FloatArray, other: FloatArray) -> FloatArray:
-    """The motion with the left arm of another take; as many frames as the shorter of the two."""
-    n_frames = min(len(quats), len(other))
-    out = quats[:n_frames].copy()
-    out[:, LEFT] = other[:n_frames, LEFT]
-    return out
+def with_left_arm_of(quats: FloatArray, other_quats: FloatArray) -> FloatArray:
+    """Returns the motion with the left arm of another take; as many frames as the shorter of the two."""
+    n_frames = min(len(quats), len(other_quats))
+    mixed_quats = quats[:n_frames].copy()
+    mixed_quats[:, LEFT] = other_quats[:n_frames, LEFT]
+    return mixed_quats
 
 
 def with_offsets_and_sway(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The motion of a body that stands or is rigged a little differently, or that sways; each with a probability."""
+    """Returns the motion of a body that stands or is rigged a little differently, or that sways; each with a
+    probability.
+    """
     n_roles = quats.shape[1]
     if rng.random() < OFFSET_PROBABILITY:
         rotvecs = rng.normal(0.0, rng.uniform(0.0, OFFSET_RAD), (n_roles, 3))
@@ -161,10 +166,10 @@ def with_offsets_and_sway(quats: FloatArray, rng: np.random.Generator) -> FloatA
 
 
 def with_noise(quats: FloatArray, deviation: float, rng: np.random.Generator) -> FloatArray:
-    """The motion with noise of standard ``deviation``, rad; noise of neighbouring frames is correlated."""
-    white = rng.normal(0.0, deviation, (len(quats), quats.shape[1], 3))
-    white[1:] = 0.5 * white[:-1] + np.sqrt(0.75) * white[1:]
-    return rotation.multiply(quats, rotation.exp(white))
+    """Returns the motion with noise of standard ``deviation``, rad; noise of neighbouring frames is correlated."""
+    noise = rng.normal(0.0, deviation, (len(quats), quats.shape[1], 3))
+    noise[1:] = 0.5 * noise[:-1] + np.sqrt(0.75) * noise[1:]
+    return rotation.multiply(quats, rotation.exp(noise))
 
 
 SEAM_FRACTION = 0.5
@@ -173,8 +178,8 @@ WORD_FRACTION = 0.3
 """Fraction of the other gaps that are hidden in an isolated word, with its preparation from rest and its retraction."""
 STRETCH_TARGET = 0.6
 """Target of other gaps, as a fraction of the rotation from the classical transition to the truth. The synthetic signer
-is easier to predict than people are, and most captures are filled better with half of the answer (lab/LOG.md, Half of
-it).
+is easier to predict than people are, and most captures are filled better with half of the answer
+(docs/decisions.md).
 """
 _BASE = find_transition("hermite")
 
@@ -200,14 +205,14 @@ class SignerMotion:
     words: tuple[FloatArray, ...]
 
     def draw_take(self, rng: np.random.Generator) -> FloatArray:
-        """A sentence or a word, quaternions (T, R, 4)."""
+        """Returns a sentence or a word, quaternions (T, R, 4)."""
         use_words = self.words and (not self.sentences or rng.random() < WORD_FRACTION)
         takes = self.words if use_words else self.sentences
         return takes[int(rng.integers(len(takes)))]
 
 
 def read_signer(path: Path) -> SignerMotion:
-    """The motion of a signer's file, as ``synth.training_data`` writes it."""
+    """Returns the motion of a signer's file, as ``synth.training_data`` writes it."""
     with open_signer_file(path) as stored:
         quats = rotation.normalize(stored["turns"].astype(np.float32) / 32767.0)
         sentences, words = (
@@ -215,35 +220,35 @@ def read_signer(path: Path) -> SignerMotion:
             for key in ("sentences", "words")
         )
         bones, seams = stored["bones"].astype(np.float32), stored["seams"].tolist()
-    return signer_motion(
+    return make_signer_motion(
         bones, np.ones(len(ROLES), bool), sentences, tuple((s, start, n) for s, start, n in seams), words
     )
 
 
-def signer_motion(
+def make_signer_motion(
     bones: NDArray[np.float32],
     has_role: NDArray[np.bool_],
     sentences: tuple[FloatArray, ...],
     seams: tuple[tuple[int, int, int], ...] = (),
     words: tuple[FloatArray, ...] = (),
 ) -> SignerMotion:
-    """A signer's motion on a skeleton that has the roles in ``has_role`` (R,) and no others."""
+    """Returns a signer's motion on a skeleton that has the roles in ``has_role`` (R,) and no others."""
     role_parents = _role_parents()
     rows = np.flatnonzero(has_role)
     joint_of = {-1: 0} | {int(row): k + 1 for k, row in enumerate(rows)}
     parents = []
     for row in rows.tolist():
-        above = int(role_parents[row])
-        while above >= 0 and not has_role[above]:
-            above = int(role_parents[above])
-        parents.append(joint_of[above])
+        ancestor = int(role_parents[row])
+        while ancestor >= 0 and not has_role[ancestor]:
+            ancestor = int(role_parents[ancestor])
+        parents.append(joint_of[ancestor])
     names = ("hips", *(ROLES[row] for row in rows))
     skeleton = Skeleton(names, np.array([-1, *parents]), np.concatenate([np.zeros((1, 3)), bones[rows]]))
     return SignerMotion(skeleton, rows, role_parents, bones, sentences, seams, words)
 
 
 def _role_parents() -> NDArray[np.intp]:
-    """The row above each role of a complete canonical humanoid (R,), -1 for the hips."""
+    """Returns the row above each role of a complete canonical humanoid (R,), -1 for the hips."""
     parents = {"spine": "", "chest": "spine", "upperChest": "chest", "neck": "upperChest", "head": "neck"}
     for side in SIDES:
         arm = [f"{side}{part}" for part in ("Shoulder", "UpperArm", "LowerArm", "Hand")]
@@ -277,14 +282,14 @@ class GapBatch:
     step: int = 0
 
     def to(self, device: torch.device) -> GapBatch:
-        """The batch on a device."""
-        moved = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
-        return GapBatch(**moved, step=self.step)
+        """Returns the batch on a device."""
+        tensors = {f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "step"}
+        return GapBatch(**tensors, step=self.step)
 
 
 @dataclass(frozen=True, eq=False)
 class _GapPlan:
-    """What is drawn first of a gap.
+    """The first choices drawn for a gap.
 
     - rng: the generator for everything else
     - signer: whose motion it is
@@ -317,20 +322,20 @@ class GapDataset:
             raise InputError("a signer has no transition to train on; name folders with seams")
 
     def __len__(self) -> int:
-        return self.n_fixed if self.n_fixed is not None else sum(len(one.seams) for one in chain(*self.signers))
+        return self.n_fixed if self.n_fixed is not None else sum(len(signer.seams) for signer in chain(*self.signers))
 
     @cached_property
     def role_parents(self) -> NDArray[np.intp]:
-        """The row above each role, -1 for the hips."""
+        """Returns the row above each role, -1 for the hips."""
         return self.signers[0][0].role_parents
 
     def rows(self, step: int, size: int, seed: int) -> NDArray[np.int64]:
-        """Numbers of the gaps of a step; no gap is drawn twice."""
+        """Returns the numbers of the gaps of a step; no gap is drawn twice."""
         return np.arange(step * size, (step + 1) * size)
 
     def batch(self, rows: Sequence[int] | NDArray[np.int64], step: int = 0) -> GapBatch:
-        """The gaps with these numbers, padded to one length."""
-        gaps = [self.gap(int(row)) for row in rows]
+        """Returns the gaps with these numbers, padded to one length."""
+        gaps = [self.draw_gap(int(row)) for row in rows]
         padded = {
             name: pad_sequence([torch.from_numpy(np.asarray(gap[name])) for gap in gaps], batch_first=True)
             for name in ("base", "true", "basis")
@@ -346,9 +351,9 @@ class GapDataset:
             step=step,
         )
 
-    def gap(self, number: int) -> dict[str, Any]:
-        """The gap of a number, as the fields of ``GapBatch`` for one gap."""
-        plan = self._plan(number)
+    def draw_gap(self, number: int) -> dict[str, Any]:
+        """Returns the gap of a number, as the fields of ``GapBatch`` for one gap."""
+        plan = self._draw_plan(number)
         rng, signer, n_gap = plan.rng, plan.signer, plan.n_gap
         if plan.seam is not None:
             sentence, start, n_gap = signer.seams[plan.seam]
@@ -357,22 +362,25 @@ class GapDataset:
             quats = draw_augmented_take(lambda: signer.draw_take(rng), rng, self.idle)
             n_gap = min(n_gap, len(quats) - 4)
             start = int(rng.integers(2, len(quats) - n_gap - 1))
-        low, high = max(0, start - gap_features.N_CONTEXT), min(len(quats), start + n_gap + gap_features.N_CONTEXT)
-        quats, start = quats[low:high], start - low
+        first_frame, stop = (
+            max(0, start - gap_features.N_CONTEXT),
+            min(len(quats), start + n_gap + gap_features.N_CONTEXT),
+        )
+        quats, start = quats[first_frame:stop], start - first_frame
         if self.n_fixed is None and not self.clean:
             quats = with_offsets_and_sway(quats, rng)
             if plan.seam is None and rng.random() < KEYED_PROBABILITY:
                 quats = with_keys(quats, rng)
         if not self.clean and rng.random() < NOISE_PROBABILITY:
             quats = with_noise(quats, float(rng.uniform(*NOISE_RAD)), rng)
-        arrays = self.arrays(signer, quats, start, n_gap)
+        arrays = self.make_arrays(signer, quats, start, n_gap)
         if plan.seam is None and self.n_fixed is None:
             target = rotation.slerp(arrays["base"], arrays["true"], self.stretch_target)
             arrays["true"] = target.astype(np.float32)
         return arrays | {"seam": plan.seam is not None}
 
-    def _plan(self, number: int) -> _GapPlan:
-        """What a gap is, without its motion."""
+    def _draw_plan(self, number: int) -> _GapPlan:
+        """Returns the choices for a gap, without its motion."""
         rng = stream("window", self.seed, "fixed" if self.n_fixed is not None else "endless", number)
         signer = draw_from_folders(self.signers, rng)
         if (self.clean or rng.random() < SEAM_FRACTION) and signer.seams:
@@ -381,8 +389,8 @@ class GapDataset:
         log_frames = rng.uniform(np.log(gap_features.MIN_GAP_FRAMES), np.log(gap_features.MAX_GAP_FRAMES))
         return _GapPlan(rng, signer, None, round(float(np.exp(log_frames))))
 
-    def arrays(self, signer: SignerMotion, quats: FloatArray, start: int, n_gap: int) -> dict[str, Any]:
-        """``n_gap`` frames of a motion (T, R, 4) from ``start`` on as tokens, base, true, basis, weights and
+    def make_arrays(self, signer: SignerMotion, quats: FloatArray, start: int, n_gap: int) -> dict[str, Any]:
+        """Returns ``n_gap`` frames of a motion (T, R, 4) from ``start`` on as tokens, base, true, basis, weights and
         bones.
         """
         hips = np.broadcast_to(rotation.IDENTITY, (len(quats), 1, 4))

@@ -1,4 +1,4 @@
-"""The two networks that ship: one makes transitions, one cuts words and times transitions.
+"""The two shipped networks: one makes transitions, one cuts words and times transitions.
 
 **Transitions** (``Bridge``): one pass over the sign before, a classical transition, and the sign after. It is a
 Transformer encoder with pre-layer normalisation and rotary positions (Su et al. 2021), because what matters is how far
@@ -52,8 +52,10 @@ class BridgeConfig:
     dropout: float = 0.0
 
 
-def rope_angles(n_frames: int, width: int, like: Tensor) -> tuple[Tensor, Tensor]:
-    """Cosines and signed sines (S, W) with which ``rotary`` rotates queries and keys of S frames and W numbers."""
+def compute_rope_angles(n_frames: int, width: int, like: Tensor) -> tuple[Tensor, Tensor]:
+    """Returns cosines and signed sines (S, W) with which ``rotate_by_rope`` rotates queries and keys of S frames and W
+    numbers.
+    """
     half = width // 2
     rates = 100.0 ** (-torch.arange(half, device=like.device, dtype=torch.float32) / half)
     angles = torch.arange(n_frames, device=like.device)[:, None].float() * rates  # (S, W / 2)
@@ -61,15 +63,17 @@ def rope_angles(n_frames: int, width: int, like: Tensor) -> tuple[Tensor, Tensor
     return torch.cat([cos, cos], dim=-1), torch.cat([-sin, sin], dim=-1)
 
 
-def rotary(x: Tensor, rope: tuple[Tensor, Tensor]) -> Tensor:
-    """Queries or keys (..., S, W) in which number k and number k + W / 2 are rotated by the frame's ``rope_angles``."""
+def rotate_by_rope(x: Tensor, rope: tuple[Tensor, Tensor]) -> Tensor:
+    """Returns queries or keys (..., S, W) with numbers k and k + W / 2 rotated by the frame's
+    ``compute_rope_angles``.
+    """
     a, b = x.chunk(2, dim=-1)
     return x * rope[0] + torch.cat([b, a], dim=-1) * rope[1]
 
 
 def standardise(x: Tensor, mean: Tensor, deviation: Tensor) -> Tensor:
-    """Numbers (..., N) minus their mean, divided by their standard deviation, at most ``MAX_DEVIATIONS``: captures may
-    hold values that were never trained on.
+    """Returns numbers (..., N) minus their mean, divided by their standard deviation, at most ``MAX_DEVIATIONS``:
+    captures may hold values that were never trained on.
     """
     return ((x - mean) / deviation).clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS)
 
@@ -87,18 +91,18 @@ class RotaryLayer(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
 
     def forward(self, x: Tensor, rope: tuple[Tensor, Tensor], allowed: Tensor | None) -> Tensor:
-        """States (B, S, D) after the layer. rope: ``rope_angles`` of a head. allowed: (B, 1, 1, S), which frames may be
-        attended to.
+        """Returns states (B, S, D) after the layer. rope: ``compute_rope_angles`` of a head. allowed: (B, 1, 1, S),
+        which frames may be attended to.
         """
         n_batch, n_frames, width = x.shape
         # (3, B, H, S, D / H): queries, keys and values
         qkv = self.mixed(self.before(x)).reshape(n_batch, n_frames, 3, self.n_heads, -1).permute(2, 0, 3, 1, 4)
-        rotated = rotary(qkv[:2], rope)
+        rotated = rotate_by_rope(qkv[:2], rope)
         attended = F.scaled_dot_product_attention(rotated[0], rotated[1], qkv[2], attn_mask=allowed)
         x = x + self.dropout(self.out(attended.transpose(1, 2).reshape(n_batch, n_frames, width)))
         inner = F.gelu(self.first(self.between(x)), approximate="tanh")
-        out: Tensor = x + self.dropout(self.second(inner))
-        return out
+        output: Tensor = x + self.dropout(self.second(inner))
+        return output
 
 
 class Bridge(nn.Module):
@@ -129,11 +133,11 @@ class Bridge(nn.Module):
         nn.init.zeros_(self.out.bias)
 
     def forward(self, tokens: Tensor) -> Tensor:
-        """The terms (B, N_TERMS, A, 3) of a polynomial of rotation vectors (``features.answer_basis``), for tokens
-        (B, N_SEEN, N_TOKEN).
+        """Returns the terms (B, N_TERMS, A, 3) of a polynomial of rotation vectors (``features.answer_basis``), for
+        tokens (B, N_SEEN, N_TOKEN).
         """
         states = self.embedding(standardise(tokens, self.mean, self.deviation))
-        rope = rope_angles(states.shape[1], self.config.width // self.config.n_heads, states)
+        rope = compute_rope_angles(states.shape[1], self.config.width // self.config.n_heads, states)
         for layer in self.layers:
             states = layer(states, rope, None)
         terms: Tensor = self.fit @ self.out(self.norm(states[:, N_CONTEXT:-N_CONTEXT]))
@@ -192,7 +196,8 @@ class Cutting(nn.Module):
         self.entering = _FrameScores(width, hidden)
 
     def read(self, tokens: Tensor, mask: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """States (B, T, D) of frames, summaries (B, S) for leaving and for entering, and logits (B, T, 5) of phases.
+        """Returns states (B, T, D) of frames, summaries (B, S) for leaving and for entering, and logits (B, T, 5) of
+        phases.
 
         tokens: (B, T, N_WORD), with T even. mask: (B, T), False at padding.
         """
@@ -200,7 +205,7 @@ class Cutting(nn.Module):
         n_words, n_frames, width = *numbers.shape[:2], self.config.width
         pairs = self.embedding(numbers.reshape(n_words, n_frames // 2, 2 * N_WORD))  # (B, T / 2, D)
         allowed = None if mask is None else mask[:, None, None, ::2]
-        rope = rope_angles(pairs.shape[1], width // self.config.n_heads, pairs)
+        rope = compute_rope_angles(pairs.shape[1], width // self.config.n_heads, pairs)
         for layer in self.layers:
             pairs = layer(pairs, rope, allowed)
         states = self.norm(self.apart(pairs).reshape(n_words, n_frames, width) + self.own(numbers))  # (B, T, D)
@@ -212,9 +217,11 @@ class Cutting(nn.Module):
         return states, leave, enter, self.phase(states)
 
     def condition(self, leave: Tensor, enter: Tensor) -> Tensor:
-        """The condition (..., H) of a pair, from the summaries (..., S) for leaving one word and entering the other."""
-        out: Tensor = self.relation(torch.cat([leave, enter, enter - leave], dim=-1))
-        return out
+        """Returns the condition (..., H) of a pair, from the summaries (..., S) for leaving one word and entering the
+        other.
+        """
+        condition: Tensor = self.relation(torch.cat([leave, enter, enter - leave], dim=-1))
+        return condition
 
 
 class _FrameScores(nn.Module):
@@ -226,9 +233,9 @@ class _FrameScores(nn.Module):
         self.out = nn.Linear(hidden, 1)
 
     def forward(self, states: Tensor, condition: Tensor) -> Tensor:
-        """Scores (..., T) of states (..., T, D) under a condition (..., H)."""
-        out: Tensor = self.out(F.gelu(self.state(states) + self.under(condition)[..., None, :]))[..., 0]
-        return out
+        """Returns scores (..., T) of states (..., T, D) under a condition (..., H)."""
+        scores: Tensor = self.out(F.gelu(self.state(states) + self.under(condition)[..., None, :]))[..., 0]
+        return scores
 
 
 class _Graph(nn.Module):
@@ -243,7 +250,7 @@ class ReadGraph(_Graph):
     """The part of the network that reads one word."""
 
     def forward(self, tokens: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """States, both summaries and logits of the phases, of one word (1, T, N_WORD)."""
+        """Returns states, both summaries and logits of the phases, of one word (1, T, N_WORD)."""
         return self.network.read(tokens)
 
 
@@ -251,6 +258,8 @@ class ChooseGraph(_Graph):
     """The part of the network that scores a pair's frames."""
 
     def forward(self, before: Tensor, leave: Tensor, after: Tensor, enter: Tensor) -> tuple[Tensor, Tensor]:
-        """Scores of leaving (1, P) and of entering (1, Q), from states (1, P, D) and (1, Q, D) and summaries (1, S)."""
+        """Returns scores of leaving (1, P) and of entering (1, Q), from states (1, P, D) and (1, Q, D) and summaries
+        (1, S).
+        """
         condition = self.network.condition(leave, enter)
         return self.network.leaving(before, condition), self.network.entering(after, condition)

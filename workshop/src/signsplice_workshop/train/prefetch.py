@@ -1,4 +1,4 @@
-"""Batches made in advance: while a network is trained on one, another process makes the next."""
+"""Batches prepared in advance: while a network is trained on one, another process prepares the next."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ _ENDING_SECONDS = 5.0
 
 
 class Dataset(Protocol):
-    """What a loop trains on. Rows and batches depend on their arguments alone."""
+    """The data of a training loop. Rows and batches depend on their arguments alone."""
 
     def __len__(self) -> int:
-        """Number of examples; about how many where they are drawn without end."""
+        """Returns the number of examples; roughly, if they are drawn without end."""
         ...
 
     def rows(self, step: int, size: int, seed: int) -> Rows:
-        """The rows of the batch of a step, which counts from 0."""
+        """Returns the rows of the batch of a step, which counts from 0."""
         ...
 
     def batch(self, rows: Sequence[int] | Rows, step: int = 0) -> Any:
-        """These rows as one batch."""
+        """Returns these rows as one batch."""
         ...
 
 
 class _BatchWorker:
-    """A process with a copy of a dataset that makes the batches it is asked for, one after another."""
+    """A process with a copy of a dataset that prepares the requested batches, one after another."""
 
     def __init__(self, dataset: Dataset) -> None:
         context = multiprocessing.get_context("fork")
@@ -52,14 +52,14 @@ class _BatchWorker:
         remote.close()
 
     def request(self, rows: Rows, step: int) -> None:
-        """Ask for a batch."""
+        """Requests a batch."""
         try:
             self._connection.send((rows, step))
         except OSError as error:
             raise self._exit_error() from error
 
     def receive(self) -> Any:
-        """The batch that was asked for first of those not received yet; None where making it failed."""
+        """Returns the first requested batch that is not received yet; None if preparing it failed."""
         try:
             return self._connection.recv()
         except (EOFError, OSError) as error:
@@ -73,7 +73,7 @@ class _BatchWorker:
         )
 
     def close(self) -> None:
-        """End the process, whatever it is doing. It has some time to end by itself, and so to remove its own folder of
+        """Ends the process, whatever it is doing. It has some time to end by itself, and so to remove its own folder of
         temporary files, which it needs to send tensors.
         """
         self._connection.close()
@@ -83,7 +83,7 @@ class _BatchWorker:
 
 
 def _serve(dataset: Dataset, connection: Connection, parent_end: Connection) -> None:
-    """Answer requests until the parent closes its end or dies."""
+    """Answers requests until the parent closes its end or dies."""
     end_with_parent()
     parent_end.close()  # This process's copy; while it is open, the parent's death would go unnoticed.
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the parent ends this one.
@@ -94,14 +94,14 @@ def _serve(dataset: Dataset, connection: Connection, parent_end: Connection) -> 
             try:
                 batch = dataset.batch(rows, step)
             except Exception:
-                batch = None  # The parent makes it again and meets the same error, with its traceback.
+                batch = None  # The parent repeats it and gets the same error, with its traceback.
             connection.send(batch)
     except (EOFError, OSError):
         return
 
 
 class _PrefetchedDataset:
-    """A dataset whose next batch is made while the last one is used."""
+    """A dataset whose next batch is prepared while the last one is used."""
 
     def __init__(self, dataset: Dataset, worker: _BatchWorker, rank_rows: slice) -> None:
         self._dataset, self._worker, self._rank_rows = dataset, worker, rank_rows
@@ -123,18 +123,18 @@ class _PrefetchedDataset:
             self._worker.request(next_rows, step + 1)
             self._requested = (step + 1, next_rows)
         if requested is not None:
-            made = self._worker.receive()
-            if made is not None and requested[0] == step and np.array_equal(requested[1], rows):
-                return made
+            batch = self._worker.receive()
+            if batch is not None and requested[0] == step and np.array_equal(requested[1], rows):
+                return batch
         return self._dataset.batch(rows, step)
 
 
 @contextmanager
 def prefetch_batches(dataset: Dataset, rank: int = 0, count: int = 1) -> Iterator[Dataset]:
-    """The same dataset with a process that makes batches in advance, which ends with the block.
+    """Yields the same dataset with a process that prepares batches in advance, which ends with the block.
 
-    ``rank`` of ``count`` processes trains on every ``count``-th row of each batch. Where the system cannot copy a
-    process (Windows), this one makes them all.
+    ``rank`` of ``count`` processes trains on every ``count``-th row of each batch. If the system cannot copy a process
+    (Windows), this one prepares them all.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         yield dataset
@@ -151,17 +151,17 @@ T = TypeVar("T")
 
 @contextmanager
 def open_signer_file(path: Path) -> Iterator[Any]:
-    """The arrays of a signer's file, by name. Raises ``FormatError`` where the block cannot read them."""
+    """Yields the arrays of a signer's file, by name. Raises ``FormatError`` if the block cannot read them."""
     with format_errors(str(path), "file of signing to train on"), np.load(path) as stored:
         yield stored
 
 
 def group_by_folder(paths: Sequence[Path]) -> list[list[Path]]:
-    """Paths in their order, consecutive ones of the same folder in one list."""
+    """Returns paths in their order, consecutive ones of the same folder in one list."""
     return [list(folder) for _, folder in groupby(paths, key=lambda path: path.parent)]
 
 
 def draw_from_folders(folders: Sequence[Sequence[T]], rng: np.random.Generator) -> T:
-    """One entry of one of the folders, whatever their sizes."""
+    """Returns one entry of one of the folders, whatever their sizes."""
     folder = folders[int(rng.integers(len(folders))) if len(folders) > 1 else 0]
     return folder[int(rng.integers(len(folder)))]

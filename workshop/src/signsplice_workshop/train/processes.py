@@ -18,10 +18,10 @@ from signsplice.errors import InputError, SignspliceError
 
 T = TypeVar("T")
 _LOCK_S = 60.0
-"""How long the first process waits for a folder at a time; the others wait for its answer, and not for ever."""
+"""Longest time of one attempt to lock a folder; the other processes wait for its result, and not for ever."""
 _FIRST_SPEAKS_S = 20.0
-"""How long the other processes keep an error to themselves: mostly it is the first one's too, and `torchrun` ends them
-when that has told it.
+"""Time for which the other processes hold back an error: mostly it is the first one's too, and `torchrun` ends them
+when that one has reported it.
 """
 
 
@@ -30,8 +30,8 @@ class Processes:
     """The processes that train one network.
 
     - rank: number of this one, from 0
-    - count: how many there are
-    - device: what this one computes on
+    - count: number of processes
+    - device: device of this one
     """
 
     rank: int
@@ -40,49 +40,49 @@ class Processes:
 
     @property
     def first(self) -> bool:
-        """Whether this is the process that validates and writes files."""
+        """Returns whether this is the process that validates and writes files."""
         return self.rank == 0
 
     def broadcast_choice(self, choice: bool) -> bool:
-        """The first process's choice, in every process: their clocks and files differ."""
+        """Returns the first process's choice, in every process: their clocks and files differ."""
         return self.broadcast_value(choice)
 
     def broadcast_value(self, value: T) -> T:
-        """The first process's value, in every process; it is pickled."""
+        """Returns the first process's value, in every process; it is pickled."""
         values = [value]
         if self.count > 1:
             distributed.broadcast_object_list(values, 0)
         return values[0]
 
 
-def mean_counts(counts: Tensor) -> Tensor:
-    """Counts (K,) of a process's part of a batch as means over the processes; of none of all parts as of one.
+def average_counts(counts: Tensor) -> Tensor:
+    """Returns counts (K,) of a process's part of a batch as means over the processes; a total of 0 counts as 1.
 
     The mean over the processes of sums that are divided by such counts is the loss of the whole batch, and that of
     their gradients its gradient, however unequal the parts' counts are.
     """
     if not distributed.is_initialized():
         return counts.clamp(min=1)
-    whole = counts.clone()
-    distributed.all_reduce(whole)
-    return whole.clamp(min=1) / distributed.get_world_size()
+    totals = counts.clone()
+    distributed.all_reduce(totals)
+    return totals.clamp(min=1) / distributed.get_world_size()
 
 
 ALONE = Processes(0, 1, torch.device("cpu"))
-"""One process on a processor."""
+"""One process on a CPU."""
 
 
 def pick_device(name: str) -> torch.device:
-    """The device with a name; ``auto`` is a GPU where there is one, else the CPU."""
+    """Returns the device with a name; ``auto`` is a GPU if there is one, else the CPU."""
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     return torch.device(name)
 
 
 @contextmanager
-def only_one(folder: Path, processes: Processes) -> Iterator[None]:
-    """Wait until no other call trains in a folder, and keep others out: of two systems that share a part and are
-    trained at once, the second one finds the part trained. All processes of a call wait for its first one.
+def lock_folder(folder: Path, processes: Processes) -> Iterator[None]:
+    """Waits until no other call trains in a folder, and locks it: of two systems that share a part and are trained at
+    once, the second one finds the part trained. All processes of a call wait for its first one.
     """
     lock = FileLock(folder / ".lock")
     while not processes.broadcast_choice(processes.first and _try_acquire(lock)):
@@ -103,24 +103,25 @@ def _try_acquire(lock: FileLock) -> bool:
 
 @contextmanager
 def join_process_group(device: str = "auto") -> Iterator[Processes]:
-    """The processes that `torchrun` started, or this one alone; gradients meet by nccl on GPUs, else by gloo.
+    """Yields the processes that `torchrun` started, or this one alone; gradients are exchanged by nccl on GPUs, else by
+    gloo.
 
-    Raises ``InputError`` where a machine has fewer GPUs than processes, and ``SignspliceError`` where another process
-    has ended.
+    Raises ``InputError`` if a machine has fewer GPUs than processes, and ``SignspliceError`` if another process has
+    ended.
     """
     count = int(os.environ.get("WORLD_SIZE", "1"))
-    chosen = pick_device(device)
+    torch_device = pick_device(device)
     if count == 1:
-        yield Processes(0, 1, chosen)
+        yield Processes(0, 1, torch_device)
         return
     rank = int(os.environ["RANK"])
-    if chosen.type == "cuda":
-        chosen = _own_gpu(int(os.environ.get("LOCAL_RANK", "0")))
-        torch.cuda.set_device(chosen)
-    distributed.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
+    if torch_device.type == "cuda":
+        torch_device = _pick_gpu(int(os.environ.get("LOCAL_RANK", "0")))
+        torch.cuda.set_device(torch_device)
+    distributed.init_process_group("nccl" if torch_device.type == "cuda" else "gloo")
     try:
-        yield Processes(rank, count, chosen)
-        distributed.barrier()  # a process that leaves while another still talks to it aborts in gloo's threads
+        yield Processes(rank, count, torch_device)
+        distributed.barrier()  # a process that ends while another still talks to it aborts in gloo's threads
     except SignspliceError:
         if rank:
             time.sleep(_FIRST_SPEAKS_S)
@@ -136,8 +137,8 @@ def join_process_group(device: str = "auto") -> Iterator[Processes]:
         distributed.destroy_process_group()
 
 
-def _own_gpu(local_rank: int) -> torch.device:
-    """The GPU of a process, by its number on its machine. Raises ``InputError`` where there are fewer GPUs."""
+def _pick_gpu(local_rank: int) -> torch.device:
+    """Returns the GPU of a process, by its number on its machine. Raises ``InputError`` if there are fewer GPUs."""
     if local_rank >= (n_gpus := torch.cuda.device_count()):
         raise InputError(
             f"process {local_rank} of this machine has no GPU of its own, of {n_gpus}; start one process for each GPU, "

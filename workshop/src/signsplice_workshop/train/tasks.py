@@ -1,8 +1,8 @@
-"""What the training loop trains: a network with its loss and its scores, for both networks that ship.
+"""The tasks of the training loop: a network with its loss and its scores, for both shipped networks.
 
 The loss of the network that makes transitions is the mean distance of elbow, wrist and finger joints from their true
-positions, in arm lengths, which is also the score that it is judged by (``motion_scores.position_error``), plus a
-smaller term for the rotations, since positions depend little on twists.
+positions, in arm lengths, which is also its score (``motion_scores.position_error``), plus a smaller term for the
+rotations, since positions depend little on twists.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from signsplice.splicing.features import IS_ARM
 from signsplice_workshop.train.cut_data import CutBatch
 from signsplice_workshop.train.gap_data import GapBatch
 from signsplice_workshop.train.networks import Bridge, Cutting
-from signsplice_workshop.train.processes import mean_counts
+from signsplice_workshop.train.processes import average_counts
 
 
 class Task(nn.Module, ABC):
@@ -34,11 +34,11 @@ class Task(nn.Module, ABC):
 
     @abstractmethod
     def forward(self, batch: Any) -> Tensor:
-        """The loss () of a batch."""
+        """Returns the loss () of a batch."""
 
     @abstractmethod
     def judge(self, batch: Any) -> dict[str, float]:
-        """Scores of a batch by name, means over its pairs."""
+        """Returns scores of a batch by name, means over its pairs."""
 
 
 ROTATION_WEIGHT = 0.1
@@ -47,7 +47,7 @@ SCORED_ROLES = [k for k, role in enumerate(ROLES) if role not in TRUNK and not r
 
 
 def to_matrices(quats: Tensor) -> Tensor:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), x y z w."""
+    """Returns rotation matrices (..., 3, 3) of unit quaternions (..., 4), x y z w."""
     x, y, z, w = quats.unbind(-1)
     rows = (
         *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -58,15 +58,15 @@ def to_matrices(quats: Tensor) -> Tensor:
 
 
 def rotate(quats: Tensor, rotvecs: Tensor) -> Tensor:
-    """Quats exp(rotvecs), quaternions (..., 4), of quaternions (..., 4) and rotation vectors (..., 3)."""
+    """Returns quats exp(rotvecs), quaternions (..., 4), of quaternions (..., 4) and rotation vectors (..., 3)."""
     half = 0.5 * (rotvecs.square().sum(-1, keepdim=True) + 1e-12).sqrt()
     v, w = rotvecs * (0.5 * torch.sinc(half / torch.pi)), half.cos()
     qv, qw = quats[..., :3], quats[..., 3:]
     return torch.cat([qw * v + w * qv + torch.linalg.cross(qv, v), qw * w - (qv * v).sum(-1, keepdim=True)], dim=-1)
 
 
-def joint_positions(rotations: Tensor, bones: Tensor, role_parents: Sequence[int]) -> Tensor:
-    """Joint positions (..., R, 3) relative to the hips, arm lengths, by forward kinematics.
+def compute_joint_positions(rotations: Tensor, bones: Tensor, role_parents: Sequence[int]) -> Tensor:
+    """Returns joint positions (..., R, 3) relative to the hips, arm lengths, by forward kinematics.
 
     rotations: matrices (..., R, 3, 3). bones: (..., R, 3). role_parents: the row above each role, -1 for the hips.
     """
@@ -96,35 +96,40 @@ class BridgeTask(Task):
         self.role_parents = tuple(int(row) for row in role_parents)
 
     def forward(self, batch: GapBatch) -> Tensor:
-        """The loss () of a batch: mean over its gaps."""
-        position_errors, rotation_errors = self.errors(batch, self.predict_transitions(batch))
+        """Returns the loss () of a batch: mean over its gaps."""
+        position_errors, rotation_errors = self.measure_errors(batch, self.predict_transitions(batch))
         return 10.0 * position_errors.mean() + ROTATION_WEIGHT * rotation_errors.mean()
 
     def predict_transitions(self, batch: GapBatch) -> Tensor:
-        """The network's transitions, quaternions (B, T, R, 4)."""
+        """Returns the network's transitions, quaternions (B, T, R, 4)."""
         terms = self.network(batch.tokens).float()  # (B, N_TERMS, A, 3)
         rotvecs = torch.einsum("btk,bkac->btac", batch.basis, terms) * batch.weights[:, None, :, None]
         quats = batch.base.clone()
         quats[:, :, IS_ARM] = rotate(batch.base[:, :, IS_ARM], rotvecs)
         return quats
 
-    def errors(self, batch: GapBatch, quats: Tensor) -> tuple[Tensor, Tensor]:
-        """Errors of transitions ``quats`` (B, T, R, 4): mean distance (B,) of the scored joints, arm lengths, and mean
-        squared sine (B,) of half the angle to the true rotation.
+    def measure_errors(self, batch: GapBatch, quats: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns errors of transitions ``quats`` (B, T, R, 4): mean distance (B,) of the scored joints, arm lengths,
+        and mean squared sine (B,) of half the angle to the true rotation.
         """
         bones = batch.bones[:, None].expand(-1, quats.shape[1], -1, -1)
         with torch.autocast(quats.device.type, enabled=False):  # bfloat16 moves joints by 0.002
-            found, true = (joint_positions(to_matrices(q), bones, self.role_parents) for q in (quats, batch.true))
-        distances = (found - true)[..., SCORED_ROLES, :].square().sum(-1).add(1e-10).sqrt().mean(-1)  # (B, T)
+            predicted, target = (
+                compute_joint_positions(to_matrices(q), bones, self.role_parents) for q in (quats, batch.true)
+            )
+        distances = (predicted - target)[..., SCORED_ROLES, :].square().sum(-1).add(1e-10).sqrt().mean(-1)  # (B, T)
         sines = (1.0 - (quats * batch.true).sum(-1).square()).clamp(min=0.0).mean(-1)  # (B, T)
         n_frames = batch.real.sum(1)
         return (distances * batch.real).sum(1) / n_frames, (sines * batch.real).sum(1) / n_frames
 
     def judge(self, batch: GapBatch) -> dict[str, float]:
-        """Mean position error, arm length / 1000, of the network (``_error``) and of the classical transition
-        (``_base``), for true transitions (``seam``) and for other hidden stretches (``stretch``).
+        """Returns the mean position error, arm length / 1000, of the network (``_error``) and of the classical
+        transition (``_base``), for true transitions (``seam``) and for other hidden stretches (``stretch``).
         """
-        errors, base_errors = self.errors(batch, self.predict_transitions(batch))[0], self.errors(batch, batch.base)[0]
+        errors, base_errors = (
+            self.measure_errors(batch, self.predict_transitions(batch))[0],
+            self.measure_errors(batch, batch.base)[0],
+        )
         scores = {}
         for name, rows in (("seam", batch.seam), ("stretch", ~batch.seam)):
             if rows.any():
@@ -140,7 +145,7 @@ _IMPOSSIBLE = -1e4
 
 @dataclass(frozen=True)
 class CutPrediction:
-    """The network's answers for a batch.
+    """The network's predictions for a batch.
 
     - leave_scores, enter_scores: (G, W, W, T), very low at padding
     - phase_logits: (G, W, T, 5)
@@ -159,7 +164,7 @@ class CuttingTask(Task):
         self.network: Cutting = network
 
     def predict(self, batch: CutBatch) -> CutPrediction:
-        """The network's answers for all words and pairs of a batch."""
+        """Returns the network's predictions for all words and pairs of a batch."""
         n_draws, n_words = batch.mask.shape[:2]
         states, leave, enter, phase_logits = (
             part.float().reshape(n_draws, n_words, *part.shape[1:])
@@ -177,32 +182,32 @@ class CuttingTask(Task):
         )
 
     def forward(self, batch: CutBatch) -> Tensor:
-        """The loss () of a batch."""
-        found, known = self.predict(batch), batch.has_truth
+        """Returns the loss () of a batch."""
+        prediction, known = self.predict(batch), batch.has_truth
         counts = torch.stack([known.sum(), batch.mask.sum()])
-        n_known, n_frames = mean_counts(counts) if self.training else counts.clamp(min=1)
-        cut_loss = F.cross_entropy(found.leave_scores[known], batch.pre[known], reduction="sum")
-        cut_loss = cut_loss + F.cross_entropy(found.enter_scores[known], batch.post[known], reduction="sum")
-        each = F.cross_entropy(found.phase_logits.flatten(0, 2), batch.phases.flatten(), reduction="none")
-        phase_loss = (each * batch.mask.flatten()).sum() / n_frames
+        n_known, n_frames = average_counts(counts) if self.training else counts.clamp(min=1)
+        cut_loss = F.cross_entropy(prediction.leave_scores[known], batch.pre[known], reduction="sum")
+        cut_loss = cut_loss + F.cross_entropy(prediction.enter_scores[known], batch.post[known], reduction="sum")
+        frame_losses = F.cross_entropy(prediction.phase_logits.flatten(0, 2), batch.phases.flatten(), reduction="none")
+        phase_loss = (frame_losses * batch.mask.flatten()).sum() / n_frames
         loss: Tensor = cut_loss / n_known + PHASE_WEIGHT * phase_loss
         return loss
 
     def judge(self, batch: CutBatch) -> dict[str, float]:
-        """Scores over the pairs with a truth; empty where there is none.
+        """Returns scores over the pairs with a truth; empty if there is none.
 
         ``pre``, ``post``, ``both``: fractions of exact frames. ``within_2``: fraction with both frames within two.
         """
         known = batch.has_truth
         if not bool(known.any()):
             return {}
-        found = self.predict(batch)
-        pre, post = found.leave_scores.argmax(-1), found.enter_scores.argmax(-1)  # (G, W, W)
-        off = torch.stack([pre - batch.pre, post - batch.post], dim=-1).abs()[known]  # (pairs, 2)
-        exact = off == 0
+        prediction = self.predict(batch)
+        pre, post = prediction.leave_scores.argmax(-1), prediction.enter_scores.argmax(-1)  # (G, W, W)
+        distances = torch.stack([pre - batch.pre, post - batch.post], dim=-1).abs()[known]  # (pairs, 2)
+        exact = distances == 0
         return {
             "pre": exact[..., 0].float().mean().item(),
             "post": exact[..., 1].float().mean().item(),
             "both": exact.all(-1).float().mean().item(),
-            "within_2": (off <= 2).all(-1).float().mean().item(),
+            "within_2": (distances <= 2).all(-1).float().mean().item(),
         }

@@ -21,13 +21,13 @@ from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import format_errors
 from signsplice.splicing.bundle import BUNDLE_FILE, read_config, read_file
 from signsplice_workshop.train import checkpoint, records
-from signsplice_workshop.train.export import TRANSPOSED, weights_of
+from signsplice_workshop.train.export import TRANSPOSED, read_weights
 from signsplice_workshop.train.tasks import Task
 
 PROVENANCE_FILE = "recipe.json"
-"""What a training is made of, in its folder."""
+"""The provenance of a training, in its folder."""
 CORPUS_FILE = "taught.json"
-"""Which corpus of pairs and which of its splits a training is trained on, in its folder."""
+"""The corpus of pairs and the split that a training is trained on, in its folder."""
 _PREFIX = "network."
 """Prefix of the weights' names in a graph that is a part of a network."""
 
@@ -38,7 +38,7 @@ class WarmStart:
 
     - folder: the folder of its checkpoint, or a bundle
     - recipe: the training's recipe; from a bundle, with a hash of the graphs, because the weights may have been tuned
-    - trained_on: hash of the corpus of pairs and name of the split that it was trained on, None where on none
+    - trained_on: hash of the corpus of pairs and name of the split that it was trained on, None if on none
     - provenance: what bundle.json of the next training says of this one
     - files: the bundle's graphs, empty for a checkpoint
     """
@@ -50,7 +50,7 @@ class WarmStart:
     files: tuple[str, ...] = ()
 
     def load_into(self, task: Task) -> None:
-        """Set a task's network to these weights. Raises ``InputError`` where they are of another network."""
+        """Sets a task's network to these weights. Raises ``InputError`` if they are of another network."""
         if not self.files:
             checkpoint.load_weights(self.folder, task)
             return
@@ -59,55 +59,55 @@ class WarmStart:
 
 
 def find_warm_start(folder: Path, network: str, files: tuple[str, ...]) -> WarmStart:
-    """The training whose checkpoint is in a folder, or which the graphs ``files`` of a bundle come from.
+    """Returns the training whose checkpoint is in a folder, or from which the graphs ``files`` of a bundle come.
 
-    Raises ``InputError`` where the folder is neither, or the bundle does not hold the network.
+    Raises ``InputError`` if the folder is neither, or the bundle does not hold the network.
     """
     if not (folder / BUNDLE_FILE).exists():
         state = checkpoint.read(folder)
-        made_of = {"folder": records.portable(folder), "recipe": state["recipe"], "step": int(state["step"])}
-        made_of |= _read_json(folder / PROVENANCE_FILE) or {}
-        return WarmStart(folder, state["recipe"], _read_json(folder / CORPUS_FILE), made_of)
+        provenance = {"folder": records.shorten_path(folder), "recipe": state["recipe"], "step": int(state["step"])}
+        provenance |= _read_json(folder / PROVENANCE_FILE) or {}
+        return WarmStart(folder, state["recipe"], _read_json(folder / CORPUS_FILE), provenance)
     config = read_config(folder)
-    known = config.networks.get(network)
-    if known is None or known.recipe is None:
+    entry = config.networks.get(network)
+    if entry is None or entry.recipe is None:
         raise InputError(
             f"{folder / BUNDLE_FILE}: does not say how its {network} was trained, so training cannot continue from it"
         )
     hashes = {name: config.files.get(name, "") for name in files}
     graphs_hash = hashlib.sha256("".join(hashes.values()).encode()).hexdigest()[:12]
-    made_of = {"folder": records.portable(folder), "recipe": known.recipe, "files": hashes}
-    made_of |= {key: known.stored[key] for key in records.KEYS if key in known.stored}
-    trained_on = None if known.trained_on is None else dict(known.trained_on)
-    return WarmStart(folder, f"{known.recipe}@{graphs_hash}", trained_on, made_of, files)
+    provenance = {"folder": records.shorten_path(folder), "recipe": entry.recipe, "files": hashes}
+    provenance |= {key: entry.stored[key] for key in records.KEYS if key in entry.stored}
+    trained_on = None if entry.trained_on is None else dict(entry.trained_on)
+    return WarmStart(folder, f"{entry.recipe}@{graphs_hash}", trained_on, provenance, files)
 
 
 def _read_json(path: Path) -> dict[str, Any] | None:
     return dict(read_json(path, "what a training was made of")) if path.exists() else None
 
 
-def load_network_entries(out: Path) -> dict[str, Any]:
-    """What a bundle says of its networks; nothing where there is none. Raises ``InputError`` where it is broken."""
-    head = out / BUNDLE_FILE
+def load_network_entries(bundle: Path) -> dict[str, Any]:
+    """Returns a bundle's entries of its networks; empty if there are none. Raises ``InputError`` if it is broken."""
+    head = bundle / BUNDLE_FILE
     with format_errors(str(head), "description of a trained system"):
         return dict(read_json(head, "a bundle")["networks"]) if head.exists() else {}
 
 
-def load_graphs(network: nn.Module, graphs: Iterable[bytes], where: Path) -> None:
-    """Set a network to the weights that its ONNX graphs store by name. Raises ``InputError`` where one is missing or of
-    another shape; ``where`` is named in the message.
+def load_graphs(network: nn.Module, graphs: Iterable[bytes], path: Path) -> None:
+    """Sets a network to the weights that its ONNX graphs store by name. Raises ``InputError`` if one is missing or of
+    another shape; the message names ``path``.
     """
     stored: dict[str, Tensor] = {}
     for content in graphs:
-        for name, values in weights_of(content).items():
+        for name, values in read_weights(content).items():
             tensor = torch.from_numpy(np.array(values))
-            plain = name.removeprefix(_PREFIX)
-            stored[plain.removesuffix(TRANSPOSED)] = tensor.T if plain.endswith(TRANSPOSED) else tensor
+            weight_name = name.removeprefix(_PREFIX)
+            stored[weight_name.removesuffix(TRANSPOSED)] = tensor.T if weight_name.endswith(TRANSPOSED) else tensor
     expected = network.state_dict()
     missing = [name for name in expected if name not in stored or stored[name].shape != expected[name].shape]
     if missing:
         raise InputError(
-            f"{where}: holds no weights {missing[0]} of shape {tuple(expected[missing[0]].shape)}, so training cannot "
+            f"{path}: holds no weights {missing[0]} of shape {tuple(expected[missing[0]].shape)}, so training cannot "
             "continue from it"
         )
     network.load_state_dict({name: stored[name] for name in expected})

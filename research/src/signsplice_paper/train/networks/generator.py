@@ -40,7 +40,7 @@ class Generator(nn.Module, ABC):
 
     - concurrent: whether it can make all frames in one pass
     - marked: whether it is given the splice positions as marks on the whole X
-    - feeds_own: whether it learns half of the pairs from its own frames instead of the true ones
+    - feeds_own: whether half of the pairs are learned from its own frames instead of the true ones
     - normaliser: of frames
     """
 
@@ -51,17 +51,17 @@ class Generator(nn.Module, ABC):
 
     @abstractmethod
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
-        """Encode the input.
+        """Encodes the input.
 
-        x (B, S, K): frames, not normalised. mask (B, S): False at padding. n_before (B,): number of frames of the
-        first word. marks (B, S, 2): 1 at the frames pre and post, else 0; for a network that is ``marked``.
+        x (B, S, K): frames, not normalised. mask (B, S): False at padding. n_before (B,): number of frames of the first
+        word. marks (B, S, 2): 1 at the frames pre and post, else 0; for a network that is ``marked``.
         """
 
     @abstractmethod
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
-        """Frames (B, T, K), logits (B, T) of being the last frame, and the state after them.
+        """Returns frames (B, T, K), logits (B, T) of being the last frame, and the state after them.
 
         fed (B, T, K): the frame before each, not normalised. kinds (B, T): kind of each input. start (): number of
         earlier frames.
@@ -70,45 +70,49 @@ class Generator(nn.Module, ABC):
     def forward(
         self, x: Tensor, mask: Tensor, n_before: Tensor, fed: Tensor, kinds: Tensor, marks: Tensor | None = None
     ) -> tuple[Tensor | None, Tensor, Tensor]:
-        """Tokens, frames and logits of the last frame for whole sequences, given the frame before each."""
+        """Returns tokens, frames and logits of the last frame for whole sequences, given the frame before each."""
         encoded = self.encode(x, mask, n_before, marks)
         return encoded.tokens, *self.decode_whole(encoded, fed, kinds)
 
     def decode_whole(self, encoded: Encoded, fed: Tensor, kinds: Tensor) -> tuple[Tensor, Tensor]:
-        """Frames and logits of the last frame for whole sequences (B, T), given the frame before each."""
+        """Returns frames and logits of the last frame for whole sequences (B, T), given the frame before each."""
         start = torch.zeros((), dtype=torch.long, device=fed.device)
-        made, last, _ = self.decode(fed, kinds, start, encoded.memory, encoded.state)
-        return made, last
+        frames, last, _ = self.decode(fed, kinds, start, encoded.memory, encoded.state)
+        return frames, last
 
 
 @torch.no_grad()
-def generate(network: Generator, encoded: Encoded, n_batch: int, most: int, parallel: bool = False) -> list[Tensor]:
-    """The frames (n, K) of each pair of a batch up to the first that is classified as the last one; n <= ``most``."""
+def generate(
+    network: Generator, encoded: Encoded, n_batch: int, most_frames: int, parallel: bool = False
+) -> list[Tensor]:
+    """Returns the frames (n, K) of each pair of a batch up to the first that is classified as the last one, at most
+    ``most_frames``.
+    """
     device = encoded.memory[0].device if encoded.memory else encoded.state[0].device
-    zero = torch.zeros(n_batch, 1, network.normaliser.n_numbers, device=device)
+    zeros = torch.zeros(n_batch, 1, network.normaliser.n_numbers, device=device)
     if parallel:
-        kinds = torch.full((n_batch, most), HIDDEN, device=device)
+        kinds = torch.full((n_batch, most_frames), HIDDEN, device=device)
         kinds[:, 0] = START
-        fed = zero.expand(-1, most, -1)
+        fed = zeros.expand(-1, most_frames, -1)
         start = torch.zeros((), dtype=torch.long, device=device)
-        made, last, _ = network.decode(fed, kinds, start, encoded.memory, encoded.state)
+        generated, last, _ = network.decode(fed, kinds, start, encoded.memory, encoded.state)
     else:
-        made, last = _one_by_one(network, encoded, zero, most)
-    ended = last > 0.0
-    counts = torch.where(ended.any(1), ended.float().argmax(1) + 1, made.shape[1]).tolist()
-    return [frames[:count] for frames, count in zip(made, counts, strict=True)]
+        generated, last = _generate_one_by_one(network, encoded, zeros, most_frames)
+    is_last = last > 0.0
+    counts = torch.where(is_last.any(1), is_last.float().argmax(1) + 1, generated.shape[1]).tolist()
+    return [frames[:count] for frames, count in zip(generated, counts, strict=True)]
 
 
-def _one_by_one(network: Generator, encoded: Encoded, fed: Tensor, most: int) -> tuple[Tensor, Tensor]:
+def _generate_one_by_one(network: Generator, encoded: Encoded, fed: Tensor, most_frames: int) -> tuple[Tensor, Tensor]:
     n_batch, state = len(fed), encoded.state
     frames: list[Tensor] = []
-    ends: list[Tensor] = []
-    done = torch.zeros(n_batch, dtype=torch.bool, device=fed.device)
-    while len(frames) < most and not bool(done.all()):
+    last_logits: list[Tensor] = []
+    is_done = torch.zeros(n_batch, dtype=torch.bool, device=fed.device)
+    while len(frames) < most_frames and not bool(is_done.all()):
         kinds = torch.full((n_batch, 1), FRAME if frames else START, device=fed.device)
         start = torch.tensor(len(frames), device=fed.device)
         fed, last, state = network.decode(fed, kinds, start, encoded.memory, state)
         frames.append(fed)
-        ends.append(last)
-        done |= last[:, 0] > 0.0
-    return torch.cat(frames, dim=1), torch.cat(ends, dim=1)
+        last_logits.append(last)
+        is_done |= last[:, 0] > 0.0
+    return torch.cat(frames, dim=1), torch.cat(last_logits, dim=1)

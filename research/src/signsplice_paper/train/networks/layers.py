@@ -1,4 +1,4 @@
-"""Layers shared by several networks: normaliser, positional code (eq. 12), attention (eq. 13), feed-forward (eq. 14).
+"""Layers shared by networks: normaliser, positional encoding (eq. 12), attention (eq. 13), feed-forward (eq. 14).
 
 Shapes: B pairs, S input frames, T output frames, P earlier output frames, K numbers of a frame (159 for the 53 joints
 of the paper), D width, H heads. The names of modules are keys of checkpoints.
@@ -17,7 +17,7 @@ DELTA_SCALE = 5.0
 
 
 class Normaliser(nn.Module):
-    """Converts positions in [-0.5, 0.5] to numbers of mean 0 and deviation 1 over the training pairs, and back.
+    """Normalises positions in [-0.5, 0.5] to numbers of mean 0 and deviation 1 over the training pairs, and back.
 
     mean, deviation: of every number of a frame (K,).
 
@@ -38,36 +38,38 @@ class Normaliser(nn.Module):
         return self.mean.shape[0]
 
     def forward(self, x: Tensor) -> Tensor:
-        """Normalised frames (..., K)."""
+        """Returns normalised frames (..., K)."""
         return (x - self.mean) / self.deviation
 
     def inverse(self, x: Tensor) -> Tensor:
-        """Positions (..., K) of normalised frames."""
+        """Returns the positions (..., K) of normalised frames."""
         return x * self.deviation + self.mean
 
 
-def with_deltas(x: Tensor, n_before: Tensor) -> Tensor:
-    """The encoder's input (B, S, 2 K) for two words (B, S, K): every frame and its difference to the one before,
-    which is 0 at the first frame of either word. ``n_before`` (B,) frames are of the first word.
+def append_deltas(x: Tensor, n_before: Tensor) -> Tensor:
+    """Returns the encoder's input (B, S, 2 K) for two words (B, S, K): every frame and its difference to the one
+    before, which is 0 at the first frame of either word. ``n_before`` (B,): number of frames of the first word.
 
     The paper's networks read only frames. The differences are an addition: they show where a movement begins and ends.
     """
     deltas = torch.cat([torch.zeros_like(x[:, :1]), x[:, 1:] - x[:, :-1]], dim=1)
-    first = torch.arange(x.shape[1], device=x.device)[None] == n_before[:, None]  # (B, S)
-    return torch.cat([x, DELTA_SCALE * deltas.masked_fill(first[..., None], 0.0)], dim=-1)
+    is_first = torch.arange(x.shape[1], device=x.device)[None] == n_before[:, None]  # (B, S)
+    return torch.cat([x, DELTA_SCALE * deltas.masked_fill(is_first[..., None], 0.0)], dim=-1)
 
 
-def positional_code(positions: Tensor, width: int) -> Tensor:
-    """The code (T, D) of frame positions (T,), with D even: sin in even and cos in odd dimensions (eq. 12, which prints
-    sin twice).
+def positional_encoding(positions: Tensor, width: int) -> Tensor:
+    """Returns the encoding (T, D) of frame positions (T,), with D even: sin in even and cos in odd dimensions (eq. 12,
+    which prints sin twice).
     """
     rates = torch.exp(torch.arange(0, width, 2, device=positions.device) * (-math.log(10000.0) / width))
     angles = positions.to(rates.dtype)[:, None] * rates
     return torch.stack([angles.sin(), angles.cos()], dim=-1).flatten(-2)
 
 
-def causal(n_new: int, n_past: int, device: torch.device) -> Tensor:
-    """The mask (T, P + T) of causal attention: each of T new frames may attend to itself and all frames before it."""
+def causal_mask(n_new: int, n_past: int, device: torch.device) -> Tensor:
+    """Returns the mask (T, P + T) of causal attention: each of T new frames may attend to itself and all frames before
+    it.
+    """
     queries = torch.arange(n_new, device=device)
     keys = torch.arange(n_past + n_new, device=device)
     return keys[None] <= queries[:, None] + n_past
@@ -83,18 +85,18 @@ class MultiHead(nn.Module):
         self.value, self.out = nn.Linear(width, width), nn.Linear(width, width)
 
     def split(self, x: Tensor) -> Tensor:
-        """(B, T, D) -> (B, H, T, D / H)."""
+        """Returns heads (B, H, T, D / H) of states (B, T, D)."""
         return x.reshape(*x.shape[:2], self.n_heads, -1).transpose(1, 2)
 
     def keys_values(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Keys and values (B, H, T, D / H) of what is attended to, to be cached between steps."""
+        """Returns keys and values (B, H, T, D / H) of states (B, T, D), to be cached between steps."""
         return self.split(self.key(x)), self.split(self.value(x))
 
     def forward(self, x: Tensor, keys: Tensor, values: Tensor, allowed: Tensor | None = None) -> Tensor:
-        """Z (B, T, D). ``allowed``: True where a frame may be attended to; broadcasts to (B, H, T, S)."""
+        """Returns Z (B, T, D). ``allowed``: True where a frame may be attended to; broadcasts to (B, H, T, S)."""
         heads = F.scaled_dot_product_attention(self.split(self.query(x)), keys, values, attn_mask=allowed)
-        out: Tensor = self.out(heads.transpose(1, 2).flatten(-2))
-        return out
+        output: Tensor = self.out(heads.transpose(1, 2).flatten(-2))
+        return output
 
 
 class FeedForward(nn.Module):
@@ -105,16 +107,16 @@ class FeedForward(nn.Module):
         self.first, self.second = nn.Linear(width, inner), nn.Linear(inner, width)
 
     def forward(self, z: Tensor) -> Tensor:
-        """The term (B, T, D) that is added to Z (B, T, D)."""
-        out: Tensor = self.second(torch.relu(self.first(z)))
-        return out
+        """Returns the term (B, T, D) that is added to Z (B, T, D)."""
+        output: Tensor = self.second(torch.relu(self.first(z)))
+        return output
 
 
 class EncoderLayer(nn.Module):
     """Self-attention and feed-forward, each added to its input.
 
-    Layer norms come first in each block, which the paper does not specify; the original's norm-last order needs a slow
-    warm-up.
+    Layer norms come first in each block; the paper does not specify their place, and the original's norm-last order
+    needs a slow warm-up.
     """
 
     def __init__(self, width: int, n_heads: int, inner: int, dropout: float) -> None:
@@ -124,11 +126,11 @@ class EncoderLayer(nn.Module):
         self.dropout = nn.Dropout(dropout)
 
     def forward(self, x: Tensor, allowed: Tensor | None) -> Tensor:
-        """States (B, S, D) for the next layer."""
-        inner = self.norms[0](x)
-        x = x + self.dropout(self.attention(inner, *self.attention.keys_values(inner), allowed))
-        out: Tensor = x + self.dropout(self.feed(self.norms[1](x)))
-        return out
+        """Returns the states (B, S, D) for the next layer."""
+        normed = self.norms[0](x)
+        x = x + self.dropout(self.attention(normed, *self.attention.keys_values(normed), allowed))
+        output: Tensor = x + self.dropout(self.feed(self.norms[1](x)))
+        return output
 
 
 class DecoderLayer(nn.Module):
@@ -149,20 +151,20 @@ class DecoderLayer(nn.Module):
         self_allowed: Tensor,
         cross_allowed: Tensor | None,
     ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-        """States (B, T, D), and the cache (keys and values (B, H, P, D / H)) extended by the T new frames.
+        """Returns the states (B, T, D), and the cache (keys and values (B, H, P, D / H)) extended by the T new frames.
 
         cross: keys and values of the encoder's states.
         """
-        inner = self.norms[0](x)
-        keys, values = self.own.keys_values(inner)
+        normed = self.norms[0](x)
+        keys, values = self.own.keys_values(normed)
         keys, values = torch.cat([cache[0], keys], dim=2), torch.cat([cache[1], values], dim=2)
-        x = x + self.dropout(self.own(inner, keys, values, self_allowed))
+        x = x + self.dropout(self.own(normed, keys, values, self_allowed))
         x = x + self.dropout(self.cross(self.norms[1](x), *cross, cross_allowed))
         return x + self.dropout(self.feed(self.norms[2](x))), (keys, values)
 
 
 class Encoder(nn.Module):
-    """Embedding of ``n_read`` numbers a frame, positional code and a stack of encoder layers."""
+    """Embedding of ``n_read`` numbers a frame, positional encoding and a stack of encoder layers."""
 
     def __init__(self, n_read: int, width: int, n_heads: int, n_layers: int, inner: int, dropout: float) -> None:
         super().__init__()
@@ -171,12 +173,12 @@ class Encoder(nn.Module):
         self.norm = nn.LayerNorm(width)
 
     def forward(self, x: Tensor, mask: Tensor | None) -> Tensor:
-        """States (B, S, D) of normalised inputs (B, S, n_read); ``mask`` (B, S) is False at padding."""
+        """Returns the states (B, S, D) of normalised inputs (B, S, n_read); ``mask`` (B, S) is False at padding."""
         states = self.embedding(x)
         positions = torch.arange(x.shape[1], device=x.device)
-        states = states + positional_code(positions, states.shape[-1]).to(states.dtype)
+        states = states + positional_encoding(positions, states.shape[-1]).to(states.dtype)
         allowed = None if mask is None else mask[:, None, None, :]
         for layer in self.layers:
             states = layer(states, allowed)
-        out: Tensor = self.norm(states)
-        return out
+        output: Tensor = self.norm(states)
+        return output

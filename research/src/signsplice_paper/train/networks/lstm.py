@@ -16,9 +16,9 @@ from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812
 
 from signsplice_paper.train.networks.generator import FRAME, Encoded, Generator, State
-from signsplice_paper.train.networks.layers import Normaliser, with_deltas
+from signsplice_paper.train.networks.layers import Normaliser, append_deltas
 from signsplice_paper.train.networks.recurrent import Lstm
-from signsplice_paper.train.networks.spsn import admissible, word_ends
+from signsplice_paper.train.networks.spsn import mask_impossible_tokens, take_end_states
 
 
 @dataclass(frozen=True)
@@ -48,24 +48,26 @@ class LstmSeq2Seq(Generator):
         self.token, self.frame, self.last = nn.Linear(width, 3), nn.Linear(width, n_numbers), nn.Linear(width, 1)
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
-        """Memory: the summary (B, D). State: the decoder's hidden and cell state (1, B, D)."""
-        x = self.embedding(with_deltas(self.normaliser(x), n_before))
-        hidden, cell, summary = self.bridge(word_ends(self.encoder(x)[0], n_before, mask)).chunk(3, dim=-1)
+        """Encodes the input. Memory: the summary (B, D). State: the decoder's hidden and cell state (1, B, D)."""
+        x = self.embedding(append_deltas(self.normaliser(x), n_before))
+        hidden, cell, summary = self.bridge(take_end_states(self.encoder(x)[0], n_before, mask)).chunk(3, dim=-1)
         summary = summary.tanh()
         state = (hidden.tanh()[None].contiguous(), cell[None].contiguous())
-        states, _ = self.decoder(_with_summary(x, summary), state)
-        return Encoded(admissible(self.token(states), n_before), (summary,), state)
+        states, _ = self.decoder(_append_summary(x, summary), state)
+        return Encoded(mask_impossible_tokens(self.token(states), n_before), (summary,), state)
 
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
-        """Frames, logits of the last frame, and the decoder's state."""
-        shown = (kinds == FRAME)[..., None].to(fed.dtype)
-        inputs = self.kind(kinds) + shown * self.embedding(F.pad(self.normaliser(fed), (0, self.normaliser.n_numbers)))
-        states, (hidden, cell) = self.decoder(_with_summary(inputs, memory[0]), (state[0], state[1]))
+        """Returns frames, logits of the last frame, and the decoder's state."""
+        is_shown = (kinds == FRAME)[..., None].to(fed.dtype)
+        inputs = self.kind(kinds) + is_shown * self.embedding(
+            F.pad(self.normaliser(fed), (0, self.normaliser.n_numbers))
+        )
+        states, (hidden, cell) = self.decoder(_append_summary(inputs, memory[0]), (state[0], state[1]))
         return self.normaliser.inverse(self.frame(states)), self.last(states)[..., 0], (hidden, cell)
 
 
-def _with_summary(x: Tensor, summary: Tensor) -> Tensor:
-    """Inputs (B, T, 2 D): x (B, T, D), and the summary (B, D) with every frame."""
+def _append_summary(x: Tensor, summary: Tensor) -> Tensor:
+    """Returns inputs (B, T, 2 D): x (B, T, D), and the summary (B, D) with every frame."""
     return torch.cat([x, summary[:, None].expand(-1, x.shape[1], -1)], dim=-1)

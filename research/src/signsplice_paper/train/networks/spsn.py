@@ -23,8 +23,8 @@ NONE, PRE, POST = 0, 1, 2
 """The classes of a frame."""
 
 USUAL_FRAMES = 150
-"""Frames of two words. The printed weights (eq. 7, 8) sum to N + M - 1 in place of 1, so that the context would
-saturate eq. 9 from the start; the half of W_c that reads it begins smaller by this."""
+"""Usual number of frames of two words. The printed weights (eq. 7, 8) sum to N + M - 1 in place of 1, so that the
+context would saturate eq. 9 from the start; the half of W_c that reads it is divided by this number at the start."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class SpsnConfig:
     """Sizes and design of SPSN.
 
     - width: of states and embeddings
-    - attention: whether it has any; without is the ablation WA
+    - attention: whether it has attention; without it, it is the ablation WA
     - dropout: probability
     """
 
@@ -42,7 +42,7 @@ class SpsnConfig:
 
 
 def score(decoded: Tensor, encoded: Tensor) -> Tensor:
-    """Mean squared differences (B, T, S) of states (B, T, D) and (B, S, D) (eq. 6)."""
+    """Returns the mean squared differences (B, T, S) of states (B, T, D) and (B, S, D) (eq. 6)."""
     device = decoded.device.type
     if torch.amp.is_autocast_available(device) and torch.is_autocast_enabled(device):
         with torch.autocast(device, enabled=False):  # half precision would lose small differences of large states
@@ -52,39 +52,39 @@ def score(decoded: Tensor, encoded: Tensor) -> Tensor:
 
 
 def paper_attention_weights(scores: Tensor, mask: Tensor | None = None) -> Tensor:
-    """Weights a = 1 - softmax(score) (B, T, S), as printed (eq. 7, 8); 0 at padding."""
+    """Returns the weights a = 1 - softmax(score) (B, T, S), as printed (eq. 7, 8); 0 at padding."""
     if mask is None:
         return 1.0 - scores.softmax(-1)
     weights = 1.0 - scores.masked_fill(~mask[:, None], -torch.inf).softmax(-1)
     return weights * mask[:, None]
 
 
-def admissible(logits: Tensor, n_before: Tensor) -> Tensor:
-    """Logits (B, S, 3) with pre excluded in Q and post in P; ``n_before`` (B,) is N."""
+def mask_impossible_tokens(logits: Tensor, n_before: Tensor) -> Tensor:
+    """Returns the logits (B, S, 3) with pre excluded in Q and post in P; ``n_before`` (B,) is N."""
     in_before = torch.arange(logits.shape[1], device=logits.device)[None] < n_before[:, None]  # (B, S)
     excluded = torch.stack([torch.zeros_like(in_before), ~in_before, in_before], dim=-1)
     return logits.masked_fill(excluded, -1e4)
 
 
-def last_states(states: Tensor, mask: Tensor | None) -> Tensor:
-    """The state (B, D) of each row at its last frame before padding, from states (B, S, D)."""
+def take_last_states(states: Tensor, mask: Tensor | None) -> Tensor:
+    """Returns the state (B, D) of each row at its last frame before padding, from states (B, S, D)."""
     if mask is None:
         return states[:, -1]
-    return states_at(states, mask.sum(1) - 1)
+    return take_states(states, mask.sum(1) - 1)
 
 
-def states_at(states: Tensor, frames: Tensor) -> Tensor:
-    """The state (B, D) of each row at a frame (B,), from states (B, S, D)."""
+def take_states(states: Tensor, frames: Tensor) -> Tensor:
+    """Returns the state (B, D) of each row at a frame (B,), from states (B, S, D)."""
     return states.gather(1, frames[:, None, None].expand(-1, 1, states.shape[-1]))[:, 0]
 
 
-def word_ends(states: Tensor, n_before: Tensor, mask: Tensor | None) -> Tensor:
-    """The states (B, 2 D) at the last frames of both words, from states (B, S, D)."""
-    return torch.cat([states_at(states, n_before - 1), last_states(states, mask)], dim=-1)
+def take_end_states(states: Tensor, n_before: Tensor, mask: Tensor | None) -> Tensor:
+    """Returns the states (B, 2 D) at the last frames of both words, from states (B, S, D)."""
+    return torch.cat([take_states(states, n_before - 1), take_last_states(states, mask)], dim=-1)
 
 
 class Spsn(nn.Module):
-    """Classifies every frame of X."""
+    """The network that classifies every frame of X."""
 
     def __init__(self, config: SpsnConfig, normaliser: Normaliser) -> None:
         super().__init__()
@@ -101,19 +101,19 @@ class Spsn(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
 
     def forward(self, x: Tensor, n_before: Tensor, mask: Tensor | None = None) -> Tensor:
-        """Logits (B, S, 3) of the frames X (B, S, K).
+        """Returns the logits (B, S, 3) of the frames X (B, S, K).
 
         n_before (B,): N. mask (B, S): False at padding, which follows X.
         """
         x = self.embedding(self.normaliser(x))
         encoded = self.dropout(self.encoder(x)[0])  # (B, S, D)
-        hidden, cell = self.bridge(last_states(encoded, mask)).chunk(2, dim=-1)
+        hidden, cell = self.bridge(take_last_states(encoded, mask)).chunk(2, dim=-1)
         start = hidden.tanh()[None].contiguous(), cell[None].contiguous()
         decoded, _ = self.decoder(x, start)  # (B, S, D)
-        return admissible(self.out(self.attend(self.dropout(decoded), encoded, mask)), n_before)
+        return mask_impossible_tokens(self.out(self.attend(self.dropout(decoded), encoded, mask)), n_before)
 
     def attend(self, decoded: Tensor, encoded: Tensor, mask: Tensor | None) -> Tensor:
-        """H~ (B, T, D) = tanh(W_c [C_t, H_t]) with C_t = a_t H (eq. 9); the decoder's states without attention."""
+        """Returns H~ (B, T, D) = tanh(W_c [C_t, H_t]) with C_t = a_t H (eq. 9); without attention, ``decoded``."""
         if not self.config.attention:
             return decoded
         weights = paper_attention_weights(score(decoded, encoded), mask)

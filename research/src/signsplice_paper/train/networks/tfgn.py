@@ -23,11 +23,11 @@ from signsplice_paper.train.networks.layers import (
     DecoderLayer,
     Encoder,
     Normaliser,
-    causal,
-    positional_code,
-    with_deltas,
+    append_deltas,
+    causal_mask,
+    positional_encoding,
 )
-from signsplice_paper.train.networks.spsn import admissible
+from signsplice_paper.train.networks.spsn import mask_impossible_tokens
 
 
 @dataclass(frozen=True)
@@ -81,15 +81,17 @@ class Transformer(Generator):
             self.token = nn.Linear(width, 3)
 
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
-        """Memory: mask (B, S), then keys and values (B, H, S, D / H) of each decoder layer. State: empty caches."""
+        """Encodes the input. Memory: mask (B, S), then keys and values (B, H, S, D / H) of each decoder layer. State:
+        empty caches.
+        """
         x = self.normaliser(x)
         if self.config.steps:
-            x = with_deltas(x, n_before)
+            x = append_deltas(x, n_before)
         if self.marked:
             assert marks is not None
             x = torch.cat([x, marks.to(x.dtype)], dim=-1)
         states = self.encoder(x, mask)
-        tokens = admissible(self.token(states), n_before) if self.config.tokens else None
+        tokens = mask_impossible_tokens(self.token(states), n_before) if self.config.tokens else None
         memory = [mask]
         state = []
         for layer in self.layers:
@@ -102,13 +104,13 @@ class Transformer(Generator):
     def decode(
         self, fed: Tensor, kinds: Tensor, start: Tensor, memory: State, state: State
     ) -> tuple[Tensor, Tensor, State]:
-        """Frames, logits of the last frame, and extended caches."""
-        shown = (kinds == FRAME)[..., None].to(fed.dtype)
-        x = self.kind(kinds) + shown * self.embedding(self.normaliser(fed))
+        """Returns frames, logits of the last frame, and extended caches."""
+        is_shown = (kinds == FRAME)[..., None].to(fed.dtype)
+        x = self.kind(kinds) + is_shown * self.embedding(self.normaliser(fed))
         n_new, n_past = fed.shape[1], state[0].shape[2]
         positions = start + torch.arange(n_new, device=fed.device)
-        x = x + positional_code(positions, x.shape[-1]).to(x.dtype)
-        self_allowed, cross_allowed = causal(n_new, n_past, fed.device), memory[0][:, None, None, :]
+        x = x + positional_encoding(positions, x.shape[-1]).to(x.dtype)
+        self_allowed, cross_allowed = causal_mask(n_new, n_past, fed.device), memory[0][:, None, None, :]
         caches: list[Tensor] = []
         for k, layer in enumerate(self.layers):
             cross = (memory[2 * k + 1], memory[2 * k + 2])
