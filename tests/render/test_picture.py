@@ -9,7 +9,7 @@ import pytest
 from conftest import random_clip
 
 from signsplice.body.capsules import body_capsules, capsule_ends
-from signsplice.body.mesh import CLOTHES, bind_pose, body_mesh
+from signsplice.body.mesh import PART_COLOURS, bind_pose, body_mesh
 from signsplice.errors import InputError
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.render.picture import deform_skin, draw, draw_hand, make_scene
@@ -79,7 +79,7 @@ def test_the_signers_right_hand_is_on_the_viewers_left(words: dict[str, Clip]) -
 def test_a_hand_in_front_of_the_chest_is_so_from_the_side(words: dict[str, Clip]) -> None:
     """Seen from the signer's left, forward is to the left: a signing hand is there, in front of the trunk."""
     side, front = make_scene(words["SIGN"], "side"), make_scene(words["SIGN"])
-    shirt = np.unique(side.skin.triangles[(side.skin.tints == np.array(CLOTHES["shirt"], np.float32)).all(axis=1)])
+    shirt = np.unique(side.skin.triangles[(side.skin.tints == np.array(PART_COLOURS["shirt"], np.float32)).all(axis=1)])
     trunk = shirt[np.isin(side.skin.weights[shirt].toarray().argmax(axis=1), range(4))]  # hips and spine
     assert len(trunk) > 1000
     assert side.hands[30, :, 0].max() < deform_skin(side, 30)[0][trunk, 0].min()

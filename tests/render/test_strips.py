@@ -32,7 +32,7 @@ def test_a_page_has_a_row_per_strip_and_a_column_per_frame(words: dict[str, Clip
         Strip(words["I"], "I", [5, 20, 30]),
         Strip(words["SIGN"], "SIGN", [25, 30], view="side", hand="left"),
     ]
-    write_strips(strips, tmp_path / "page.png", cell=60, hand=40, progress=lambda *call: calls.append(call))
+    write_strips(strips, tmp_path / "page.png", picture_px=60, hand_px=40, progress=lambda *call: calls.append(call))
     pixels = page(tmp_path / "page.png")
     assert pixels.shape == (2 * (LABEL + 60 + 40 + GAP), 3 * (60 + GAP) + GAP, 3)
     assert calls == [(1, 2), (2, 2)]
@@ -49,7 +49,7 @@ def test_a_page_has_a_row_per_strip_and_a_column_per_frame(words: dict[str, Clip
 
 def test_only_marked_frames_have_a_border(words: dict[str, Clip], tmp_path: Path) -> None:
     strip = Strip(words["I"], "I", [5, 20, 30], marked=[20, 21])
-    write_strips([strip], tmp_path / "page.png", cell=60, hand=40)
+    write_strips([strip], tmp_path / "page.png", picture_px=60, hand_px=40)
     amber = coloured(page(tmp_path / "page.png"), TRANSITION)
     rows, columns = np.nonzero(amber)
     left = GAP + 1 * (60 + GAP)
@@ -61,9 +61,9 @@ def test_only_marked_frames_have_a_border(words: dict[str, Clip], tmp_path: Path
 
 def test_hands_can_be_left_out(words: dict[str, Clip], tmp_path: Path) -> None:
     strip = Strip(words["I"], "I", [20])
-    write_strips([strip], tmp_path / "none.png", cell=60, hand=0)
+    write_strips([strip], tmp_path / "none.png", picture_px=60, hand_px=0)
     assert page(tmp_path / "none.png").shape[0] == LABEL + 60 + GAP
-    write_strips([Strip(words["I"], "I", [20], hand="")], tmp_path / "empty.png", cell=60, hand=40)
+    write_strips([Strip(words["I"], "I", [20], hand="")], tmp_path / "empty.png", picture_px=60, hand_px=40)
     pixels = page(tmp_path / "empty.png")
     assert coloured(pixels[LABEL + 60 :], PAPER).all()
 
@@ -71,7 +71,7 @@ def test_hands_can_be_left_out(words: dict[str, Clip], tmp_path: Path) -> None:
 def test_the_requested_hand_is_enlarged(words: dict[str, Clip], tmp_path: Path) -> None:
     """In a one-handed word the two hands look different."""
     for hand in ("left", "right"):
-        write_strips([Strip(words["I"], "I", [28], hand=hand)], tmp_path / f"{hand}.png", cell=60, hand=40)
+        write_strips([Strip(words["I"], "I", [28], hand=hand)], tmp_path / f"{hand}.png", picture_px=60, hand_px=40)
     left, right = (page(tmp_path / f"{hand}.png") for hand in ("left", "right"))
     other = np.abs(left - right).max(axis=-1)
     assert other[: LABEL + 60].max() < 32, "but for the palette, the picture above is the same"

@@ -38,7 +38,7 @@ SIZE, COLUMNS, COLOURS = 120, 9, 128
 REACH, ABOVE = 0.072, 0.044
 """Half of the shown height of a head, and the middle's height above the head's joint, statures."""
 _BOTH = ("Left", "Right")
-FACES: Mapping[str, Mapping[str, float]] = {
+FACES: Mapping[str, dict[str, float]] = {
     "at rest": {},
     "closed eyes": {f"eyeBlink{side}": 1.0 for side in _BOTH},
     "brows up": {"browInnerUp": 0.7, "browOuterUpLeft": 0.8, "browOuterUpRight": 0.8},
@@ -144,7 +144,7 @@ def write_players(path: Path) -> None:
     with TemporaryDirectory() as name:
         folder = Path(name)
         save(clip, folder / "figure.glb")
-        pairs = {"figure, .glb": (folder / "figure.glb", "-")}
+        pairs: dict[str, tuple[Path, Path | str]] = {"figure, .glb": (folder / "figure.glb", "-")}
         for kind in face_avatars.KINDS:
             avatar = face_avatars.write(folder, kind)
             output_file = folder / f"{avatar.stem}-out{'.glb' if kind == 'arkit.glb' else '.vrma'}"

@@ -135,7 +135,7 @@ class Mannequin:
         slope = np.stack(
             [self.depth(points + 1e-4 * axis) - self.depth(points - 1e-4 * axis) for axis in np.eye(3)], axis=1
         )
-        return slope / np.linalg.norm(slope, axis=1, keepdims=True)
+        return np.asarray(slope / np.linalg.norm(slope, axis=1, keepdims=True))
 
 
 def follow_field(points: Floats, guides: Floats, mannequin: Mannequin) -> Floats:
@@ -156,7 +156,7 @@ def find_outermost(points: Floats) -> NDArray[np.bool_]:
     vectors = points - [0.0, 0.8, 0.1]
     distances = np.linalg.norm(vectors, axis=1)
     is_near = (vectors / distances[:, None]) @ (vectors / distances[:, None]).T > np.cos(np.deg2rad(4.0))
-    return distances > 0.94 * np.where(is_near, distances[None], 0.0).max(axis=1)
+    return np.asarray(distances > 0.94 * np.where(is_near, distances[None], 0.0).max(axis=1))
 
 
 def compute_normals(points: Floats, triangles: Index) -> Floats:
@@ -165,7 +165,7 @@ def compute_normals(points: Floats, triangles: Index) -> Floats:
     normals = np.zeros_like(points)
     for k in range(3):
         np.add.at(normals, triangles[:, k], np.cross(b - a, c - a))
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12))
 
 
 _HAIRLINE = (
@@ -191,7 +191,7 @@ def measure_above_hairline(points: Floats, mannequin: Mannequin) -> Floats:
     middle, reach = np.array(_EAR)
     around = 0.3 * (np.linalg.norm((points[:, 1:] - middle) / reach, axis=1) - 1.0)
     low = np.minimum(around, 10.0 * (_STANDS_OUT - mannequin.depth(points)))
-    return np.minimum(points[:, 1] - np.interp(points[:, 2], depth, height), low)
+    return np.asarray(np.minimum(points[:, 1] - np.interp(points[:, 2], depth, height), low))
 
 
 _LIPS = (0.303, 0.235, 0.105, 0.095)
@@ -247,7 +247,7 @@ def tuck_neck(points: Floats) -> Floats:
     offsets = (points - [0.0, 0.0, _NECK_DEPTH]) * [1.0, 0.0, 1.0]
     distances = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
     inward = np.minimum(_TUCKED * np.clip((begin_heights - points[:, 1]) / 0.15, 0.0, 1.0), distances) / distances
-    return points - inward[:, None] * offsets
+    return np.asarray(points - inward[:, None] * offsets)
 
 
 def find_rim(triangles: Index, line_vertices: set[int]) -> Index:
@@ -315,7 +315,8 @@ def make_brow(
     rows = np.concatenate([np.stack([x, y + s * half_width], 1) for s in (1.0, 0.0, -1.0)])
     a, b, c = (skin[triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)[:, 2] > 0.0
-    points, carried = [], {name: [] for name in moves}
+    points: list[list[float]] = []
+    carried: dict[str, list[Floats]] = {name: [] for name in moves}
     for p in rows:
         best = None
         for f in np.flatnonzero(facing & (a[:, 2] > 0.5) & (np.abs(a[:, :2] - p).max(axis=1) < 0.4)):

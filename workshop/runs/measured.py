@@ -97,8 +97,8 @@ def index_rows(figures: Figures, key: str) -> dict[Any, Mapping[str, Any]]:
 
 def format_dips(row: Mapping[str, Any], key: str = "dips") -> str:
     """Returns the seams of a row that dip and that dip deep, in %; "-" if they were not measured."""
-    fractions = row.get(key), row.get(f"deep_{key}")
-    return "-" if None in fractions else "/".join(f"{100 * fraction:.0f}" for fraction in fractions)
+    fractions = [row[name] for name in (key, f"deep_{key}") if row.get(name) is not None]
+    return "-" if len(fractions) < 2 else "/".join(f"{100 * fraction:.0f}" for fraction in fractions)
 
 
 FACES = ("face_jumps", "half_blinks")

@@ -84,7 +84,7 @@ def make_rows(name: str, clips: Sequence[Clip], transitions: Sequence[Transition
     """
     by_length = {n: score_hidden_frames(clips, transitions, n) for n in LENGTHS}
     keyed = float(np.mean([judge_keyedness(clip).is_keyed for clip in clips]))
-    rows = []
+    rows: list[list[str]] = []
     for method, score, row, column in _ROWS:
         pairs = [(scores[row, :, column], scores[1, :, column]) for scores in by_length.values()]
         cells = [

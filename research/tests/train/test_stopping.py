@@ -75,7 +75,7 @@ def test_a_deadline_interrupts_and_the_next_call_ends_in_the_same_weights(
 
 def test_a_training_ends_on_a_plateau_and_stays_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     falling = iter([5.0, 4.0, 3.999, 4.2, 3.9, 3.8999, 3.8998, 2.0])
-    monkeypatch.setattr(loop, "judge", lambda *_: {stopping.LOSS: next(falling), "both": 0.5})
+    monkeypatch.setattr(loop, "judge", lambda *_: {stopping.VALIDATION_LOSS: next(falling), "both": 0.5})
     steps, weights = stopping_training(tmp_path / "a", patience=2)
     assert steps == 8, "3.999 and 4.2 are no improvement on 4.0"
     assert stopping.find_reason(tmp_path / "a", 60, 2) == (8, stopping.PLATEAU)
@@ -102,7 +102,9 @@ def test_a_training_ends_when_its_processor_time_is_spent(tmp_path: Path, monkey
 def test_the_validation_loss_is_judged_where_it_decides(tmp_path: Path) -> None:
     stopping_training(tmp_path / "a", patience=30)
     found = [
-        line[stopping.LOSS] for line in records.read_lines(tmp_path / "a" / records.LOG_FILE) if stopping.LOSS in line
+        line[stopping.VALIDATION_LOSS]
+        for line in records.read_lines(tmp_path / "a" / records.LOG_FILE)
+        if stopping.VALIDATION_LOSS in line
     ]
     assert len(found) == 30
     assert all(math.isfinite(loss) and loss > 0.0 for loss in found)

@@ -37,26 +37,27 @@ class PosedBody:
     relief_rotations: FloatArray | None = None
 
     @property
-    def hand_length(self) -> float:
-        """The median length of the palms' capsules, m."""
+    def palm_length(self) -> float:
+        """The median length of the palms' capsules in the first frame, m."""
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
 
     def heights(self, pairs: SkinPairs, near: Near) -> FloatArray:
-        """Returns the height (N,) of the skin of head or trunk above the other capsule of near pairs, at the nearest
-        points, m; 0 if the capsules are the skin.
+        """Returns how far (N,) an avatar's skin lies above the head's or trunk's capsule of near pairs, at the point
+        nearest to the hand, m; 0 if the capsules are the skin.
         """
         relief, body, heights = self.body.relief, self.body, np.zeros(len(near.k))
         if relief is None or self.relief_rotations is None:
             return heights
         on_relief = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
         frames, k = near.frames[on_relief], near.k[on_relief]
-        rows, now = pairs.other[k], pair_clearances(self.starts, self.ends, self.radii, pairs, frames, k)
+        rows = pairs.other[k]
+        clearances = pair_clearances(self.starts, self.ends, self.radii, pairs, frames, k)
         outward = np.einsum(
-            "nba,nb->na", self.relief_rotations[frames, np.searchsorted(relief.rows, rows)], now.normals
+            "nba,nb->na", self.relief_rotations[frames, np.searchsorted(relief.rows, rows)], clearances.normals
         )
-        radius = body.radii[rows, 0] + now.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
-        axis_offset = now.other_at[:, None] * (body.ends - body.starts)[rows]
+        radius = body.radii[rows, 0] + clearances.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
+        axis_offset = clearances.other_at[:, None] * (body.ends - body.starts)[rows]
         points = body.starts[rows] + axis_offset + radius[:, None] * outward
         heights[on_relief] = relief.heights(rows, points, outward) * (self.radii[0, 0] / body.radii[0, 0])
         return heights
@@ -95,12 +96,12 @@ def pose_body(clip: Clip, body: BodyCapsules) -> PosedBody:
 
 TOUCH_M = 0.005
 """A contact begins when skins come nearer than this, m."""
-PART_M = 0.012
+SEPARATION_M = 0.012
 """A contact ends when skins are farther apart than this, m."""
 KEPT_M = 0.005
 """A contact is kept if its distance changes by less than this, m."""
 PRESS_M = 0.002
-"""Contacts need not stay deeper than this, m: skin gives, capsules do not."""
+"""A contact deeper than this at the source may become as shallow as this, m: skin gives, capsules do not."""
 REGIONS = ("head", "neck", "trunk", "arm", "hand")
 """Regions that a hand touches; the last two are of the other side."""
 _SHORTEST = 2
@@ -133,7 +134,8 @@ def find_contacts(
 ) -> tuple[Contact, ...]:
     """Returns the contacts of a clip of ``n_frames``, in order.
 
-    near: all pairs nearer than ``PART_M`` at the source; after: (N,) their distances on the other body, m.
+    near: all pairs nearer than ``SEPARATION_M`` at the source.
+    after: (N,) their distances on the other body, m.
     """
     frames, k, before = near.frames, near.k, near.distance
     region = np.array([_region(body, row) for row in range(len(body.keys))], np.intp)[pairs.other[k]]
@@ -166,7 +168,7 @@ def _events(distance: FloatArray) -> list[tuple[int, int]]:
     touching = np.zeros(len(distance), bool)
     is_touching = False
     for frame, value in enumerate(distance.tolist()):
-        is_touching = value < (PART_M if is_touching else TOUCH_M)
+        is_touching = value < (SEPARATION_M if is_touching else TOUCH_M)
         touching[frame] = is_touching
     edges = np.flatnonzero(np.diff(np.r_[False, touching, False].astype(int))).tolist()
     events: list[tuple[int, int]] = []

@@ -159,7 +159,7 @@ class Fit:
         self.source, self.carried, self.fps, self.active = source, carried, fps, active
         self.n_frames = len(source.wrists)
         self._arm_scale = float(np.mean(carried.arm_lengths) / np.mean(source.arm_lengths))
-        self._hand_scale = carried.hand_length / source.hand_length
+        self._hand_scale = carried.palm_length / source.palm_length
         self.shared = frozenset(source.body.keys) & frozenset(carried.body.keys)
         self.pairs = skin_pairs(source.body, self.shared), skin_pairs(carried.body, self.shared)
         self._anchors = [self._rows([(side + key, share) for key, share in _ANCHORS]) for side in SIDES]

@@ -5,9 +5,9 @@ Linear blend skinning binds the mesh to the joints, in the T-pose with fingers s
 finger has its own tint, which keeps handshapes readable.
 
 Its head has eyes, lids, brows, lips, teeth and tongue, and ARKit's 52 coefficients as morphs.
-``workshop/runs/figure.py`` makes ``figure.npz`` from MakeHuman's base mesh (CC0), in steps of ``_HEAD_STEP`` statures
-about the head's joint in the T-pose (left +X, up +Y, forward +Z). Its skin follows the capsules of head and neck, which
-hands touch.
+``workshop/runs/figure.py`` makes it, as ``figure.npz``, from MakeHuman's base mesh (CC0). Coordinates there are whole
+numbers of ``_HEAD_STEP`` statures from the head's joint in the T-pose (left +X, up +Y, forward +Z). The head's skin
+follows the capsules of head and neck, which hands touch.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class MannequinShape:
     """Shape of the mannequin's mesh."""
 
     chin_radius: float = 0.024
-    """Radius of the usual head's chin (``capsules``), statures; it sets the scale of larger heads."""
+    """Radius of the usual head's chin (``capsules``), statures; others scale the figure's head in proportion."""
     least_spacing: float = 0.06
     """Least distance of a part's vertices, in radii of its thickest capsule."""
     palm_blend: float = 0.0045
@@ -80,23 +80,23 @@ _COLOURS = {
 
 
 def has_head(skeleton: Skeleton, shape: BodyCapsules) -> bool:
-    """Tells whether a body has the head that the figure's replaces."""
+    """Tells whether a body has a head, which the figure's replaces."""
     return "head1" in shape.keys and "head" in rig_info(skeleton).roles.joints
 
 
 def head_parts(skeleton: Skeleton, shape: BodyCapsules, positions: FloatArray) -> tuple[MeshPart, ...]:
     """Returns the figure's head on a body with a head, by parts; ``positions``: (J, 3) joints in the bind pose."""
     info = rig_info(skeleton)
-    head, size = info.roles.joints["head"], _size(shape)
+    head, step = info.roles.joints["head"], _step_length(shape)
     neck = info.roles.joints.get("neck", head)
     with files("signsplice.body").joinpath("figure.npz").open("rb") as file:
         stored = {name: np.asarray(array) for name, array in np.load(file).items()}
-    points, normals = stored["vertices"] * size, stored["normals"].astype(np.float64)
+    points, normals = stored["vertices"] * step, stored["normals"].astype(np.float64)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     weight = stored["head_weights"] / 255.0
     ends = np.cumsum(stored["unit_counts"])
-    units = {
-        name: (stored["unit_vertices"][end - n : end].astype(np.int64), stored["unit_moves"][end - n : end] * size)
+    coefficients = {
+        name: (stored["unit_vertices"][end - n : end].astype(np.int64), stored["unit_moves"][end - n : end] * step)
         for name, n, end in zip(ARKIT_CHANNELS, stored["unit_counts"].tolist(), ends.tolist(), strict=True)
     }
     is_neck, is_one = weight < 0.5, (weight == 0.0) | (weight == 1.0)
@@ -108,31 +108,34 @@ def head_parts(skeleton: Skeleton, shape: BodyCapsules, positions: FloatArray) -
     parts = []
     for number, (name, colour) in enumerate(_COLOURS.items()):
         used, corners = np.unique(triangles[stored["parts"] == number], return_inverse=True)
-        moved = {unit: _of_part(used, *rows) for unit, rows in units.items()}
-        morphs = {unit: rows for unit, rows in moved.items() if len(rows[0])}
+        moved = {coefficient: _moves_in_part(used, *rows) for coefficient, rows in coefficients.items()}
+        morphs = {coefficient: rows for coefficient, rows in moved.items() if len(rows[0])}
         vertices, corners = positions[head] + points[used], corners.reshape(-1, 3)
         parts.append(MeshPart(name, colour, vertices, normals[used], corners, joints[used], weights[used], morphs))
     return tuple(parts)
 
 
-def _size(shape: BodyCapsules) -> float:
-    """Returns the clip units of a step of the file, from the thickness of the chin."""
+def _step_length(shape: BodyCapsules) -> float:
+    """Returns the length of a step of the file, clip units, from the thickness of the chin."""
     return _HEAD_STEP * float(shape.radii[shape.keys.index("head1"), 0]) / _MANNEQUIN.chin_radius
 
 
-def _of_part(
+def _moves_in_part(
     used: NDArray[np.int64], rows: NDArray[np.int64], moves: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Returns the vertices of a part that a unit moves, by their numbers in the part, and their moves (N, 3)."""
+    """Returns the vertices (N,) of a part that a face coefficient moves, by their numbers in the part, and their moves
+    (N, 3). ``used``: the part's vertices in the file; ``rows``, ``moves``: all that the coefficient moves.
+    """
     index = np.minimum(np.searchsorted(used, rows), len(used) - 1)
     is_match = used[index] == rows
     return index[is_match], moves[is_match]
 
 
-SKIN = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
+SKIN_COLOURS = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
 """Colours of skin, sRGB 0 to 1; the left hand is darker, to distinguish crossed hands."""
-TIPS = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
-CLOTHES = {
+TIP_COLOURS = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
+"""Colours of last phalanges, sRGB 0 to 1."""
+PART_COLOURS = {
     "shirt": (0.26, 0.31, 0.40),
     "sleeve": (0.30, 0.36, 0.46),
     "cuff": (0.30, 0.36, 0.46),
@@ -142,13 +145,14 @@ CLOTHES = {
     "eye": (0.16, 0.13, 0.13),
     "mouth": (0.66, 0.36, 0.34),
 }
+"""Colours of parts that are no skin, sRGB 0 to 1."""
 
 _STEP = {"face": 0.0036, "hair": 0.0060, "neck": 0.0100, "shirt": 0.0120, "leg": 0.0200, "shoe": 0.0140}
 """Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 4.8 mm by default."""
 _BLEND = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
 """Blend radius of the capsules of a part, as a fraction of stature; 1 mm by default."""
 _SOFT = {"shirt": 0.45}
-"""Softness of the transition from one joint to the next, as a fraction of the capsule's thickness."""
+"""Softness of the transition from one joint to the next, in mean radii of the capsule; 0.28 by default."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
 """Spread of the fingers in the bind pose, degrees, so that their meshes do not merge."""
 _GROWN = {"mouth": 0.0020, "eye": 0.0010}
@@ -169,10 +173,10 @@ def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
 
 
 def colour(part: str, side: str) -> tuple[float, float, float]:
-    """Returns the colour of a capsule's part."""
-    if part in CLOTHES:
-        return CLOTHES[part]
-    return TIPS[side] if part.endswith("Tip") and side else SKIN[side]
+    """Returns the colour of a capsule by its part and side, sRGB 0 to 1."""
+    if part in PART_COLOURS:
+        return PART_COLOURS[part]
+    return TIP_COLOURS[side] if part.endswith("Tip") and side else SKIN_COLOURS[side]
 
 
 def bind_pose(skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
@@ -200,14 +204,14 @@ class _MeshCapsules:
     starts, ends: (C, 3) of their axes.
     radii: (C, 2) at both ends.
     joints: (C,) that carry them.
-    bundles: (C,) number of the group in which each blends first.
+    blend_groups: (C,) number of the group in which each blends first.
     """
 
     starts: FloatArray
     ends: FloatArray
     radii: FloatArray
     joints: NDArray[np.intp]
-    bundles: NDArray[np.intp]
+    blend_groups: NDArray[np.intp]
 
 
 def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]:
@@ -222,12 +226,12 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
     for n, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)):
         if has_face and part in ("face", "nose", "hair", "eye", "mouth"):
             continue
-        groups.setdefault(_part_of(part, side), []).append(n)
+        groups.setdefault(_mesh_part(part, side), []).append(n)
     pieces = []
     for (kind, side), rows in groups.items():
         parts, sides = [shape.parts[n] for n in rows], [shape.sides[n] for n in rows]
         capsules = _MeshCapsules(
-            starts[rows], ends[rows].copy(), shape.radii[rows], shape.joints[rows], _bundles(parts, sides)
+            starts[rows], ends[rows].copy(), shape.radii[rows], shape.joints[rows], _blend_groups(parts, sides)
         )
         if kind == "shirt":
             cuffs = [k for k, part in enumerate(parts) if part == "cuff"]
@@ -239,7 +243,7 @@ def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...
         if kind == "hand":
             capsules = _with_wrist(capsules, starts, ends, shape, side, height)
         capsules = replace(capsules, radii=capsules.radii + height * _GROWN.get(kind, 0.0))
-        tint = colour(kind if kind in CLOTHES else parts[0], side)
+        tint = colour(kind if kind in PART_COLOURS else parts[0], side)
         bends = _bends(capsules, [part in ("cuff", "leg") for part in parts])
         piece = _skin(f"{side} {kind}".strip(), kind, tint, capsules, height, bends)
         if bends.any():
@@ -265,11 +269,11 @@ def _separate_creases(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshP
     return [part for part in parts if len(part.triangles)]
 
 
-def _bends(capsules: _MeshCapsules, may: Sequence[bool]) -> NDArray[np.bool_]:
-    """Tells which capsules (C,) that ``may`` bend begin at the end of another joint's: at elbows and knees."""
+def _bends(capsules: _MeshCapsules, can_bend: Sequence[bool]) -> NDArray[np.bool_]:
+    """Tells which capsules (C,) begin at an elbow or a knee: those that ``can_bend``, at the end of another joint's."""
     gaps = np.linalg.norm(capsules.ends[None] - capsules.starts[:, None], axis=-1)
     follows = (gaps < 0.2 * capsules.radii[:, :1]) & (capsules.joints[:, None] != capsules.joints)
-    return np.asarray(follows.any(axis=1) & np.resize(np.array(may), len(capsules.starts)))
+    return np.asarray(follows.any(axis=1) & np.resize(np.array(can_bend), len(capsules.starts)))
 
 
 def _balls(capsules: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
@@ -299,7 +303,8 @@ def _merge_parts(pieces: Sequence[MeshPart]) -> MeshPart:
     )
 
 
-def _part_of(part: str, side: str) -> tuple[str, str]:
+def _mesh_part(part: str, side: str) -> tuple[str, str]:
+    """Returns the kind and side of the part of the mesh that a capsule's part belongs to."""
     if part in ("sleeve", "cuff", "shirt"):
         return "shirt", ""
     if part in ("face", "nose", "neck"):
@@ -307,7 +312,7 @@ def _part_of(part: str, side: str) -> tuple[str, str]:
     return ("hand" if part in ("palm", *FINGERS) else part), side
 
 
-def _bundles(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
+def _blend_groups(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
     """Returns groups (C,) of capsules that blend first: a palm, each finger, an arm, a leg, else each capsule alone."""
     limbs = {"sleeve": "arm", "cuff": "arm", "leg": "leg"} | {part: part for part in ("palm", *FINGERS)}
     names = [
@@ -330,7 +335,7 @@ def _with_wrist(
         np.concatenate([capsules.ends, ends[cuff][None]]),
         np.concatenate([capsules.radii, height * np.array([_MANNEQUIN.wrist_radii])]),
         np.append(capsules.joints, shape.joints[cuff]),
-        np.append(capsules.bundles, capsules.bundles[0]),  # the palm comes first
+        np.append(capsules.blend_groups, capsules.blend_groups[0]),  # the palm comes first
     )
 
 
@@ -342,15 +347,16 @@ def _skin(
     height: float,
     bends: NDArray[np.bool_] | None = None,
 ) -> MeshPart:
+    """Returns the surface of blended capsules as a part of the mesh; ``bends``: capsules (C,) that begin at a bend."""
     blend = height * _BLEND.get(kind, 0.0006)
-    blends = {int(k): _MANNEQUIN.limb_blend * height for k in capsules.bundles}
+    blends = {int(k): _MANNEQUIN.limb_blend * height for k in capsules.blend_groups}
     if kind == "hand":
-        blends[int(capsules.bundles[0])] = _MANNEQUIN.palm_blend * height  # the palm comes first
-    bundles = [(np.flatnonzero(capsules.bundles == k), within) for k, within in blends.items()]
+        blends[int(capsules.blend_groups[0])] = _MANNEQUIN.palm_blend * height  # the palm comes first
+    groups = [(np.flatnonzero(capsules.blend_groups == k), within) for k, within in blends.items()]
 
     def field(points: FloatArray) -> FloatArray:
         each = _distances(points, capsules)
-        return _union(np.stack([_union(each[rows], within) for rows, within in bundles]), blend)
+        return _union(np.stack([_union(each[rows], within) for rows, within in groups]), blend)
 
     margin = capsules.radii.max() + 2.0 * blend
     low, high = (
@@ -385,7 +391,7 @@ def _distances(points: FloatArray, capsules: _MeshCapsules) -> FloatArray:
     slope = squared - taper**2
     cone = slope > 1e-12 * squared  # else one ball contains the other
     divisor = np.where(cone, squared, 1.0)
-    middle = capsules.starts.mean(axis=0)  # small numbers keep the matrix products exact
+    middle = capsules.starts.mean(axis=0)  # small numbers keep the matrix products accurate
     points, starts = points - middle, capsules.starts - middle
     dots = axes @ points.T
     dots -= np.einsum("cx,cx->c", starts, axes)[:, None]
@@ -417,12 +423,13 @@ def _skin_weights(
     nearest = distances.argmin(axis=1)
     soft = np.minimum(softness, softness[nearest, None])
     falloff = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / soft)
-    names = np.unique(joints)
-    joint_falloff = np.stack([falloff[:, joints == joint].max(axis=1) for joint in names], axis=1)
-    joint_falloff = np.pad(joint_falloff, ((0, 0), (0, max(0, N_JOINTS - len(names)))))
-    names = np.pad(names, (0, max(0, N_JOINTS - len(names))))
+    carriers = np.unique(joints)
+    joint_falloff = np.stack([falloff[:, joints == joint].max(axis=1) for joint in carriers], axis=1)
+    n_missing = max(0, N_JOINTS - len(carriers))
+    joint_falloff = np.pad(joint_falloff, ((0, 0), (0, n_missing)))
+    carriers = np.pad(carriers, (0, n_missing))
     order = np.argsort(-joint_falloff, axis=1, kind="stable")[:, :N_JOINTS]
     weights = np.take_along_axis(joint_falloff, order, axis=1)
     weights[weights < 0.02 * weights[:, :1]] = 0.0
     weights /= weights.sum(axis=1, keepdims=True)
-    return np.where(weights > 0.0, names[order], 0).astype(np.int64), weights
+    return np.where(weights > 0.0, carriers[order], 0).astype(np.int64), weights

@@ -14,7 +14,7 @@ import numpy as np
 from signsplice.body import arm_ik, swivel
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules
 from signsplice.body.collision import Near, forearm_pairs, near_pairs, pair_clearances
-from signsplice.body.contacts import PART_M, Contact, PosedBody, find_contacts, pose_body
+from signsplice.body.contacts import SEPARATION_M, Contact, PosedBody, find_contacts, pose_body
 from signsplice.body.fit import WRISTS, Fit
 from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
@@ -232,7 +232,7 @@ def _contacts(fit: Fit, posed: PosedBody, start: int, on_skin: SkinFit | None) -
     """Returns the contacts of a window of the source while it signs, from frame ``start`` on, before and after."""
     (source_pairs, target_pairs), pairs = fit.pairs, fit.near
     activity = fit.active[pairs.frames, source_pairs.own_side[pairs.k]]
-    shown = (pairs.distance < PART_M) & (activity > WRISTS.signing_activity)
+    shown = (pairs.distance < SEPARATION_M) & (activity > WRISTS.signing_activity)
     pairs = Near(pairs.frames[shown], pairs.k[shown], pairs.distance[shown])
     after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, pairs.frames, pairs.k).distance
     after -= posed.heights(target_pairs, pairs)

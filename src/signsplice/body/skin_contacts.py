@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from signsplice.body.capsules import ARM
 from signsplice.body.collision import Near, SkinPairs
 from signsplice.body.fit import CONTACTS, Fit, solve_blocks
-from signsplice.body.skin_surface import THICK_M, AvatarSkin, least_height
+from signsplice.body.skin_surface import HALF_THICKNESS_M, AvatarSkin, least_height
 from signsplice.motion import Clip, FloatArray, kinematics
 
 
@@ -154,7 +154,7 @@ class SkinFit:
         for n, (pose, by) in enumerate(zip(self._poses[k], moved, strict=True)):
             if pose is None:
                 continue
-            most_across, thick = _SETTINGS.edge_spacings * self._spacing[meeting.what], THICK_M[meeting.what]
+            most_across, thick = _SETTINGS.edge_spacings * self._spacing[meeting.what], HALF_THICKNESS_M[meeting.what]
             lowest[n], heights, normals = least_height(pose.hand + by, pose.points, pose.normals, most_across, thick)
             direction = np.exp((lowest[n] - heights) / _SETTINGS.lowest_fade_m) @ normals
             directions[n] = direction / (np.linalg.norm(direction) + 1e-12)

@@ -2,12 +2,11 @@
 avatar's capsules, which are smoother than bodies.
 
 The height at a place p of a capsule with outward direction n is that of the mesh along n: over the surface points v
-around, in the rest pose, with h = (v - p) . n and r their distance from the line through p along n,
+nearby, in the rest pose, with h = (v - p) . n and r their distance from the line through p along n,
 
     height = sum w h / sum w,  w = (1 - r^2 / R^2)^2 exp(h / s)
 
 so that the outermost decides. Places in another capsule are not skin: their height fades to 0.
-
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ Index = NDArray[np.intp]
 
 MIN_POINTS = 6
 """Least number of vertices for a measurement."""
-THICK_M = (0.03, 0.015)
+HALF_THICKNESS_M = (0.03, 0.015)
 """Half the thickness of the body, and of a hand, m: a point deeper than that under the nearest skin sees it from
 behind, through the end of an open mesh.
 """
@@ -62,7 +61,7 @@ class SurfaceSettings:
     """Numbers, weights and distances of points of skin."""
 
     bare_multiple: int = 4
-    """Vertices of bare skin from which on clothes around it do not count, in multiples of ``MIN_POINTS``."""
+    """Least number of vertices of bare skin with which clothes are ignored, in multiples of ``MIN_POINTS``."""
     triangle_rows: int = 8
     """Largest number of rows of points on a triangle: limits the memory for large triangles."""
     most_samples: int = 300_000
@@ -97,10 +96,10 @@ class Relief:
     """The surface of an avatar's head, neck and trunk, in its rest pose, m.
 
     points, normals: (S, 3) of the surface.
-    rows: (K,) capsules under it.
-    starts, ends: (K, 3) their axes.
-    radii: (K, 2).
-    origins: (C, 3) joint of each of the body's capsules.
+    rows: (K,) capsules under it, as rows of the body's C capsules.
+    starts, ends: (K, 3) of their axes.
+    radii: (K, 2) at start and end.
+    origins: (C, 3) places of the joints that carry the body's capsules.
     """
 
     points: FloatArray
@@ -131,6 +130,7 @@ class Relief:
         return heights
 
     def _above(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """Returns heights (N,) of the mesh above points (N, 3) along directions (N, 3), m; 0 where it is not near."""
         distances, index = self._tree.query(
             points, _RELIEF.nearest_points, distance_upper_bound=_RELIEF.place_distance_m
         )
@@ -147,10 +147,10 @@ class Relief:
     def _visible(self, rows: Index, points: FloatArray) -> FloatArray:
         """Returns the share (N,) of each place that is skin: 1 outside all other capsules, 0 within one."""
         axis = self.ends - self.starts
-        since = points[:, None] - self.starts
-        t = np.einsum("nkx,kx->nk", since, axis) / (np.einsum("kx,kx->k", axis, axis) + 1e-12)
+        from_start = points[:, None] - self.starts
+        t = np.einsum("nkx,kx->nk", from_start, axis) / (np.einsum("kx,kx->k", axis, axis) + 1e-12)
         t = np.clip(t, 0.0, 1.0)
-        distances = np.linalg.norm(since - t[..., None] * axis, axis=-1)
+        distances = np.linalg.norm(from_start - t[..., None] * axis, axis=-1)
         depth = self.radii[:, 0] + t * (self.radii[:, 1] - self.radii[:, 0]) - distances
         depth[rows[:, None] == self.rows] = 0.0
         hidden, visible = _RELIEF.hidden_depth_m, _RELIEF.visible_depth_m
@@ -161,9 +161,9 @@ class Relief:
 class SkinPoints:
     """Vertices of skin, without hair, skirts and accessories.
 
-    positions: (V, 3) in the rest pose, root at the origin.
+    positions: (V, 3) in the rest pose, root at the origin, m.
     joints, weights: (V, 4) joints that carry each, and their weights.
-    triangles: (F, 3) between such vertices.
+    triangles: (F, 3) rows of such vertices.
     is_cloth: (V,) whether each lies on clothing, by the name of the part.
     """
 
@@ -186,14 +186,14 @@ class SkinPoints:
         return skin if bare and skin.sum() >= _SURFACE.bare_multiple * MIN_POINTS else carried
 
     def surface(self, joints: Sequence[int], step: float) -> tuple[FloatArray, FloatArray]:
-        """Returns points and normals (S, 3) on the triangles that these joints carry, about ``step`` apart."""
+        """Returns points and normals (S, 3) on the triangles that these joints carry, about ``step`` m apart."""
         corners, shares, normals = self.samples(joints, step)
         return np.einsum("sc,scx->sx", shares, self.positions[corners]), normals
 
     def samples(
         self, joints: Sequence[int], step: float, bare: bool = False
     ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-        """Returns points on the triangles that these joints carry, about ``step`` apart: vertices at the corners
+        """Returns points on the triangles that these joints carry, about ``step`` m apart: vertices at the corners
         (S, 3), their shares in the point (S, 3), and normals (S, 3); ``bare`` as in ``is_of``.
         """
         rows = self.triangles[self.is_of(joints, bare)[self.triangles].all(axis=1)]
@@ -221,13 +221,13 @@ def quantile(values: FloatArray, fraction: float) -> float:
     return float(np.sort(values)[int(fraction * (len(values) - 1) + 0.5)])
 
 
-def window(points: FloatArray, at: tuple[float, float], half: float) -> FloatArray | None:
-    """Returns points (N, 3) whose x and y lie within ``half`` of a place, or within two or four times that if too few
-    do; None if these are too few as well.
+def window(points: FloatArray, at: tuple[float, float], half_width: float) -> FloatArray | None:
+    """Returns the points whose x and y lie within ``half_width`` of a place, or within two or four times that if too
+    few do; None if these are too few as well.
     """
     distance = np.maximum(np.abs(points[:, 0] - at[0]), np.abs(points[:, 1] - at[1]))
     for wider in _SURFACE.window_factors:
-        close = points[distance < wider * half]
+        close = points[distance < wider * half_width]
         if len(close) >= MIN_POINTS:
             return np.asarray(close)
     return None
@@ -237,11 +237,11 @@ def window(points: FloatArray, at: tuple[float, float], half: float) -> FloatArr
 class SkinSurface:
     """N points of skin and the K joints that carry them.
 
-    points, normals: (N, 3) in the rest pose, from the root.
+    points, normals: (N, 3) in the rest pose, from the root, m.
     joints: (K,) rows of the skeleton.
     weights: (N, K) of the joints.
-    origins: (K, 3) the joints at rest.
-    spacing: distance between neighbouring points.
+    origins: (K, 3) places of the joints in the rest pose, m.
+    spacing: about the distance between neighbouring points, m.
     """
 
     points: FloatArray
@@ -254,8 +254,8 @@ class SkinSurface:
     def deform(
         self, rotations: FloatArray, positions: FloatArray, around: tuple[FloatArray, float] | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns points and normals in the world, from the globals (J, 3, 3) and (J, 3) of one frame; with ``around``,
-        a place (3,) and a distance, only those within that distance.
+        """Returns points and normals in the world, from global rotations (J, 3, 3) and positions (J, 3) of one frame;
+        with ``around``, a place (3,) and a distance, only those within that distance.
         """
         turn, pivots = rotations[self.joints], positions[self.joints]
         points, normals, weights = self.points, self.normals, self.weights
@@ -295,8 +295,8 @@ class AvatarSkin:
 def surface(
     points: SkinPoints, joints: Sequence[int], rest: FloatArray, spacing: float, bare: bool = False
 ) -> SkinSurface | None:
-    """Returns the outermost skin that ``joints`` carry, with points about ``spacing`` apart; None if there is none, or
-    more than ``SurfaceSettings.most_weights`` allows.
+    """Returns the outermost skin that ``joints`` carry, with points about ``spacing`` m apart; None if there is none,
+    or more than ``SurfaceSettings.most_weights`` allows.
 
     rest: (J, 3) joints in the rest pose, from the root. bare: without clothes, if the mesh has enough skin.
     """
@@ -316,17 +316,17 @@ def surface(
 
 
 def least_height(
-    hand: FloatArray, tree: cKDTree, normals: FloatArray, most_across: float, thick: float
+    hand: FloatArray, tree: cKDTree, normals: FloatArray, most_across: float, half_thickness: float
 ) -> tuple[float, FloatArray, FloatArray]:
     """Returns the least height of a hand's points (H, 3) above a surface of N points, along the normal of the nearest
-    one (infinite if none is near), and the heights (K,) and normals (K, 3) of all. Points farther from that normal
-    than ``most_across``, or deeper than ``thick``, are beyond the surface's edge.
+    one (infinite if none is near), and the heights (K,) and normals (K, 3) of all. Points farther from the line
+    of that normal than ``most_across``, or deeper than ``half_thickness``, are beyond the surface's edge; all in m.
     """
     distances, index = (np.asarray(values) for values in tree.query(hand, distance_upper_bound=_SURFACE.comparison_m))
     met = np.flatnonzero(np.isfinite(distances))
     outward = normals[index[met]]
     height = np.einsum("nx,nx->n", hand[met] - tree.data[index[met]], outward)
-    over = (distances[met] ** 2 - height**2 < most_across**2) & (height > -thick)
+    over = (distances[met] ** 2 - height**2 < most_across**2) & (height > -half_thickness)
     return float(height[over].min(initial=np.inf)), height[over], outward[over]
 
 

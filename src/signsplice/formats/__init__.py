@@ -28,9 +28,10 @@ class FileFormat:
         clips are written, ``encode(clip) -> bytes``. Empty for a format that is only planned.
     reads, writes: whether clips are read and written in it.
     has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
-    has_takes: whether a file may hold several named motions: then ``parse`` also takes ``take``, the name of one.
+    has_takes: whether one of a file's motions can be chosen: then ``parse`` also takes ``take``, its name. Of other
+        files the first motion is read.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
-    holds: content of a planned format, for the error message.
+    planned_content: what files of a planned format hold, for the error message; else empty.
     holds_faces: whether its files can hold a clip's face.
     """
 
@@ -41,7 +42,7 @@ class FileFormat:
     has_buffers: bool = False
     has_takes: bool = False
     media_type: str = ""
-    holds: str = ""
+    planned_content: str = ""
     holds_faces: bool = True
 
 
@@ -55,7 +56,7 @@ FORMATS = {
         FileFormat(".gltf", "glb", writes=False, has_buffers=True),
         FileFormat(".vrma", "vrma", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".fbx", "fbx", writes=False, has_takes=True),
-        FileFormat(".pose", holds="landmark"),
+        FileFormat(".pose", planned_content="landmark"),
     )
 }
 """Suffix -> format, in the order of messages and help texts."""
@@ -76,14 +77,14 @@ def load(
     face_offset: float = 0.0,
     take: str = "",
 ) -> Clip:
-    """Load a clip from a file with one of ``READ_SUFFIXES``, with the face of a NAME.csv beside NAME.bvh
-    (``live_link``).
+    """Load a clip from a file with one of ``READ_SUFFIXES``. If the file holds no face, that in a NAME.csv beside it is
+    read (``live_link``).
 
     rest_frame: the frame whose pose is the rest pose, if the rig shows no person with all rotations zero; by default
         the first that shows one.
     face: a CSV file, or another clip's file, with the clip's face, instead of the file beside it.
     face_offset: time of the first row or frame of that file after the clip's first frame, seconds.
-    take: the name of one of several motions in a file; by default the first.
+    take: the name of one of several motions in an FBX file; by default the first that moves its joints.
 
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` if its content is not valid,
     and ``LimitError`` if it exceeds ``limits``, which ``NO_LIMITS`` lifts.
@@ -124,8 +125,8 @@ def _parse_content(
     module = import_module(f"{__name__}.{row.module}")
     with (
         format_errors(file, f"{row.suffix} file"),
-        np.errstate(all="ignore"),
-    ):  # the clip refuses numbers that are not finite
+        np.errstate(all="ignore"),  # the clip refuses numbers that are not finite
+    ):
         options = {"folder": folder} if row.has_buffers else {"take": take} if row.has_takes else {}
         clip: Clip = module.parse(content, file, limits, **options)
         if clip.skeleton.roles:
@@ -183,6 +184,6 @@ def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
     if suffix == ".vrm":
         raise InputError(f"{path}: is an avatar, no clip, {expected}; `signsplice convert` puts clips onto avatars")
     row = FORMATS.get(suffix)
-    if row is not None and row.holds:
-        raise InputError(f"{path}: {row.holds} files cannot be {done} yet, {expected}")
+    if row is not None and row.planned_content:
+        raise InputError(f"{path}: {row.planned_content} files cannot be {done} yet, {expected}")
     raise InputError(f"{path}: a file with suffix {suffix or '(none)'} cannot be {done}, {expected}")

@@ -15,7 +15,7 @@ from itertools import islice
 import numpy as np
 
 from signsplice.errors import FormatError, InputError, LimitError
-from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, JOINT_FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton, euler
 from signsplice.motion.clip import ChannelNames
 from signsplice.motion.euler import POSITIONS, ROTATIONS
@@ -263,7 +263,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
     # A number takes at least two bytes of text, which bounds the frames that can follow, whatever the file declares.
     n_possible = min(n_frames, (len(text) - first) // (2 * width) + 1)
     n_joints, fps = len(hierarchy.names), standard_fps(frame_time)
-    n_bytes = n_possible * (n_joints * FRAME_BYTES + width * _NUMBER_BYTES)
+    n_bytes = n_possible * (n_joints * JOINT_FRAME_BYTES + width * _NUMBER_BYTES)
     limits.check_clip(n_possible, n_joints, fps, n_bytes, len(content), file)
     values = np.empty((n_possible, width))
     _read_frames(text, first, n_frames, values, file)

@@ -2,8 +2,8 @@
 
 Joints are the file's bones, or, if it has none, all moving models with their descendants; of several skeletons, the one
 with most body parts is read. The bind pose of skins becomes the rest pose, as in ``gltf_reader``, else the pose with
-all angles 0, which all files of an exporter share. Faces are blend shapes that a take moves, recognised by name
-(``motion.face``).
+all angles 0, since the pose that is stored at rest differs between files of one rig. Faces are blend shapes that a take
+moves, recognised by name (``motion.face``).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from signsplice.formats.gltf_document import (
     to_rest_axes,
     unique,
 )
-from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, JOINT_FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import Face, face_from, shape_of
 from signsplice.rig.info import rig_info
@@ -52,11 +52,13 @@ def face_of(objects: FbxObjects, take: Take, times: FloatArray) -> tuple[Face | 
     return face, tuple(unknown)
 
 
-_NO_JOINTS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
-_HELD = 1e-5
+_NO_JOINT_KINDS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
+"""Kinds of models that are no joints, even if they move."""
+_CONSTANT = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _LEAST_JOINTS = 3
-_NAMED = 5
+"""A skeleton with fewer joints ranks last."""
+_MOST_NAMED = 5
 """Most takes that an error message names."""
 
 
@@ -85,8 +87,8 @@ class _Reader:
         clip = self._build_clip(order, quats, positions, fps)
         tops = [self.scene.models[joints[0]].name for joints in skeletons if len(joints) > 1]
         takes = [unread_take.name for unread_take in self.scene.takes if unread_take is not take and unread_take.layers]
-        what = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
-        notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(what, tops)]
+        skeleton_read = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
+        notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(skeleton_read, tops)]
         face, shapes = face_of(self.scene.objects, take, times)
         return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
 
@@ -97,7 +99,7 @@ class _Reader:
         if not joints:
             moved = {key for take in self.scene.takes for key, _ in take.model_curves()}
             for key in self.scene.order:
-                if (key in moved or parents.get(key) in joints) and models[key].kind not in _NO_JOINTS:
+                if (key in moved or parents.get(key) in joints) and models[key].kind not in _NO_JOINT_KINDS:
                     joints.add(key)
         if not joints:
             raise self._error("holds neither bones nor models that move, expected an animated skeleton")
@@ -130,13 +132,13 @@ class _Reader:
                 if not moves:
                     raise self._error(f"its take {name!r:.80} moves no joint")
                 return take
-        names = ", ".join(repr(take.name)[:80] for take in self.scene.takes[:_NAMED])
+        names = ", ".join(repr(take.name)[:80] for take in self.scene.takes[:_MOST_NAMED])
         if name and names:
             raise self._error(f"no take {name!r:.80}, expected one of {names}")
         raise self._error("holds no take that moves a joint, expected an animated skeleton")
 
     def _times(self, take: Take, order: Sequence[Id]) -> tuple[FloatArray, float]:
-        """Return times (T,) of the frames, and the frame rate: the file's, or that of keys that are denser or lie
+        """Return times (T,) of the frames, s, and the frame rate: the file's, or that of keys that are denser or lie
         between its frames.
         """
         joints = {*order}
@@ -152,12 +154,14 @@ class _Reader:
             if np.ptp(steps) * rate < DRIFT and (rate > fps or np.abs(key_frames - np.rint(key_frames)).max() > DRIFT):
                 fps = rate
         n_steps = (stop - start) * fps
-        size = n_steps * len(order) * FRAME_BYTES
+        size = n_steps * len(order) * JOINT_FRAME_BYTES
         self.limits.check_clip(n_steps, len(order), fps, size, self.n_bytes, self.file)
         return start + np.arange(int(np.floor(n_steps + DRIFT)) + 1) / fps, fps
 
     def _sample_animation(self, take: Take, order: Sequence[Id], times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sample rotations (T, J, 4) and positions (T, J, 3) relative to the parent; the root in the world."""
+        """Sample rotations (T, J, 4) and positions (T, J, 3) relative to the parent joint, those of the root in the
+        world, in the file's axes and unit.
+        """
         scene, rows = self.scene, {key: row for row, key in enumerate(order)}
         needed: set[Id] = set()
         for key in order:
@@ -182,9 +186,7 @@ class _Reader:
         return quats, positions
 
     def _build_clip(self, order: Sequence[Id], quats: FloatArray, positions: FloatArray, fps: float) -> Clip:
-        """Build the clip from rotations and positions relative to the parent joint, in the file's axes; changes both
-        arrays.
-        """
+        """Build the clip from rotations and positions as ``_sample_animation`` returns them; changes both arrays."""
         parents, names = self.scene.parent_rows(order), tuple(unique([self.scene.models[key].name for key in order]))
         positions *= self.scene.metres
         positions[:] = positions @ self.scene.axes.T
@@ -196,7 +198,7 @@ class _Reader:
         parent_bound = np.where((parents >= 0)[:, None], bound[parents], rotation.IDENTITY)
         skeleton = Skeleton(names, parents, rotation.rotate(parent_bound, positions[0]))
         to_rest_axes(quats, positions, bound, parent_bound)
-        stretches = np.ptp(positions, axis=0).max() > _HELD * np.abs(skeleton.offsets).max()
+        stretches = np.ptp(positions, axis=0).max() > _CONSTANT * np.abs(skeleton.offsets).max()
         return Clip(skeleton, quats, roots, fps, stem(self.file), positions if stretches else None)
 
     def _rest_rotations(self, order: Sequence[Id]) -> FloatArray:

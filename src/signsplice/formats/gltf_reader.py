@@ -33,7 +33,7 @@ from signsplice.formats.gltf_document import (
 )
 from signsplice.formats.gltf_face import FaceReader, as_object, target_names, vrm_expressions
 from signsplice.formats.json_files import shorten_json
-from signsplice.formats.reading import DEFAULT_LIMITS, FRAME_BYTES, ReadLimits, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, JOINT_FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import shape_of
 from signsplice.rig.roles import ROLES
@@ -201,7 +201,7 @@ class _AnimationReader(FaceReader):
         if fps is None:
             fps = frame_rate(max((keys.times for keys in channels.values()), key=len))
         steps = (end - start) * fps
-        self.limits.check_clip(steps, n_joints, fps, steps * n_joints * FRAME_BYTES, self.given_bytes, self.file)
+        self.limits.check_clip(steps, n_joints, fps, steps * n_joints * JOINT_FRAME_BYTES, self.given_bytes, self.file)
         # The last frame shows the last key, at any fraction of a frame; a key less than DRIFT late adds no frame.
         times = start + np.arange(int(np.ceil(steps - 1.01 * DRIFT)) + 1) / fps
         times[-1] = end

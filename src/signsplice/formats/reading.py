@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from signsplice.motion import Clip
 
 
-FRAME_BYTES = 80
-"""Bytes of memory for a joint in a frame while its clip is created: rotation, translation, and checks of both."""
+JOINT_FRAME_BYTES = 80
+"""Memory that one joint takes in one frame while its clip is created: rotation, translation, and checks of both."""
 
 
 def check_most(count: float, noun: str, most: float, file: str) -> None:
@@ -35,7 +35,7 @@ class ReadLimits:
 
     file_bytes: size of a file, including its buffer files.
     unpacked_bytes: size of an archive's members, unpacked.
-    expansion: how many times its own size an archive may unpack to, beyond 64 MiB.
+    expansion: how many times its own size an archive may unpack to; 64 MiB are always allowed.
     members: members of an archive.
     joints, depth: joints (and End Sites) of a skeleton, and how deep they nest in BVH.
     nodes: nodes of a glTF document.
@@ -78,7 +78,7 @@ class ReadLimits:
     def check_resampling(self, clip: Clip, fps: float, speed: float = 1.0) -> None:
         """Raise ``LimitError`` if ``resample`` would make more frames than allowed, or far more than the clip has."""
         n_given, n_joints, _ = clip.local_rotations.shape
-        n_frames, frame_bytes = n_given / clip.fps / speed * fps, n_joints * FRAME_BYTES
+        n_frames, frame_bytes = n_given / clip.fps / speed * fps, n_joints * JOINT_FRAME_BYTES
         self.check_clip(n_frames, n_joints, fps, n_frames * frame_bytes, n_given * frame_bytes, clip.name)
 
     def check_memory(self, what: str, n_bytes: float, given_bytes: float, file: str = "") -> None:
@@ -169,5 +169,5 @@ def as_format_error(error: Exception, file: str, kind: str) -> FormatError:
 
 
 def stem(file: str) -> str:
-    """Return the name of a file without folder and suffix, as text that can be written anywhere."""
+    """Return the name of a file without folder and suffix, with "?" for what UTF-8 cannot encode."""
     return Path(file).stem.encode("utf-8", "replace").decode("utf-8")

@@ -79,7 +79,8 @@ class Head:
     form: how rotations are stored.
     n_words: number of words, letters included.
     n_bytes: size of the frames file.
-    sha256: hash of all entries and locations of words, in the order of addition; up to version 0.4, of their hashes.
+    sha256: hash of all entries, locations and extensions of words, in the order of addition; in a lexicon written by
+        signsplice 0.4 or older, of their motions' hashes.
     """
 
     form: str
@@ -134,7 +135,7 @@ class Index:
             self._n_bytes = path.stat().st_size
             self._file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(self._n_bytes, 1 << 20))
             self._file.set_progress_handler(self._step, 1000)
-            application, version = self._numbers("application_id"), self._numbers("user_version")
+            application, version = self._pragma("application_id"), self._pragma("user_version")
             if application != APPLICATION_ID:
                 raise InputError(f"{path}: is no index of a lexicon, expected one that signsplice wrote")
             if not 1 <= version <= VERSION:
@@ -160,8 +161,8 @@ class Index:
         self._steps_left -= 1000
         return self._steps_left < 0
 
-    def _numbers(self, pragma: str) -> int:
-        return int(self.ask(f"PRAGMA {pragma}")[0][0])
+    def _pragma(self, name: str) -> int:
+        return int(self.ask(f"PRAGMA {name}")[0][0])
 
     def ask(self, query: str, *values: object) -> list[Any]:
         """Return all rows of a query."""
@@ -193,12 +194,12 @@ class Index:
             yield self._word(row)
 
     def names(self) -> list[tuple[str, str, bool]]:
-        """(folded, shown, is a gloss) of every gloss and synonym: sorted, glosses first."""
+        """Return (folded, shown, is a gloss) of every gloss and synonym: sorted, glosses first (``gloss.fold``)."""
         rows = self.ask("SELECT folded, shown, is_gloss FROM name ORDER BY is_gloss DESC, shown")
         return [(str(folded), str(shown), bool(is_gloss)) for folded, shown, is_gloss in rows]
 
     def extensions(self, gloss: str) -> dict[str, bytes]:
-        """Return the extensions of a word by name."""
+        """Return the named bytes of a word's extensions."""
         query = "SELECT name, value FROM extension WHERE word = (SELECT word FROM name WHERE folded = ?) ORDER BY name"
         rows = dict(self.ask(query, fold(gloss))) if self._has_extensions else {}
         if not all(type(name) is str and type(value) is bytes for name, value in rows.items()):
@@ -206,8 +207,8 @@ class Index:
         return rows
 
     def check(self) -> None:
-        """Raise ``InputError`` if an entry or a name has changed since it was written. Lexicons of versions up to 0.4
-        have no hash of their entries; for them, raise it if a name belongs to no entry.
+        """Raise ``InputError`` if an entry or a name has changed since it was written. Lexicons of signsplice 0.4 and
+        older have no hash of their entries; for them, raise it if a motion's hash or a name is another.
         """
         digest, motions, names = hashlib.sha256(), hashlib.sha256(), set()
         for row in self.ask(f"SELECT {COLUMNS} FROM word ORDER BY id"):
@@ -321,7 +322,7 @@ class StoredWords:
         return self._index.find(name) is not None
 
     def names(self) -> list[tuple[str, str, bool]]:
-        """(folded, shown, is a gloss) of every gloss and synonym: sorted, glosses first."""
+        """Return (folded, shown, is a gloss) of every gloss and synonym: sorted, glosses first (``gloss.fold``)."""
         return self._index.names()
 
     def entries(self) -> Iterator[Entry]:
@@ -467,25 +468,25 @@ def application_id(path: Path) -> int | None:
 
 def _check_types(stored: Head | Entry | ClipLocation) -> None:
     """Raise ``TypeError`` if a field has a different type than declared: SQLite stores any type in any column."""
-    for name, kind in _KINDS[type(stored)].items():
+    for name, kind in _FIELD_TYPES[type(stored)].items():
         value = getattr(stored, name)
         if name != "synonyms" and (type(value) is not kind or kind is float):  # synonyms are checked as JSON
             check_type(value, kind, name)
 
 
-_KINDS = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}
+_FIELD_TYPES = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}
 
 
 def _check_entry(entry: Entry) -> None:
     """Raise ``ValueError`` for an entry that no builder writes."""
     if not all(name and name.isprintable() for name in (entry.gloss, *entry.synonyms)) or entry.kind not in KINDS:
-        raise ValueError("its gloss, a synonym or its kind is none")
+        raise ValueError("its gloss, a synonym or its kind is not valid")
     if not (1 <= entry.n_frames <= _MOST_FRAMES and 0.0 < entry.fps <= _MOST_FPS and entry.seconds < _MOST_FRAMES):
         raise ValueError(f"{entry.n_frames} frames, frame rate {entry.fps:g}")
     if not all(rest is None or 0 <= rest <= entry.n_frames for rest in (entry.rest_before, entry.rest_after)):
         raise ValueError("its frames of rest are not within it")
     if not _SHA256.fullmatch(entry.sha256):
-        raise ValueError("its SHA-256 is none")
+        raise ValueError("its SHA-256 is not valid")
 
 
 def describe(skeleton: Skeleton) -> str:

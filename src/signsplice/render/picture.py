@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from signsplice.body.capsules import BodyCapsules, MeshPart, body_capsules, capsule_ends
-from signsplice.body.mesh import CLOTHES, SKIN, TIPS, bind_pose, body_mesh, capsule_mesh
+from signsplice.body.mesh import PART_COLOURS, SKIN_COLOURS, TIP_COLOURS, bind_pose, body_mesh, capsule_mesh
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.face import Face
@@ -288,7 +288,7 @@ def _with_face(skin: Skin, face: Face | None, frame: int) -> Pixels:
 
 def detail_colours() -> list[tuple[int, int, int]]:
     """Returns colours 0..255 of the small details hands, fingertips and mouth, each from bright to shaded."""
-    tints = [*TIPS.values(), *SKIN.values(), CLOTHES["mouth"]]
+    tints = [*TIP_COLOURS.values(), *SKIN_COLOURS.values(), PART_COLOURS["mouth"]]
     shades = np.linspace(1.0, 0.5, 6)[:, None] * 255.0
     return [(int(r), int(g), int(b)) for tint in tints for r, g, b in shades * np.array(tint)]
 

@@ -71,7 +71,7 @@ class Mark:
 
 
 def pillow(module: str) -> ModuleType:
-    """Imports a module of Pillow. Raises ``MissingExtraError`` if Pillow is not installed."""
+    """Returns a module of Pillow by its name. Raises ``MissingExtraError`` if Pillow is not installed."""
     try:
         return import_module(f"PIL.{module}")
     except ImportError as error:
@@ -97,7 +97,9 @@ def caption(marks: Sequence[Mark], frame: int) -> tuple[str, bool]:
 def write_line(
     pen: Any, text: str, centre: float, top: float, width: float, ink: tuple[int, int, int], size: int
 ) -> None:
-    """Draw one centred line with a Pillow pen; if it is wider than ``width`` pixels, dots replace its end."""
+    """Draw one line, centred at ``centre``, with a Pillow pen; if it is wider than ``width``, dots replace its end.
+    ``top``: of the letters, ``size``: of the font; all in pixels.
+    """
     text, font = _text_and_font(text, size)
     if pen.textlength(text, font=font) > width:
         while text and pen.textlength(text + "...", font=font) > width:
@@ -107,7 +109,7 @@ def write_line(
 
 
 def _text_and_font(text: str, size: int) -> tuple[str, Any]:
-    """Returns the text and a font that has its letters.
+    """Returns the text and a font of ``size`` pixels that has its letters.
 
     Pillow's own font has only ASCII. Other letters need a system font; without one, accents are removed and letters
     other than accented Latin become "?".
@@ -179,7 +181,7 @@ class Strip:
     clip: the clip.
     caption: text above the row.
     frames: frames to show.
-    marked: the shown frames that are in a transition.
+    marked: the shown frames that get a border: those in a transition.
     view: one of ``picture.VIEWS``.
     hand: the hand to enlarge, "left", "right" or "".
     """
@@ -193,27 +195,28 @@ class Strip:
 
 
 def write_strips(
-    strips: Sequence[Strip], path: Path, cell: int = 150, hand: int = 84, progress: Progress | None = None
+    strips: Sequence[Strip], path: Path, picture_px: int = 150, hand_px: int = 84, progress: Progress | None = None
 ) -> None:
-    """Write a page of strips as PNG. ``cell``, ``hand``: side of pictures and of enlarged hands, pixels (0: none)."""
+    """Write a page of strips as PNG. ``picture_px``, ``hand_px``: sides of pictures and of enlarged hands (0: none)."""
     image_ = pillow("Image")
     columns = max(len(strip.frames) for strip in strips)
     label, gap = 20, 6
-    height = label + cell + hand + gap
-    sheet = image_.new("RGB", (columns * (cell + gap) + gap, len(strips) * height), PAPER)
+    height = label + picture_px + hand_px + gap
+    sheet = image_.new("RGB", (columns * (picture_px + gap) + gap, len(strips) * height), PAPER)
     pen = pillow("ImageDraw").Draw(sheet)
     for n, strip in enumerate(track_progress(strips, progress)):
         top = n * height
         scene = make_scene(strip.clip, strip.view)
         write_line(pen, strip.caption, 0.5 * sheet.width, top + 2, sheet.width - gap, INK, 14)
         for k, frame in enumerate(strip.frames):
-            cell_x = gap + k * (cell + gap)
-            sheet.paste(image_.fromarray(draw(scene, frame, cell, cell)), (cell_x, top + label))
-            if strip.hand and hand:
-                enlarged = image_.fromarray(draw_hand(scene, frame, strip.hand, hand))
-                sheet.paste(enlarged, (cell_x + (cell - hand) // 2, top + label + cell))
+            cell_x = gap + k * (picture_px + gap)
+            sheet.paste(image_.fromarray(draw(scene, frame, picture_px, picture_px)), (cell_x, top + label))
+            if strip.hand and hand_px:
+                enlarged = image_.fromarray(draw_hand(scene, frame, strip.hand, hand_px))
+                sheet.paste(enlarged, (cell_x + (picture_px - hand_px) // 2, top + label + picture_px))
             if frame in strip.marked:
-                box = (cell_x - 1, top + label - 1, cell_x + cell, top + label + cell + hand)
+                bottom = top + label + picture_px + hand_px
+                box = (cell_x - 1, top + label - 1, cell_x + picture_px, bottom)
                 pen.rectangle(box, outline=TRANSITION, width=2)
     with replacing(path) as temporary:
         sheet.quantize(96, dither=image_.Dither.NONE).save(temporary, format="PNG", optimize=True)

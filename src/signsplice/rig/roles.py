@@ -6,7 +6,6 @@ are all ``forearm``; a slash separates spellings of one joint, best first. The c
 skeleton is chosen, since a name may mean two things: "LeftShoulder" is the collar bone of one rig, the upper arm of
 another. No assignment may break the order of the body: a hand hangs below its arm, an arm below the hips. Fingers have
 one rule for all rigs, in ``fingers``.
-
 """
 
 from __future__ import annotations
@@ -80,18 +79,18 @@ vrm       | shoulder upperarm lowerarm hand | upperleg lowerleg foot toes/toe | 
 unity     | shoulder upperarm lowerarm hand | upperleg lowerleg foot toes/toe | spine spine chest upperchest
     | marks thumbintermediate
 vroid     | shoulder upperarm lowerarm hand | upperleg lowerleg foot toebase | spine spine chest upperchest
-# Its first version parts a limb's bend from its twist, as upper_arm.L.01 and .02 or upper_arm.01.L.
+# Rigify's first version splits a limb into two bones, as upper_arm.L.01 and .02 or upper_arm.01.L.
 rigify    | shoulder upperarm/upperarm01 forearm/forearm01 hand | thigh/thigh01 shin/shin01 foot toe | hips spine
     | neck spine004 | head spine006/head/spine005 | marks palm01 palm02 palm03 palm04 heel02
 # The classic BVH names (Biovision, Xsens' BVH). They and SMPL-X say shoulder for upper arm, hip for upper leg.
 bvh       | collar shoulder/uparm elbow/lowarm/forearm wrist/hand
     | hip/upleg knee/lowleg ankle/foot toe/toes/toebase/foot | marks hand chest chest2 chest3 chest4
 smplx     | collar shoulder elbow wrist | hip knee ankle foot | marks spine3 hand
-# Poser, DAZ and Second Life; Genesis 3 and 8 part a limb's bend from its twist.
+# Poser, DAZ and Second Life; Genesis 3 and 8 split a limb into bones for bend and twist.
 daz       | collar shldr/shldrbend/shoulder forearm/forearmbend hand | thigh/thighbend shin foot toe
     | marks abdomen abdomen2 abdomenlower carpal1 carpal2 carpal3 carpal4 buttock
 biped     | clavicle upperarm forearm hand | thigh calf foot toe0
-# MakeHuman's game rig too.
+# MakeHuman's game rig uses these names too.
 unreal    | clavicle upperarm lowerarm hand | thigh calf foot ball
     | marks spine01 indexmetacarpal middlemetacarpal ringmetacarpal pinkymetacarpal
 # Rokoko's own "Newton" skeleton.
@@ -172,7 +171,7 @@ def simplify(name: str) -> str:
 
 
 def without_shared(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Removes what all names but the root's share: an actor's word in front, a word ("_JNT") or number at the end."""
+    """Removes what all names but the root's share: an actor's name in front, a word ("_JNT") or number at the end."""
     patterns = [r"_\d+$"]
     for pattern in (r"^([^\W_]+)[\W_]+", r"[\W_]+([^\W_]+)$"):
         match = re.search(pattern, names[-1])
@@ -206,26 +205,26 @@ _TRUNK: tuple[tuple[str, ...], ...] = (("hips", *_SPINE), ("hips", "neck", "head
 _LIMBS = (("head", "Eye"), ("hips", *ARM), *(("Hand", *finger_roles(finger)) for finger in FINGERS), ("hips", *_LEG))
 
 
-def _lines() -> dict[str, tuple[str, ...]]:
-    """Returns role -> all roles above it, the nearest first; these precede it."""
-    lines: dict[str, tuple[str, ...]] = {"hips": ()}
+def _roles_above() -> dict[str, tuple[str, ...]]:
+    """Returns role -> all roles above it, the nearest first; roles come after those above them."""
+    above: dict[str, tuple[str, ...]] = {"hips": ()}
     for chain in _TRUNK:
         for over, role in pairwise(chain):
-            lines[role] = (over, *lines[over])
+            above[role] = (over, *above[over])
     for side in SIDES:
         for chain in _LIMBS:
-            for over, role in pairwise(part if part in lines else side + part for part in chain):
-                lines[role] = (over, *lines[over])
-    return lines
+            for over, role in pairwise(part if part in above else side + part for part in chain):
+                above[role] = (over, *above[over])
+    return above
 
 
-_LINE = _lines()
-ROLES: tuple[str, ...] = tuple(_LINE)
+_ROLES_ABOVE = _roles_above()
+ROLES: tuple[str, ...] = tuple(_ROLES_ABOVE)
 """Every role: the names of VRM 1.0's humanoid bones, each after those that it hangs from."""
 _LEAST_BONE = 1e-6
 """Arm bones shorter than this fraction of the longest count as having no length."""
 _MIN_ROLES = 3
-"""Least number of joints that must fit a table: fewer may fit by chance."""
+"""Least number of joints that must fit a convention: fewer may fit by chance."""
 
 
 @dataclass(frozen=True)
@@ -243,7 +242,7 @@ class Humanoid:
     joints: Mapping[str, int]
 
     def __post_init__(self) -> None:
-        unknown = next((role for role in self.joints if role not in _LINE), None)
+        unknown = next((role for role in self.joints if role not in _ROLES_ABOVE), None)
         if unknown is not None:
             raise InputError(f"humanoid: {unknown_role(unknown)}")
         if len(set(self.joints.values())) < len(self.joints):
@@ -296,7 +295,9 @@ _Joints = dict[str, int]
 
 
 class _Ancestors(dict[int, frozenset[int]]):
-    """All joints above a joint, computed on demand: for every joint, they would take the square of a chain's length."""
+    """Joint -> all joints above it, computed on demand: kept for every joint, they would take memory that grows with
+    the square of a chain's length.
+    """
 
     def __init__(self, skeleton: Skeleton) -> None:
         super().__init__()
@@ -314,16 +315,16 @@ class _Ancestors(dict[int, frozenset[int]]):
 def find_roles(skeleton: Skeleton, override: Mapping[str, str] | None = None) -> Humanoid:
     """Finds the humanoid in a skeleton: the joint of each role.
 
-    override: role -> joint name, which overrides the tables; ``skeleton.roles`` by default. ``info.rig_info`` keeps the
-    answer for a skeleton. Raises ``InputError`` if the override names a role or a joint that does not exist, or
-    gives one joint two roles.
+    override: role -> joint name, which overrides the conventions; ``skeleton.roles`` by default. ``info.rig_info``
+    keeps the answer for a skeleton. Raises ``InputError`` if the override names a role or a joint that does not
+    exist, or gives one joint two roles.
     """
     return _find(skeleton, skeleton.roles or {} if override is None else override)
 
 
 def arm_joints(skeleton: Skeleton, humanoid: Humanoid) -> list[int]:
-    """Returns the joints of left then right upper arm, lower arm and hand, then the hips. Raises ``InputError`` if one
-    of an arm's joints is missing or lies at the same place as the one before it.
+    """Returns the joints of left then right upper arm, lower arm and hand, then the hips, or the root without hips.
+    Raises ``InputError`` if one of an arm's joints is missing or lies at the same place as the one before it.
     """
     names = [side + part for side in SIDES for part in ARM[1:]]
     missing = [name for name in names if name not in humanoid.joints]
@@ -370,7 +371,7 @@ def _count_explained_joints(convention: NamingConvention, joints: _Joints, index
 def _resolve_override(skeleton: Skeleton, override: Mapping[str, str]) -> _Joints:
     joints: _Joints = {}
     for role, name in override.items():
-        if role not in _LINE:
+        if role not in _ROLES_ABOVE:
             raise InputError(f"override: {unknown_role(role)}")
         if name not in skeleton.index:
             raise InputError(
@@ -395,12 +396,12 @@ def _index(names: tuple[str, ...]) -> dict[str, list[int]]:
 
 def _fits(role: str, joint: int, joints: _Joints, ancestors: _Ancestors) -> bool:
     """Whether role and joint are free, and the joint is below what the role hangs from and above what hangs from it."""
-    over = next((over for over in _LINE[role] if over in joints), None)
+    over = next((over for over in _ROLES_ABOVE[role] if over in joints), None)
     return (
         role not in joints
         and joint not in joints.values()
         and (over is None or joints[over] in ancestors[joint])
-        and all(joint in ancestors[lower] for below, lower in joints.items() if role in _LINE[below])
+        and all(joint in ancestors[lower] for below, lower in joints.items() if role in _ROLES_ABOVE[below])
     )
 
 

@@ -87,7 +87,7 @@ class Settings:
     idle_seconds: float = 15.0
     """Time between two parts of a body, or for a client to accept a part of the answer."""
     body_seconds: float = 120.0
-    """Time for a whole body and its trailer to arrive."""
+    """Time for a whole body and its trailer to arrive, or for a client to read a whole answer."""
     drain_seconds: float = 8.0
     """Time for requests that run to be answered when the service stops."""
     work_seconds: float = 60.0

@@ -1,7 +1,7 @@
 """A synthetic signer: body proportions and manner of moving, drawn by seed, and the skeleton that follows from them.
 
 A manner holds the traits in which people differ from plain minimum-jerk motion, beyond tempo and size. Networks can
-learn from signing with some traits alone (``only``), which shows the value of each trait.
+learn from signing with some traits alone (``synth endless --traits``), which shows the value of each trait.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ def stream(*names: str | int) -> np.random.Generator:
 
 @dataclass(frozen=True)
 class Manner:
-    """Traits of a signer's motion. Each is 0 for plain motion; 1 is usual for traits without a unit.
+    """Traits of a signer's motion. Each is 0 for plain motion, 1 at its usual strength.
 
     low_pass_frames: standard deviation of the Gaussian by which motion is smoothed in time, frames of 30 a second
     off_frame: how far from a frame stops may fall, 0 on frames to 1 anywhere
     tempo_spread: how much longer holds of words alone are, and how far words differ in tempo
-    low_elbows: how low elbows hang, the wrists bending instead; they then move steadily and clear of the trunk too
+    low_elbows: how low elbows hang, and how steadily and clear of the trunk they move; wrists bend instead
     head_to_hand: how far the head goes to meet a hand at face or chin
     body_motion: how far the trunk turns and leans with the reach of the hands
     hand_difference: how far the hands of a symmetric sign differ in place and time
     pass_difference: how far later passes of a repeated movement are smaller than the first and differ in time
     finger_stagger: how far each finger moves in a time of its own
     undershoot: how far short of their place, and how much lower, hasty movements stay
-    hesitation: how often holds, and transitions in sentences with changes, take longer
-    base_lag: how far a base hand arrives in a time of its own
+    hesitation: how often holds, and transitions in sentences made without ``--exact``, take longer
+    base_lag: how far a base hand (a weak hand that is touched or acted on) arrives in a time of its own
     """
 
     low_pass_frames: float = 0.0
@@ -92,10 +92,10 @@ class Signer:
     elbow_deg: how far the elbows are held out, degrees
     rest_out_cm: how far out from the thighs hanging hands are; other rests are held twice this much higher
     rest_fwd_cm: how far in front of the thighs hanging hands are
-    breath_deg, breath_hz: trunk rotation by breathing (12 to 20 breaths a minute)
-    sway_cm, sway_hz: postural sway of the hips
-    tremor_cm, tremor_hz: physiological tremor of the hands (8 to 12 Hz, Elble and Koller 1990)
-    lag: how much less than usual the fingers lead the wrist (``trajectory``); negative: they lead more
+    breath_deg, breath_hz: amplitude and frequency of trunk rotation by breathing (12 to 20 breaths a minute)
+    sway_cm, sway_hz: of the postural sway of the hips
+    tremor_cm, tremor_hz: of the physiological tremor of the hands (8 to 12 Hz, Elble and Koller 1990)
+    lag: how much less than usual the fingers lead the wrist half way, as a fraction of the reach; negative: more
     rest: rest pose between signs, one of ``RESTS``
     manner: further traits of motion
     """
@@ -130,7 +130,9 @@ class Signer:
 
 @dataclass(frozen=True)
 class HangingElbowSigner(Signer):
-    """A signer whose states measure elbow turns from hanging elbows instead of easy ones (``arms.from_hanging``)."""
+    """A signer whose states (``pose``) measure elbow turns from hanging elbows instead of from those that are easiest
+    for forearm and wrist (``arms.from_hanging``).
+    """
 
 
 STANDARD = Signer()

@@ -21,7 +21,7 @@ from signsplice.motion import Clip, concatenate
 from signsplice.rig.keyedness import judge_keyedness
 
 CONTEXT = 8
-"""Frames of each sign that a seam's scores use, and the least number that a transition sees."""
+"""Frames of each sign that a seam's scores use, and the least that a transition sees of a sign that has so many."""
 _SHOWN_S = 7.0 / 30.0
 """Time of each sign that a transition sees, s: eight frames at 30 a second span seven intervals."""
 MethodT = TypeVar("MethodT")
@@ -137,8 +137,8 @@ class Gap:
         return (self.n_frames + 1) / self.before.fps
 
     def window(self, new: Clip | None) -> tuple[Clip, int]:
-        """Returns the new frames (None if there are none) with ``CONTEXT`` frames on either side, and how many come
-        before them: the frames on which a seam is scored.
+        """Returns the frames on which a seam is scored, and how many of them come before the new ones: ``new`` (None if
+        there are none) with up to ``CONTEXT`` frames on either side.
         """
         before = self.before[-CONTEXT:]
         parts = [before, self.after[:CONTEXT]] if new is None else [before, new, self.after[:CONTEXT]]
@@ -176,8 +176,8 @@ class Transition(Method):
 
     @property
     def identity(self) -> str | None:
-        """Identifies how gaps are filled: two transitions with the same identity fill a gap alike. None, the default:
-        its frames are not kept for other sentences (``bulk_splice.TransitionCache``).
+        """Text that identifies how gaps are filled: two transitions with the same text fill a gap alike. None, the
+        default: its frames are not kept for other sentences (``bulk_splice.TransitionCache``).
         """
         return None
 

@@ -59,7 +59,7 @@ class RuleTimes:
     added_blink_interval_s: float = 3.0
     """Range of the time added to ``least_blink_interval_s``, s."""
     last_blink_s: float = 0.4
-    """Time from a blink to the end of a text without a final mark, s: hands go down then."""
+    """Time from the last blink to the end of a text without a final mark, s: hands go down then."""
 
 
 EASING = EasingSettings()
@@ -75,7 +75,7 @@ _OPENINGS = (
 
 @dataclass(frozen=True)
 class EaseFaces(Pass):
-    """Sets the faces of a seam's new frames; runs after the pass that counts pauses."""
+    """Sets the faces of a seam's new frames; runs after ``HoldPauses``, which makes pauses new frames."""
 
     def concerns(self, seam: Seam) -> bool:
         """Whether there are new frames and a word has a face."""
@@ -109,13 +109,13 @@ def ease_face(
     limit = largest_step(before, after) if has_limit else np.inf
     weights = _ease_weights(a[last], b[first], n_frames, limit)
     middle = (n_frames + 1) // 2
-    slowest = np.maximum(a[last] / max(middle, 1), b[first] / (n_frames + 1 - middle))  # even steps through 0
-    close = [k for k, name in enumerate(channels) if name in _OPENINGS and slowest[k] <= limit] if n_frames > 2 else []
-    if close:
-        shut = np.zeros(len(close))
-        there = _ease_weights(a[last, close], shut, middle - 1, limit)
-        back = _ease_weights(shut, b[first, close], n_frames - middle, limit)
-        weights[:, close] = np.concatenate([there, shut[None], back])
+    even_steps = np.maximum(a[last] / max(middle, 1), b[first] / (n_frames + 1 - middle))  # to 0 and back, evenly
+    closing = [k for k, name in enumerate(channels) if name in _OPENINGS and even_steps[k] <= limit]
+    if closing and n_frames > 2:
+        shut = np.zeros(len(closing))
+        there = _ease_weights(a[last, closing], shut, middle - 1, limit)
+        back = _ease_weights(shut, b[first, closing], n_frames - middle, limit)
+        weights[:, closing] = np.concatenate([there, shut[None], back])
     lids = [k for k, name in enumerate(channels) if name in LIDS]
     if lids and n_frames and (path := _lid_path(a[:, lids], b[:, lids], last, first, fps)):
         speeds = [np.abs(np.diff(track[:, lids], axis=0)).max(initial=limit) for track in (a, b)]
@@ -167,8 +167,8 @@ def _lid_path(x: FloatArray, y: FloatArray, last: int, first: int, fps: float) -
     enters_low = first + 1 < len(y) and lids_after[first] > np.percentile(lids_after, 25.0) + EASING.blinking_depth
     before = lids_before[last] - lids_before[last - 1] if leaves_low else 0.0  # per frame; positive if lids close
     after = lids_after[first + 1] - lids_after[first] if enters_low else 0.0
-    is_open = np.minimum(np.percentile(x, 25.0, axis=0), np.percentile(y, 25.0, axis=0))
-    leaving, entering = [is_open] if abs(before) > change else [], [is_open] if abs(after) > change else []
+    open_lids = np.minimum(np.percentile(x, 25.0, axis=0), np.percentile(y, 25.0, axis=0))
+    leaving, entering = [open_lids] if abs(before) > change else [], [open_lids] if abs(after) > change else []
     if before > change:
         there = lids_before[last : last + n_blink]
         leaving.insert(0, np.maximum(x[last], x[last + int(there.argmax())] if len(there) > 1 else x.max(axis=0)))
@@ -184,21 +184,21 @@ def _along(path: _LidPath, n_frames: int, speeds: tuple[float, float]) -> FloatA
     open lids between them. If there is time for neither, two blinks become one.
     """
     start, stop = path.ends
-    points, free = [start, *path.leaving, *path.entering, stop], len(path.leaving)
+    points, open_leg = [start, *path.leaving, *path.entering, stop], len(path.leaving)
     for speed in speeds:
         legs = [max(1, int(np.ceil(np.abs(b - a).max() / max(speed, 1e-9) - 1e-9))) for a, b in pairwise(points)]
         spare = n_frames + 1 - sum(legs)
         if spare >= 0:
-            legs[free] += spare
+            legs[open_leg] += spare
             break
     else:
         shut = np.max(points, axis=0)
         to, back = np.abs(shut - start).max(), np.abs(shut - stop).max()
         shut_frame = int(np.clip(round((n_frames + 1) * to / max(to + back, 1e-9)), 1, n_frames))
-        points, legs, free = [start, shut, stop], [shut_frame, n_frames + 1 - shut_frame], -1
+        points, legs, open_leg = [start, shut, stop], [shut_frame, n_frames + 1 - shut_frame], -1
     parts = [start[None]]
     for k, (a, b, n) in enumerate(zip(points[:-1], points[1:], legs, strict=True)):
-        parts += [_ease_weights(a, b, n - 1, speed if k == free else 0.0), b[None]]  # blinks at an even speed
+        parts += [_ease_weights(a, b, n - 1, speed if k == open_leg else 0.0), b[None]]  # blinks at an even speed
     return np.concatenate(parts)[1:-1]
 
 
@@ -229,8 +229,9 @@ def check_rules(rules: Sequence[str]) -> None:
 
 
 def with_rules(word: AlignedWord, brow: str | None, is_first: bool) -> AlignedWord:
-    """Returns the word with a face at rest, or with the brows of a question (``RAISED``, ``FURROWED``); unchanged if it
-    has a face. Raises ``InputError`` for another ``brow``.
+    """Returns the word with a face at rest, or with the brows of a question (``RAISED``, ``FURROWED``), which move
+    there from rest in the first word of a sentence; unchanged if it has a face. Raises ``InputError`` for another
+    ``brow``.
     """
     if brow is not None and brow not in _BROWS:
         raise InputError(f"brows {brow!r:.40} of {word.clip.name}, expected {RAISED} or {FURROWED}")
@@ -293,7 +294,7 @@ class Blinks:
 
 
 def _lids(fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Returns the lids of one blink, closed in one frame, without the open frames before and after it."""
+    """Returns the lids (T,) of one blink, 1 (closed) in one frame, without the open frames before and after it."""
     times = _RULE_TIMES.lid_closing_s, _RULE_TIMES.lid_opening_s
     n_closing, n_opening = (max(1, round(seconds * fps)) for seconds in times)
     u = np.concatenate([np.arange(1, n_closing + 1) / n_closing, 1.0 - np.arange(1, n_opening) / n_opening])

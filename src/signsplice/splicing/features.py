@@ -94,7 +94,7 @@ class CanonicalTrajectory:
     """A canonical motion sampled at any times, usually every 1 / ``FEATURE_FPS`` s from 0.
 
     rotations_6d: (T, R, 6) the first two columns of each rotation matrix.
-    positions: (T, 12, 3) the joints of ``TIPS``, arm lengths.
+    positions: (T, 12, 3) the joints of ``TIPS``, as in ``CanonicalMotion``, arm lengths.
     has_role: (R,) the roles that the rig has.
     """
 
@@ -167,31 +167,32 @@ def left_hand_busier(*trajectories: CanonicalTrajectory) -> bool:
     return left_travel > right_travel
 
 
-def mirror_trajectory(one: CanonicalTrajectory) -> CanonicalTrajectory:
+def mirror_trajectory(sampled: CanonicalTrajectory) -> CanonicalTrajectory:
     """Mirrors a trajectory: left and right are exchanged."""
     flip = np.array([-1.0, 1.0, 1.0])
     order = np.r_[0 : LEFT.start, RIGHT.start : RIGHT.stop, LEFT.start : LEFT.stop]
     # A mirrored rotation is M A M, M = diag(-1, 1, 1): the signs of its first two columns.
-    rotations = one.rotations_6d[:, order] * np.concatenate([-flip, flip])
+    rotations = sampled.rotations_6d[:, order] * np.concatenate([-flip, flip])
     half = len(TIPS) // 2
-    positions = np.concatenate([one.positions[:, half:], one.positions[:, :half]], axis=1) * flip
-    return CanonicalTrajectory(rotations, positions, one.has_role[order])
+    positions = np.concatenate([sampled.positions[:, half:], sampled.positions[:, :half]], axis=1) * flip
+    return CanonicalTrajectory(rotations, positions, sampled.has_role[order])
 
 
 def frame_features(
-    one: CanonicalTrajectory,
+    sampled: CanonicalTrajectory,
     spacing: float | FloatArray = 1.0 / FEATURE_FPS,
     firsts: Sequence[int] = (0,),
 ) -> NDArray[np.float32]:
-    """Returns features (T, N_FRAME): rotations, positions, and their rates from the frame before (0 at the first).
+    """Returns features (T, N_FRAME): rotations, positions, and their rates from the frame before (per second,
+    times ``_RATE_SCALE``; 0 at the first).
 
     spacing: seconds from every frame to the next, one number or (T - 1,).
-    firsts: first frames of separate stretches.
+    firsts: first frames of separate stretches, whose rates are 0.
     """
-    features = np.empty((len(one), N_FRAME), np.float32)
+    features = np.empty((len(sampled), N_FRAME), np.float32)
     values, rates = np.split(features, 2, axis=1)
-    values[:, :N_ROTATION] = one.rotations_6d.reshape(len(one), -1)
-    values[:, N_ROTATION:] = one.positions.reshape(len(one), -1)
+    values[:, :N_ROTATION] = sampled.rotations_6d.reshape(len(sampled), -1)
+    values[:, N_ROTATION:] = sampled.positions.reshape(len(sampled), -1)
     np.subtract(values[1:], values[:-1], out=rates[1:])
     rates[1:] *= np.reshape(_RATE_SCALE / np.asarray(spacing, np.float64), (-1, 1)).astype(np.float32)
     rates[firsts] = 0.0

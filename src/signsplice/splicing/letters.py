@@ -8,15 +8,14 @@ average over twenty words (1.9 to 3.8).
 
 **Doubled letters** that look the same are distinguished. American Sign Language uses a slide to the strong side by
 about two inches, relaxing and forming the letter again, and a bounce of less than half an inch (Vicars, lifeprint.com).
-Here open letters slide. Letters in which fingers and thumb touch (A, E, M, N, O, S, T) are formed again, as is taught,
-and so are letters of other alphabets. A slide moves the arm of the second letter; the hand returns on the way
-to the next.
+Here ``SLID_LETTERS`` slide. Closed letters (A, E, M, N, O, S, T) are formed again, as is taught, and so are letters of
+other alphabets. A slide moves the arm of the second letter; the hand returns on the way to the next.
 
 **Free fingers.** Fingers that a letter does not select adapt to its neighbours, selected fingers do not (Keane 2014;
 forward and backward influences of letters on one another: Jerde, Soechting and Flanders 2003). So a finger that is free
 in a letter leaves its pose while the letter is still held, and one that is free in the next letter arrives after that
-is held: by minimum jerk from one pose to the other. Selected fingers, the thumb and the hand keep the recorded frames.
-The thumb is never free: in the American alphabet it distinguishes letters.
+letter has begun: by minimum jerk from one pose to the other. Selected fingers, the thumb and the hand keep the recorded
+frames. The thumb is never free: in the American alphabet it distinguishes letters.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ class LetterMovements:
     slide_m: float = 0.045
     """Distance that a doubled letter slides to the side, m."""
     bounce_m: float = 0.0127
-    """Height of the bounce of a letter that is formed again, m."""
+    """Length of the bounce, back and up, of a letter that is formed again, m."""
     relaxation: float = 0.65
     """Fraction of the way to their rest pose that fingers move before they form a letter again."""
     least_finger_rotation: float = 0.15
@@ -94,11 +93,11 @@ def letter(clip: Clip) -> str:
     return clip.name[len(LETTER_MARK) :].upper()
 
 
-def spelling_side(p: Arms, pre: int, q: Arms, post: int) -> int | None:
-    """Returns the side of the hand that spells in a frame of each of two letters, 0 left or 1 right; None if the hands
-    differ or both are raised.
+def spelling_side(before: Arms, pre: int, after: Arms, post: int) -> int | None:
+    """Returns the side of the hand that spells in frame ``pre`` of one letter and ``post`` of the next, 0 left or 1
+    right; None if the hands differ or both are raised.
     """
-    lifts = np.array([p.lift[pre], q.lift[post]])
+    lifts = np.array([before.lift[pre], after.lift[post]])
     sides = set(lifts.argmax(axis=1).tolist())
     return None if len(sides) > 1 or lifts.min(axis=1).max() > MOVEMENTS.raised_lift else sides.pop()
 
@@ -113,25 +112,28 @@ def last_letter_hold_end(clip: Clip, entry: int, speed: float = 1.0) -> int:
 
 
 def last_held_frame(still: NDArray[np.intp], entry: int, seconds: float, fps: float) -> int:
-    """Returns the last frame of a letter that is held for ``seconds`` from ``entry`` on, or until its movement ends."""
+    """Returns the last frame of a letter that is held for ``seconds`` from ``entry`` on; its last still frame if it
+    has a movement. ``still``: the letter's still frames, in order.
+    """
     begin, end = max(entry, int(still[0])), int(still[-1])
     if len(still) <= end - int(still[0]):  # it moves in between
         return end
     return min(begin + int(np.ceil(min(seconds, end / fps) * fps - 1e-6)), end)
 
 
-def still_frames(clip: Clip, own: Arms, speed: float) -> NDArray[np.intp]:
+def still_frames(clip: Clip, clip_arms: Arms, speed: float) -> NDArray[np.intp]:
     """Returns the frames away from rest in which neither the wrist of a raised hand, seen from the trunk, nor its
-    fingers move: in both steps beside the frame, or in either step if no frame has two still ones and steps are so long
-    that a hold may span only one.
+    fingers move. The steps to both neighbours of such a frame are still; or one of them, if no frame has two and frames
+    are so far apart that a hold may span only one step.
     """
-    start, stop = active_span(own)
-    spelling = spelling_sides(own.lift[start:stop])
+    start, stop = active_span(clip_arms)
+    spelling = spelling_sides(clip_arms.lift[start:stop])
     joints = hand_joints(clip, spelling)
     angles = rotation.angle_between(clip.local_rotations[1:, joints], clip.local_rotations[:-1, joints]).max(
         axis=1, initial=0.0
     )
-    steps = np.linalg.norm(np.diff(hands_in_trunk_axes(own)[0][:, spelling], axis=0), axis=-1).max(axis=1) * own.metres
+    wrists = hands_in_trunk_axes(clip_arms)[0][:, spelling]
+    steps = np.linalg.norm(np.diff(wrists, axis=0), axis=-1).max(axis=1) * clip_arms.metres
     rate = clip.fps / speed  # of frames in the time of the recording
     moves = (angles * rate > MOVEMENTS.still_fingers_rad_s) | (steps * rate > MOVEMENTS.still_wrist_m_s)  # (T - 1,)
     still = ~(np.append(moves, False) | np.append(False, moves))
@@ -165,7 +167,7 @@ class LetterCut:
 
     cut: last kept frame of the first letter, first kept frame of the second.
     seconds: time from one to the other.
-    is_doubled: whether the hand would stand still between them.
+    is_doubled: whether both look the same, so that the hand would stand still between them.
     slides: whether a slide to the side distinguishes the second letter.
     warnings: what a user should know, one line each.
     """
@@ -183,19 +185,20 @@ def cut_letters(before: Clip, after: Clip, entry: int, transition_s: float, spee
 
     A still letter is held as long as the transition to it, at least the shortest hold; one with a movement (J, Z) is
     kept whole. The transition takes as long as the fingers and the hand need, but no longer than the second letter can
-    be held. ``speed``: playback speed of both letters, by which all times are divided.
+    be held, at least ``least_transition_s``. ``speed``: playback speed of both letters, by which the times of
+    ``LetterTempo`` are divided.
     """
     try:
-        p, q = arms(before), arms(after)
+        before_arms, after_arms = arms(before), arms(after)
     except InputError:
         return None
-    first, second = still_frames(before, p, speed), still_frames(after, q, speed)
+    first, second = still_frames(before, before_arms, speed), still_frames(after, after_arms, speed)
     if not (len(first) and len(second)):
         return None
     hold_s = max(transition_s, _TEMPO.least_hold_s / speed) if transition_s else _TEMPO.least_end_hold_s / speed
     pre = min(max(last_held_frame(first, entry, hold_s, before.fps), entry), len(before) - 1)
     post = int(second[0])
-    angle, travel = _rotation_and_travel(before, p, pre, after, q, post)
+    angle, travel = _rotation_and_travel(before, before_arms, pre, after, after_arms, post)
     is_doubled = angle < MOVEMENTS.same_pose_rotation and travel < MOVEMENTS.same_pose_travel_m
     needed = _TEMPO.doubled_transition_s
     if not is_doubled:
@@ -205,23 +208,28 @@ def cut_letters(before: Clip, after: Clip, entry: int, transition_s: float, spee
     if can_hold < _TEMPO.least_transition_s / speed:
         warnings = (f"{after.name} is still for {can_hold:.2f} s only, less than the way to it takes",)
     slides = (
-        is_doubled and letter(before) == letter(after) in SLID_LETTERS and spelling_side(p, pre, q, post) is not None
+        is_doubled
+        and letter(before) == letter(after) in SLID_LETTERS
+        and spelling_side(before_arms, pre, after_arms, post) is not None
     )
     seconds = max(min(needed / speed, can_hold), _TEMPO.least_transition_s / speed)
     return LetterCut(Cut(pre, post), seconds, is_doubled, slides, warnings)
 
 
-def _rotation_and_travel(before: Clip, p: Arms, pre: int, after: Clip, q: Arms, post: int) -> tuple[float, float]:
+def _rotation_and_travel(
+    before: Clip, before_arms: Arms, pre: int, after: Clip, after_arms: Arms, post: int
+) -> tuple[float, float]:
     """Returns the largest joint rotation of spelling hands, radians, and travel of a wrist, m, between two frames."""
-    spelling = spelling_sides(np.array([p.lift[pre], q.lift[post]]))
+    spelling = spelling_sides(np.array([before_arms.lift[pre], after_arms.lift[post]]))
     joints = hand_joints(before, spelling)
     angles = rotation.angle_between(before.local_rotations[pre, joints], after.local_rotations[post, joints])
     (start, start_axes), (end, end_axes) = (
-        [seen[frame, spelling] for seen in hands_in_trunk_axes(motion)] for motion, frame in ((p, pre), (q, post))
+        [seen[frame, spelling] for seen in hands_in_trunk_axes(motion)]
+        for motion, frame in ((before_arms, pre), (after_arms, post))
     )
     cosine = np.einsum("hab,hab->h", start_axes, end_axes)
     hands = np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0))
-    travel = np.linalg.norm(end - start, axis=-1) * p.metres
+    travel = np.linalg.norm(end - start, axis=-1) * before_arms.metres
     return float(max(angles.max(initial=0.0), hands.max())), float(travel.max())
 
 
@@ -324,7 +332,7 @@ class MoveFingers(Pass):
         new = np.array(seam.new_frames.local_rotations)  # (n, J, 4)
         leaving, entering = list[Edit](), list[Edit]()
         for name in FINGERS[1:]:
-            joints = _joints(before, ("left", "right")[side], name)
+            joints = _finger_joints(before, ("left", "right")[side], name)
             n_early, path = self._path(seam, name, joints)
             leaving_path, new_path, entering_path = np.split(path, [n_early, n_early + len(new)])
             if len(leaving_path) or len(entering_path):
@@ -364,7 +372,7 @@ class MoveFingers(Pass):
         return n_early, path
 
 
-def _joints(clip: Clip, side: str, finger: str) -> list[int]:
+def _finger_joints(clip: Clip, side: str, finger: str) -> list[int]:
     """Returns a rig's joints of a finger."""
     known = rig_info(clip.skeleton).roles.joints
     return [known[side + role] for role in finger_roles(finger) if side + role in known]

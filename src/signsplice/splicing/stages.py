@@ -80,7 +80,7 @@ class Planner:
 
     def align(self, clip: Clip, index: int, first: Reference | None) -> tuple[AlignedWord, Reference]:
         """Returns the word of a clip, and the reference of its sentence: ``first``, or that of this clip if ``first``
-        is None.
+        is None. ``index``: the word's number in the sentence.
 
         Raises ``LimitError`` for too many frames, ``RigMismatchError`` if rigs have nothing in common.
         """
@@ -168,7 +168,7 @@ class Planner:
 
     def _seam(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
         """Returns the seam of two words. Letters of one spelled word are joined as letters, unless the user chose a
-        cutter.
+        cutter or the first is held at a mark.
         """
         spells = not self.options.has_own("cutter")
         if spells and not after.starts and before.is_letter and after.is_letter and before.held is None:

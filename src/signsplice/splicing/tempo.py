@@ -17,7 +17,7 @@ from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import Near, near_pairs, pair_clearances, skin_pairs
-from signsplice.body.contacts import PART_M, find_contacts, pose_body
+from signsplice.body.contacts import SEPARATION_M, find_contacts, pose_body
 from signsplice.motion import Clip, FloatArray, kinematics, sample_clip
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.splicing.contracts import Cutter
@@ -227,7 +227,7 @@ def contact_frames(clip: Clip) -> list[tuple[int, int]]:
     """Returns the half-open frame ranges in which a hand touches head, trunk, arm or the other hand."""
     body = body_capsules(clip.skeleton)
     posed, pairs = pose_body(clip, body), skin_pairs(body, frozenset(body.keys))
-    frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, PART_M)
+    frames, k = near_pairs(posed.starts, posed.ends, posed.radii, pairs, SEPARATION_M)
     distance = pair_clearances(posed.starts, posed.ends, posed.radii, pairs, frames, k).distance
     close_pairs = Near(frames, k, distance)
     return [contact.frames for contact in find_contacts(body, pairs, close_pairs, distance, len(clip))]

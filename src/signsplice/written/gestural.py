@@ -21,9 +21,9 @@ from signsplice.written.tree import (
     WrittenPosture,
     WrittenShape,
     WrittenSign,
+    involves_weak_hand,
     merge_postures,
     symmetry_kind,
-    weak_has_own,
     with_weak,
 )
 
@@ -106,7 +106,7 @@ class _Gestural:
         if self.flag(e, "nondominant"):
             return "weak"
         if not both and not any(flips):
-            return "two" if weak_has_own(posture, motions) else "one"
+            return "two" if involves_weak_hand(posture, motions) else "one"
         return symmetry_kind(*flips)
 
     # --- postures

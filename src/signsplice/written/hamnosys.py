@@ -28,9 +28,9 @@ from signsplice.written.tree import (
     WrittenManner,
     WrittenPosture,
     WrittenSign,
+    involves_weak_hand,
     merge_postures,
     symmetry_kind,
-    weak_has_own,
 )
 
 _SYMMETRY = symbols.KINDS["symmetry"]
@@ -87,7 +87,7 @@ def _part(balanced: Sequence[Token], reading: Reading) -> WrittenSign:
         raise reading.error("has no handshape, direction or place before its movement", "", where.position)
     if crossed and posture.place is not None and not posture.place.side:
         posture = replace(posture, place=replace(posture.place, side="left_at"))
-    hands = "weak" if weak else "two" if weak_has_own(posture, motions) else "one"
+    hands = "weak" if weak else "two" if involves_weak_hand(posture, motions) else "one"
     if kinds:
         hands = symmetry_kind(kinds[0] == "mirrored", "largemod" in flips, "fingerstraightmod" in flips)
     tiers = tuple(parser.tiers)

@@ -37,7 +37,7 @@ class WrittenShape:
     thumb: out, across, opposed, or "" for the thumb of the base
     bend: bend of the selected fingers: bent, round, hooked, dblbent, dblhooked, halfbent, or ""
     bends: (digit, bend) of single fingers; a bend may be three digits, quarters of each joint's bend
-    special: digits selected instead of the base's own (I: finger2 with 5)
+    special: digits selected instead of the base's own (the letter I: finger2 with 5)
     exempt: digits excluded from the group
     opposed: digit that the thumb meets, 0 for the base's own
     pair: two digits that cross or touch, or ()
@@ -250,7 +250,7 @@ class WrittenSign:
 
 
 def merge_postures(before: WrittenPosture | None, after: WrittenPosture | None) -> WrittenPosture | None:
-    """Merges two postures; the values of ``after`` take precedence."""
+    """Returns both postures as one, with the values of ``after`` where it has any; None if both are None."""
     if before is None or after is None:
         return before or after
     names = ("shape", "fingers", "palm", "place", "pair")
@@ -259,7 +259,7 @@ def merge_postures(before: WrittenPosture | None, after: WrittenPosture | None) 
 
 
 def with_weak(strong: WrittenPosture, weak: WrittenPosture) -> WrittenPosture:
-    """Sets the weak hand's part of a posture."""
+    """Returns ``strong`` with the values of ``weak`` for its weak hand, over those that it has."""
     return replace(strong, weak=merge_postures(strong.weak, replace(weak, weak=None)))
 
 
@@ -278,8 +278,8 @@ def all_motions(motions: Iterable[Motion]) -> Iterator[Motion]:
         yield from all_motions(motion.parts)
 
 
-def weak_has_own(posture: WrittenPosture, motions: Iterable[Motion]) -> bool:
-    """Whether a posture or a motion gives the weak hand its own action, or brings the strong hand to it."""
+def involves_weak_hand(posture: WrittenPosture, motions: Iterable[Motion]) -> bool:
+    """Whether a posture or a motion is also the weak hand's own, or brings the hands together."""
     every = [*all_motions(motions)]
     postures = [p for p in (posture, *(motion.target for motion in every)) if p is not None]
     pairs = [p.pair for p in postures if p.pair is not None]
@@ -314,14 +314,15 @@ def is_symmetric(sign: WrittenSign) -> bool:
     """Whether both hands mirror each other throughout the sign."""
     if sign.hands != "mirrored" or sign.holdover or splits(sign.motions):
         return False
-    return all(map(_is_alike, _postures(sign)))
+    return all(map(_mirrors, _postures(sign)))
 
 
-def _is_alike(posture: WrittenPosture) -> bool:
+def _mirrors(posture: WrittenPosture) -> bool:
+    """Whether both hands can mirror each other in a posture."""
     pair, place = posture.pair, posture.place
-    meets = pair is None or (pair.weak == pair.strong and (pair.place is None or pair.place.contact != "touch"))
+    pair_mirrors = pair is None or (pair.weak == pair.strong and (pair.place is None or pair.place.contact != "touch"))
     at_arm = place is not None and place.name in _ON_ARM and place.name != "elbowinside"
-    return posture.weak is None and meets and not at_arm
+    return posture.weak is None and pair_mirrors and not at_arm
 
 
 def _postures(sign: WrittenSign) -> Iterator[WrittenPosture]:

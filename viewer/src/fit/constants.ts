@@ -90,7 +90,7 @@ export const gltf_mesh = {
 
 export const skin_surface = {
   MIN_POINTS: 6,
-  THICK_M: [0.03, 0.015],
+  HALF_THICKNESS_M: [0.03, 0.015],
   RELIEF: {
     line_distance_m: 0.015,
     outermost_fade_m: 0.005,
@@ -237,7 +237,7 @@ export const skin_contacts = {
     press_depth_m: 0.002,
     watch_distance_m: 0.035,
   },
-  THICK_M: [0.03, 0.015],
+  HALF_THICKNESS_M: [0.03, 0.015],
   SETTINGS: {
     comparison_m: 0.045,
     hand_layer_m: 0.025,
@@ -290,7 +290,7 @@ export const thumb_contacts = {
 } as const;
 
 export const retarget = {
-  PART_M: 0.012,
+  SEPARATION_M: 0.012,
   WRISTS: {
     anchor_fade_m: 0.04,
     hand_clearance_m: 0.06,

@@ -112,7 +112,7 @@ function* better(fit: Fit, skin: AvatarSkin, meetings: Meeting[], more: Moves): 
     }
     if (!pose) continue;
     const mostAcross = SETTINGS.edge_spacings * (isOfHands ? skin.hands[1] : skin.body).spacing;
-    const { least, out } = leastHeight(pose.hand, by, pose.tree, pose.normals, mostAcross, SURFACE.THICK_M[isOfHands ? 1 : 0], SETTINGS.lowest_fade_m);
+    const { least, out } = leastHeight(pose.hand, by, pose.tree, pose.normals, mostAcross, SURFACE.HALF_THICKNESS_M[isOfHands ? 1 : 0], SETTINGS.lowest_fade_m);
     const lack = wanted - least;
     const now = lack > 0 ? weight : held;
     if (least === Infinity || now <= 0) continue;

@@ -15,7 +15,7 @@ from signsplice_workshop.corpora.motion_version import MOTION_VERSION, hash_moti
 
 
 def test_the_signer_moves_as_its_version_says() -> None:
-    assert hash_motion() == MOTION_VERSION, "run `make weights`, `make corpus` and `make words`, and set it anew"
+    assert hash_motion() == MOTION_VERSION, "set it anew, then run `make weights`, `make corpus` and `make words`"
 
 
 @pytest.mark.parametrize("gloss", ["MOTHER", "BOOK", "HELLO", "NAME"])

@@ -30,10 +30,10 @@ SNAPSHOTS = "snapshots"
 """Folder of the weights at every validation, beside the checkpoint."""
 PLATEAU, STEPS, TIME = "plateau", "steps", "time"
 """Why a training ended: validation stopped improving, all steps were done, or its processor time was spent."""
-LEAST = 1e-3
+LEAST_IMPROVEMENT = 1e-3
 """Fraction of the best validation loss by which a later one must be lower to count as an improvement."""
-LOSS = "valid_loss"
-"""Name of the validation loss in a log."""
+VALIDATION_LOSS = "valid_loss"
+"""Name of the validation loss in a log; ``loss`` is that of training."""
 
 
 def highest_rate(method: str, rate: float) -> float:
@@ -52,8 +52,8 @@ class PaperLoop(LoopConfig):
     - method: one of ``OPTIMISERS``; sgd has no momentum, and a rate of its own
     - snapshots: whether to keep the weights of every validation, from which curves of whole systems are judged later
     - patience: number of validations in a row without improvement that ends the training; None: it ends after ``steps``
-    - most_cpu_s: processor seconds that end the training
-    - deadline: value of ``time.monotonic`` at which this call is interrupted
+    - most_cpu_s: processor seconds that end the training, None for no limit
+    - deadline: value of ``time.monotonic``, s, at which this call is interrupted, None for never
 
     Raises ``InputError`` for an unknown method.
     """
@@ -92,7 +92,7 @@ class PaperLoop(LoopConfig):
 
     def scores(self, task: Task, batch: Any) -> dict[str, float]:
         """Returns the scores of a validation batch, and its loss if the training may end on a plateau."""
-        loss = {} if self.patience is None else {LOSS: task(batch).item()}
+        loss = {} if self.patience is None else {VALIDATION_LOSS: task(batch).item()}
         return super().scores(task, batch) | loss
 
     def on_validation_end(self, folder: Path, step: int, task: Task) -> None:
@@ -110,17 +110,21 @@ def snapshot_path(folder: Path, step: int) -> Path:
 
 
 def on_plateau(losses: Sequence[float], patience: int) -> bool:
-    """Returns whether the last ``patience`` validation losses improve on all before by less than ``LEAST``."""
+    """Returns whether the last ``patience`` validation losses improve on all before by less than
+    ``LEAST_IMPROVEMENT``.
+    """
     if len(losses) <= patience:
         return False
     best = min(losses[:-patience])
-    return min(losses[-patience:]) > best - LEAST * abs(best)
+    return min(losses[-patience:]) > best - LEAST_IMPROVEMENT * abs(best)
 
 
 def read_losses(folder: Path, step: int) -> list[float]:
     """Returns the validation losses in a training's log up to a step."""
     return [
-        line[LOSS] for line in records.read_lines(folder / records.LOG_FILE) if LOSS in line and line["step"] <= step
+        line[VALIDATION_LOSS]
+        for line in records.read_lines(folder / records.LOG_FILE)
+        if VALIDATION_LOSS in line and line["step"] <= step
     ]
 
 

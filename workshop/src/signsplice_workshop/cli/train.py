@@ -30,9 +30,9 @@ _product_options = combine_options(
     click.option("--steps", type=int, metavar="N", help="Steps in place of the scale's."),
     click.option(
         "--batch", type=click.IntRange(min=1), metavar="N",
-        help="Draws in a batch in place of the scale's; several processes divide them.",
+        help="Size of a batch in place of the scale's; several processes divide it.",
     ),
-    preset("--seed", 0, "N", "Of weights and pairs."),
+    preset("--seed", 0, "N", "Of weights and batches."),
     preset("--device", "auto", "NAME", "auto, cpu or cuda."),
 )  # fmt: skip
 """Options that `train cutter` and `train transition` share."""
@@ -59,7 +59,7 @@ def _check_steps(steps: int | None) -> None:
         raise InputError(f"--steps {steps}, expected at least 1")
 
 
-_SIGNING = "Signing to train on, of `signsplice synth endless`; several folders are used equally often."
+_SIGNING = "Signing to train on, of `synth endless` or `synth signing`; several folders are used equally often."
 
 
 @train.command()
@@ -140,19 +140,18 @@ def make_progress_printer(part: str) -> ProgressCallback:
     """Returns a callback that prints a part's progress to standard error: in a terminal one line that is overwritten,
     and each validation's scores; elsewhere the scores alone.
     """
-    terminal = sys.stderr.isatty()
+    is_terminal = sys.stderr.isatty()
 
     def report(step: int, steps: int, numbers: dict[str, float]) -> None:
         if not numbers:
             print(f"{part} {step}/{steps}: continues from the checkpoint of an earlier call", file=sys.stderr)
             return
-        scores = "loss" not in numbers
-        if not terminal and not scores:
+        is_validation = "loss" not in numbers
+        if not is_terminal and not is_validation:
             return
-        remaining = "" if scores else f", {numbers['seconds_a_step'] * (steps - step) / 60.0:.1f} min left"
+        remaining = "" if is_validation else f", {numbers['seconds_a_step'] * (steps - step) / 60.0:.1f} min left"
         values = " ".join(f"{name} {value:.4g}" for name, value in numbers.items() if name != "seconds_a_step")
-        print(
-            f"{part} {step}/{steps}: {values}{remaining}", end="\n" if scores or not terminal else "\r", file=sys.stderr
-        )
+        end = "\n" if is_validation or not is_terminal else "\r"
+        print(f"{part} {step}/{steps}: {values}{remaining}", end=end, file=sys.stderr)
 
     return report

@@ -1,7 +1,8 @@
 """The version of the synthetic signer: a hash of the motion that it generates for fixed signs by fixed signers.
 
 Training data, corpora of pairs and bundles name it. A test compares it with the current signer: after a change of the
-signer's motion, run `make weights`, `make corpus` and `make words`, then update it.
+signer's motion, update it first, since networks and corpora store it; then run `make weights`, `make corpus` and
+`make words`.
 """
 
 from __future__ import annotations

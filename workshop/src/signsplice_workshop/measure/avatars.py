@@ -18,7 +18,7 @@ from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
 from signsplice.body.contacts import KEPT_M, PRESS_M, TOUCH_M, pose_body
 from signsplice.body.retarget import retarget, signing
 from signsplice.body.skin import BODY
-from signsplice.body.skin_surface import THICK_M, least_height
+from signsplice.body.skin_surface import HALF_THICKNESS_M, least_height
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
@@ -163,9 +163,11 @@ def _lowest_vertex_heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_])
             )
         for side in (0, 1):
             if signs[frame, side]:
-                heights[0, frame, side] = _lowest_height(vertices, hand_vertices[side], surfaces[0], THICK_M[0])
+                heights[0, frame, side] = _lowest_height(
+                    vertices, hand_vertices[side], surfaces[0], HALF_THICKNESS_M[0]
+                )
         if signs[frame].all():
-            heights[1, frame, 0] = _lowest_height(vertices, hand_vertices[0], surfaces[1], THICK_M[1])
+            heights[1, frame, 0] = _lowest_height(vertices, hand_vertices[0], surfaces[1], HALF_THICKNESS_M[1])
     return heights[0], heights[1]
 
 

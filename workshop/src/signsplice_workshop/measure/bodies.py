@@ -291,7 +291,7 @@ class SourceClip:
             start, end = posed.starts[frames, solid[c]], posed.ends[frames, solid[c]]
             radii = posed.radii[solid[c]]
             target_distance = radii[:, 0] + fraction[:, 0] * (radii[:, 1] - radii[:, 0]) + posed.radii[anchors[i], 1]
-            target_distance = target_distance + clearance[frames, i, c] * posed.hand_length / self.posed.hand_length
+            target_distance = target_distance + clearance[frames, i, c] * posed.palm_length / self.posed.palm_length
             target = (
                 start
                 + fraction * (end - start)

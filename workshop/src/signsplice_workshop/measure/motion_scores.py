@@ -35,7 +35,7 @@ def fingertip_joints(clip: Clip) -> list[int]:
 
 
 def relative_positions(clip: Clip, joints: Sequence[int]) -> FloatArray:
-    """Returns the positions (T, K, 3) of joints in the axes of the root."""
+    """Returns the positions (T, K, 3) of joints from the root, in its axes, clip units."""
     rotations, positions = kinematics.forward(clip, [0, *joints])
     return _joint_local_positions(0, rotations, positions, list(range(1, len(joints) + 1)))
 
@@ -98,7 +98,7 @@ def _is_finger(role: str) -> bool:
 
 
 def _joint_local_positions(origin: int, rotations: FloatArray, positions: FloatArray, joints: list[int]) -> FloatArray:
-    """Returns positions (T, K, 3) of joints in the axes of one joint, from global rotations and positions of all."""
+    """Returns positions (T, K, 3) of joints from joint ``origin``, in its axes, from global rotations and positions."""
     relative = positions[:, joints] - positions[:, origin, None]
     return np.asarray(np.einsum("tba,tkb->tka", rotations[:, origin], relative))
 
@@ -113,8 +113,8 @@ def even_rotation_frames(clip: Clip) -> FloatArray:
     """Returns for every frame but the first and the last (T - 2,): 1 if every arm and finger joint repeats its last
     rotation step, 0 if one does not, NaN if none moves or is known.
 
-    People never move so; a program that interpolates between keys does (slerp), and so does gap filling in a capture. A
-    measurement on such frames shows how near a method is to that program.
+    People do not move so; a program that interpolates between keys does (slerp), and so does one that fills gaps of a
+    capture. A measurement on such frames shows how near a method is to that program.
     """
     q = clip.local_rotations[:, arm_and_finger_joints(clip)]
     steps = rotation.difference(q[:-1], q[1:])
@@ -126,7 +126,7 @@ def even_rotation_frames(clip: Clip) -> FloatArray:
 
 def even_rotation_fraction(clip: Clip) -> float:
     """Returns the fraction of the moving frames in which every arm and finger joint repeats its last rotation step
-    (``even_rotation_frames``): 0 of captured motion, and if nothing moves.
+    (``even_rotation_frames``): near 0 of captured motion without filled gaps, 0 if nothing moves.
     """
     even = even_rotation_frames(clip)
     moving = even[~np.isnan(even)]
@@ -141,7 +141,7 @@ def format_keyedness(clip: Clip) -> str:
 
 def motion_ratio(predicted: Clip, true: Clip) -> float:
     """Returns the path length of the fingertips, seen from the root, predicted over true; 1 moves as much as the truth
-    does.
+    does. NaN if the truth does not move.
     """
     joints = fingertip_joints(true)
     paths = [

@@ -37,7 +37,7 @@ class WarmStart:
     """An earlier training of a network.
 
     - folder: the folder of its checkpoint, or a bundle
-    - recipe: the training's recipe; from a bundle, with a hash of the graphs, because the weights may have been tuned
+    - recipe: hash of the training's recipe; from a bundle, with a hash of the graphs, as weights may have been tuned
     - trained_on: hash of the corpus of pairs and name of the split that it was trained on, None if on none
     - provenance: what bundle.json of the next training says of this one
     - files: the bundle's graphs, empty for a checkpoint

@@ -2,8 +2,8 @@
 
 Start and stop tokens (eq. 15, 16): the first input is preIndexToken, and each frame comes with the logit of
 postIndexToken, "this is the last frame". Eq. 15 prints a softmax over the output; here coordinates are regressed
-linearly, and only the token is a probability. An input can be hidden. If all inputs are, every frame depends only on
-the encoder, and all frames are made in one pass ("concurrently").
+linearly, and only the token is a probability. An input can be hidden. If all after the first are, every frame depends
+only on the encoder, and all frames are made in one pass ("concurrently").
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Generator(nn.Module, ABC):
 
     @abstractmethod
     def encode(self, x: Tensor, mask: Tensor, n_before: Tensor, marks: Tensor | None = None) -> Encoded:
-        """Encodes the input.
+        """Returns the encoded frames of two words.
 
         x (B, S, K): frames, not normalised. mask (B, S): False at padding. n_before (B,): number of frames of the first
         word. marks (B, S, 2): 1 at the frames pre and post, else 0; for a network that is ``marked``.
@@ -70,12 +70,14 @@ class Generator(nn.Module, ABC):
     def forward(
         self, x: Tensor, mask: Tensor, n_before: Tensor, fed: Tensor, kinds: Tensor, marks: Tensor | None = None
     ) -> tuple[Tensor | None, Tensor, Tensor]:
-        """Returns tokens, frames and logits of the last frame for whole sequences, given the frame before each."""
+        """Returns logits of the position tokens (B, S, 3) or None, frames (B, T, K), and logits (B, T) of being the
+        last, given the frame before each.
+        """
         encoded = self.encode(x, mask, n_before, marks)
         return encoded.tokens, *self.decode_whole(encoded, fed, kinds)
 
     def decode_whole(self, encoded: Encoded, fed: Tensor, kinds: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns frames and logits of the last frame for whole sequences (B, T), given the frame before each."""
+        """Returns frames (B, T, K) and logits (B, T) of being the last, given the frame before each."""
         start = torch.zeros((), dtype=torch.long, device=fed.device)
         frames, last, _ = self.decode(fed, kinds, start, encoded.memory, encoded.state)
         return frames, last
@@ -86,7 +88,7 @@ def generate(
     network: Generator, encoded: Encoded, n_batch: int, most_frames: int, parallel: bool = False
 ) -> list[Tensor]:
     """Returns the frames (n, K) of each pair of a batch up to the first that is classified as the last one, at most
-    ``most_frames``.
+    ``most_frames``. ``parallel``: made in one pass, for a network that is ``concurrent``.
     """
     device = encoded.memory[0].device if encoded.memory else encoded.state[0].device
     zeros = torch.zeros(n_batch, 1, network.normaliser.n_numbers, device=device)

@@ -1,9 +1,9 @@
 """SPSN, the network that finds the splice positions (eq. 4-10).
 
-LSTM encoder and decoder both run over X, frame by frame (eq. 4 and 5; eq. 5 prints C_t = F_t * W_xc + ..., where an
-LSTM has C_t = F_t * C_{t-1} + I_t * C~_t, which torch computes). The decoder's state at t is compared with every state
-of the encoder (eq. 6), the weights form the context (eq. 7-9), and each frame is classified as {none, prePositionToken,
-postPositionToken} (our reading of eq. 9 and 10).
+X is the N frames of the first word, then the M of the second. LSTM encoder and decoder both run over X, frame by frame
+(eq. 4 and 5; eq. 5 prints C_t = F_t * W_xc + ..., where an LSTM has C_t = F_t * C_{t-1} + I_t * C~_t, which torch
+computes). The decoder's state at t is compared with every state of the encoder (eq. 6), the weights form the context
+(eq. 7-9), and each frame is classified as {none, prePositionToken, postPositionToken} (our reading of eq. 9 and 10).
 
 The paper does not specify what the decoder receives from the encoder besides attention. Here it starts from the
 encoder's last state H_{N+M} through a learned linear layer (Bahdanau et al. 2015).
@@ -33,7 +33,7 @@ class SpsnConfig:
 
     - width: of states and embeddings
     - attention: whether it has attention; without it, it is the ablation WA
-    - dropout: probability
+    - dropout: probability that a number of a state is dropped
     """
 
     width: int = 512
@@ -60,7 +60,7 @@ def paper_attention_weights(scores: Tensor, mask: Tensor | None = None) -> Tenso
 
 
 def mask_impossible_tokens(logits: Tensor, n_before: Tensor) -> Tensor:
-    """Returns the logits (B, S, 3) with pre excluded in Q and post in P; ``n_before`` (B,) is N."""
+    """Returns the logits (B, S, 3) with pre excluded in the second word, post in the first; ``n_before`` (B,) is N."""
     in_before = torch.arange(logits.shape[1], device=logits.device)[None] < n_before[:, None]  # (B, S)
     excluded = torch.stack([torch.zeros_like(in_before), ~in_before, in_before], dim=-1)
     return logits.masked_fill(excluded, -1e4)
@@ -101,7 +101,7 @@ class Spsn(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
 
     def forward(self, x: Tensor, n_before: Tensor, mask: Tensor | None = None) -> Tensor:
-        """Returns the logits (B, S, 3) of the frames X (B, S, K).
+        """Returns the logits (B, S, 3) of the frames X (B, S, K), positions that are not normalised.
 
         n_before (B,): N. mask (B, S): False at padding, which follows X.
         """
