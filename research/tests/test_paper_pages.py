@@ -17,7 +17,7 @@ def test_committed_pages_come_from_committed_results(tmp_path: Path) -> None:
     found = committed_results()
     shutil.copytree(DOCS.parent / pages.TEMPLATES, tmp_path / pages.TEMPLATES)
     (tmp_path / "docs").mkdir()
-    for name in ("search.json", "speed-cpu.json", "speed-paper.json"):
+    for name in ("speed-cpu.json", "speed-paper.json"):
         shutil.copy(DOCS / name, tmp_path / "docs")
     written = pages.write(found, tmp_path / "docs", "cpu")
     assert {pages.TABLE, "README.md"} <= {path.name for path in written}
@@ -57,28 +57,12 @@ def test_a_template_takes_a_figure_from_the_rows(asked: str, figure: str) -> Non
     assert pages.fill_template(f"It is {{{{{asked}}}}}.", FOUND, "cpu") == f"It is {figure}."
 
 
-def test_a_template_takes_tables_from_the_rows() -> None:
-    table = pages.fill_template("{{table random lstm}}", FOUND, "cpu").splitlines()
-    assert table[0].startswith("| system | condition | taught on | PTA |")
-    assert table[-1].startswith(f"| LSTM | {published.EQUAL} | {tables.HERE} | 0.990 | 0.250 |")
-    assert len(table) == 2 + len(published.TABLE_1) + len(published.TABLE_3) + 1
-    assert "| a+b |" in pages.fill_template("{{table random}}", FOUND, "cpu")
-    lines = pages.fill_template("{{splits lstm lptransformer*}}", FOUND, "cpu").splitlines()
-    assert lines == [
-        f"| LSTM, {published.EQUAL} | {tables.HERE} | 0.800 (0.900) | - (-) | 0.800 (0.700) | - (-) |",
-        f"| LpTransformer, {published.EQUAL} | {tables.ON_MANY} | 0.800 (-) | 0.800 (-) | - (-) | - (-) |",
-    ]
-
-
-def test_a_template_takes_times_and_searches_from_files(tmp_path: Path) -> None:
+def test_a_template_takes_times_from_files_and_lines_from_rows(tmp_path: Path) -> None:
     timed = {"system": "lstm", "decoding": "one-by-one", "writes": "transition", "n_parameters": 2_340_000}
     (tmp_path / "speed-cpu.json").write_text(json.dumps({"rows": [timed | {"ms_median": 1.26, "times_base": 0.5}]}))
-    tried = {"part": "lstm", "units": 64, "learning_rate": 0.003, "scores": {"paa": 0.5}}
-    (tmp_path / "search.json").write_text(json.dumps({"rows": [tried]}))
-    text = pages.fill_template("{{speed cpu}}\n{{search}}\n{{summary lstm lptransformer*}}", FOUND, "cpu", tmp_path)
+    text = pages.fill_template("{{speed cpu}}{{speed cpu transformer}}\n{{summary lstm lptransformer*}}", FOUND, "cpu", tmp_path)
     assert text.splitlines() == [
         "| LSTM | one-by-one | transition | 2.3 | 1.3 | 0.50 |",
-        "| LSTM | 64 | 0.003 | 0.500 | - |",
         f"| LSTM | {published.EQUAL} | {tables.HERE} | 0.990 | 0.250 | 0.9800 | 0.0016 | 0.500 | - | 0.800 | - |",
         f"| LpTransformer | {published.EQUAL} | {tables.ON_MANY} | "
         "0.990 | 0.600 | 0.9800 | 0.0016 | 0.500 | 0.800 | - | - |",
@@ -92,7 +76,7 @@ def test_a_template_takes_times_and_searches_from_files(tmp_path: Path) -> None:
     [
         *("lptransformer paa", "lptransformer paa 3 more", "lptransformer nothing 3", "nobody paa 3"),
         *("lstm@unseen-words paa 3", "lstm* paa 3", "lstm~sgd paa 3", "lptransformer paa many"),
-        *("table unseen-both", "table random nobody", "splits nobody"),
+        *("summary nobody", "table random"),
     ],
 )
 def test_what_no_row_has_is_named(asked: str) -> None:

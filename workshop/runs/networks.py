@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import signsplice as ss
+from measured import format_versions, stamp
 from signsplice.motion import Clip, FloatArray, concatenate, resample
 from signsplice.rig.keyedness import judge_keyedness
 from signsplice.signer import planner
@@ -139,7 +140,10 @@ def main(take: str | None = None) -> None:
     lines = format_table(("motion", "method", "over Hermite", *LENGTHS), rows)
     print("\n".join(lines))
     if take is not None:
-        PAGE.write_text("\n".join([*HEAD, *make_seam_lines(), "", *HIDDEN, *lines, ""]), encoding="utf-8")
+        made_with = format_versions([{"made_with": stamp()}])
+        PAGE.write_text(
+            "\n".join([*HEAD[:3], *made_with, *HEAD[3:], *make_seam_lines(), "", *HIDDEN, *lines, ""]), encoding="utf-8"
+        )
 
 
 HEAD = [

@@ -4,7 +4,7 @@ Two frames are equal if the mean squared difference of their numbers is at most 
 their frames are, one by one.
 
 **The paper's BLEU-n** (its section 4.2) is the fraction of a predicted transition's n-grams that are found anywhere in
-the true one: for one n alone, without clipping and without a brevity penalty. It is a number of one pair, and a set of
+the true one: for one n alone, without clipping and without a brevity penalty. It is computed for one pair; a set of
 pairs has the mean. A pair of which no n-gram was predicted counts 0, and a pair whose truth has no n-gram is left out.
 A prediction that repeats one right frame has BLEU-1 1.
 
@@ -15,11 +15,11 @@ clipped count. The rest follows Papineni: counts are summed over the corpus befo
 of the precisions up to n, and the brevity penalty is exp(1 - r / c) if c predicted frames are fewer than r true frames.
 
 **The tolerances.** The paper states none, so every table has three. Neighbouring frames of the true transitions differ
-by 6.9e-5 (median over the test pairs of version 2 of the corpus). At 1e-4, a root mean square of 2.2 cm per coordinate,
-61 % of neighbours are equal: a predicted frame counts if it is about as near to the true frame as that frame's
-neighbours. Tables that have room for one tolerance have this one. At 2e-5 17 % of neighbours are equal, so that order
-counts. 3e-4 is the MSE of 0.002, below which the paper's viewers saw no difference, divided by the seven frames of a
-transition; 89 % of neighbours are equal there, and order counts for little.
+by a mean square of 6.9e-5 (median over the test pairs of version 2 of the corpus). At 1e-4, a root mean square of 2.2
+cm per coordinate, 61 % of neighbours are equal: a predicted frame counts if it is about as near to the true frame as
+that frame's neighbours. Tables that have room for one tolerance have this one. At 2e-5 17 % of neighbours are equal, so
+that order counts. 3e-4 is the MSE of 0.002, below which the paper's viewers saw no difference, divided by the seven
+frames of a transition; 89 % of neighbours are equal there, and order counts for little.
 """
 
 from __future__ import annotations

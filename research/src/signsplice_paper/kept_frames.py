@@ -56,13 +56,14 @@ class KeptFrames:
 
 
 def make_label(system: str, scale: str, optimiser: str, given: str = "nothing") -> str:
-    """Returns the name of a row's frames in ``made``."""
+    """Returns the key of a row's frames in ``made`` and ``edges``."""
     return "/".join((scale, optimiser, system, given))
 
 
 def choose(pairs: Pairs, protocol: Protocol, count: int = COUNT) -> list[KeptFrames]:
     """Returns a fixed choice of judged pairs with transitions long enough to show, without frames made for them."""
-    long_enough = [k for k in protocol.numbers if pairs.index[k, 5] >= SHORTEST] or list(protocol.numbers)
+    n_transition_frames = pairs.index[:, 5]
+    long_enough = [k for k in protocol.numbers if n_transition_frames[k] >= SHORTEST] or list(protocol.numbers)
     order = stream("paper-shots", len(long_enough)).permutation(len(long_enough))[:count]
     return [_make_kept_frames(pairs, long_enough[k]) for k in order.tolist()]
 
@@ -82,16 +83,18 @@ def _make_figure(pairs: Pairs, word: int) -> StickFigure:
     return make_stick_figure(clip, space.find_joints(clip.skeleton, clip.name), space.parents)
 
 
-def add_answers(figure_pairs: Sequence[KeptFrames], name: str, answer: Answer, pairs: Pairs) -> list[KeptFrames]:
-    """Returns the pairs with the frames that ``answer`` makes for them, under ``name``."""
+def add_answers(figure_pairs: Sequence[KeptFrames], label: str, answer: Answer, pairs: Pairs) -> list[KeptFrames]:
+    """Returns the pairs with the frames that ``answer`` makes for them, under ``label`` (``make_label``)."""
     updated_pairs = []
     for pair in figure_pairs:
         prediction = answer(pair.number)
         edges = dict(pair.edges)
         if prediction.pre is not None and prediction.post is not None:
             p, q = pairs.index[pair.number, :2].tolist()
-            edges[name] = np.stack([pairs.word(p)[prediction.pre], pairs.word(q)[prediction.post]])
-        updated_pairs.append(replace(pair, made={**pair.made, name: prediction.frames.astype(np.float32)}, edges=edges))
+            edges[label] = np.stack([pairs.word(p)[prediction.pre], pairs.word(q)[prediction.post]])
+        updated_pairs.append(
+            replace(pair, made={**pair.made, label: prediction.frames.astype(np.float32)}, edges=edges)
+        )
     return updated_pairs
 
 

@@ -10,24 +10,22 @@ results.json, or the tables alone.
     {{lpt-plus@unseen-words* paa 3}}          taught on many words and bodies
     {{lptransformer-printed~sgd pta 3}}       by SGD
     {{transformer/lptransformer ms_median 1}} the ratio of the two scores
-    {{table random}}                          a split's table
-    {{table unseen-words lptransformer lpt-plus}}    of these systems
-    {{splits lptransformer lpt-plus*}}        lines by split: both positions exact, in brackets within one frame
     {{summary lptransformer lpt-plus*}}       lines: scores of known words, and exact positions of the other splits
     {{speed cpu}}                             lines of speed-cpu.json, by system and decoding
-    {{search}}                                lines of search.json, by system, width and rate
+    {{speed paper transformer}}               lines of one system
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import replacing
 from signsplice.formats.json_files import read_json
-from signsplice_paper import layout, published, tables
+from signsplice_paper import published, tables
 from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import Results
 from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, find_line, format_score
@@ -63,48 +61,30 @@ def fill_template(text: str, results: Results, scale: str, folder: Path = Path()
 
     def fill_field(match: re.Match[str]) -> str:
         if match[1].startswith("speed "):
-            return _format_times(folder / f"speed-{match[1].split()[1]}.json")
-        return (
-            _format_search(folder / "search.json") if match[1] == "search" else _format_field(match[1], results, scale)
-        )
+            scale_name, *systems = match[1].split()[1:]
+            return _format_times(folder / f"speed-{scale_name}.json", systems)
+        return _format_field(match[1], results, scale)
 
     return _FIGURE.sub(fill_field, text)
 
 
-def _format_times(path: Path) -> str:
-    """Returns the lines of a table of prediction times."""
+def _format_times(path: Path, systems: Sequence[str]) -> str:
+    """Returns the lines of a table of prediction times of ``systems``, of all if none is named."""
     rows = read_json(path, "prediction times")["rows"]
     return "\n".join(
         f"| {published.get_display_name(row['system'])} | {row['decoding']} | {row['writes']} | "
         f"{row['n_parameters'] / 1e6:.1f} | {row['ms_median']:.1f} | {row['times_base']:.2f} |"
         for row in rows
-    )
-
-
-def _format_search(path: Path) -> str:
-    """Returns the lines of a table of searched learning rates and widths: a line for each system and width."""
-    rows = read_json(path, "a search")["rows"]
-    scores = {(row["part"], row["units"], row["learning_rate"]): row["scores"] for row in rows}
-    return "\n".join(
-        f"| {published.get_display_name(part)} | {units} | {rate:.2g} | "
-        f"{layout.format_number(row.get('paa', math.nan))} | {layout.format_number(row.get('accuracy', math.nan), 4)} |"
-        for (part, units, rate), row in sorted(scores.items())
+        if not systems or row["system"] in systems
     )
 
 
 def _format_field(field: str, results: Results, scale: str) -> str:
     words = field.split()
-    if words[0] == "table" and len(words) > 1:
-        table = tables.make_table(results, scale, words[1], words[2:] or None)
-        if table is None:
-            raise InputError(f"{{{{{field}}}}}: no row of scale {scale}")
-        return "\n".join(layout.format_markdown(table).splitlines()[2:]).rstrip()
     if words[0] == "summary" and len(words) > 1:
         return "\n".join(_format_summary(field, results, scale) for field in words[1:])
-    if words[0] == "splits" and len(words) > 1:
-        return "\n".join(_format_splits(field, results, scale) for field in words[1:])
     if len(words) not in (3, 4) or words[3:] not in ([], ["spread"]) or not (words[2] == SHORT or words[2].isdecimal()):
-        raise InputError(f"{{{{{field}}}}}: expected SYSTEM SCORE DIGITS [spread], table SPLIT or splits SYSTEM")
+        raise InputError(f"{{{{{field}}}}}: expected SYSTEM SCORE DIGITS [spread] or summary SYSTEM")
     systems, scores, digits_text = words[:3]
     digits = SHORT if digits_text == SHORT else int(digits_text)
     lines = [_find_line(system, results, scale) for system in systems.split("/")]
@@ -130,16 +110,6 @@ def _format_summary(system_text: str, results: Results, scale: str) -> str:
     cells = [known_words.format_cell(score, digits) for score, digits in scores]
     cells += [line.format_cell("paa_all", 3) for line in unseen]
     return f"| {known_words.system} | {known_words.condition} | {known_words.taught} | {' | '.join(cells)} |"
-
-
-def _format_splits(system_text: str, results: Results, scale: str) -> str:
-    system, star = system_text.removesuffix("*"), "*" if system_text.endswith("*") else ""
-    lines = [_find_line(f"{system}@{split}{star}", results, scale) for split in SPLITS]
-    first_line = next((line for line in lines if line.rows), None)
-    if first_line is None:
-        raise InputError(f"{{{{splits {system_text}}}}}: no row of scale {scale}")
-    cells = [f"{format_score(line.score('paa_all'), 3)} ({format_score(line.score('within_1'), 3)})" for line in lines]
-    return f"| {first_line.system}, {first_line.condition} | {first_line.taught} | {' | '.join(cells)} |"
 
 
 def _find_line(system_text: str, results: Results, scale: str) -> TableLine:

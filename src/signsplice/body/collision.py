@@ -55,8 +55,9 @@ class SkinPairs:
 class Near:
     """Pairs of capsules that are close to each other in some frames.
 
-    frames, k: (N,) in order of frames.
-    distance: (N,) skin distance at the source, m.
+    frames: (N,) in order.
+    k: (N,) the row in ``SkinPairs`` of the pair that is close in each frame.
+    distance: (N,) skin distance of each pair, m; if a clip is retargeted, on its own body.
     """
 
     frames: Index
@@ -106,12 +107,13 @@ def _make_skin_pairs(body: BodyCapsules, blocks: list[tuple[list[int], list[int]
 def near_pairs(
     starts: FloatArray, ends: FloatArray, radii: FloatArray, pairs: SkinPairs, margin: float
 ) -> tuple[Index, Index]:
-    """Returns frames and pairs (N,), in order of frames, that may be nearer than ``margin``, from capsule ends
-    (T, C, 3) and radii (C, 2). Tests a ball around each hand or forearm first, then a ball around each of its capsules.
+    """Returns frames (N,), in order, and rows (N,) of the pairs that may be nearer than ``margin`` in them, from
+    capsule starts and ends (T, C, 3) and radii (C, 2). Tests a ball around each hand or forearm first, then a ball
+    around each of its capsules.
     """
     axes = ends - starts
-    lengths, thick, middles = dot(axes, axes), radii.max(axis=1), starts + 0.5 * axes
-    reach = 0.5 * np.sqrt(lengths.max(axis=0)) + thick
+    squared_lengths, thick, middles = dot(axes, axes), radii.max(axis=1), starts + 0.5 * axes
+    reach = 0.5 * np.sqrt(squared_lengths.max(axis=0)) + thick
     hits, offset = [], 0
     for block in pairs.blocks:
         n_own, n_other = len(block.own), len(block.other)
@@ -120,12 +122,15 @@ def near_pairs(
             from_middle = middles[:, block.own] - ball
             radius = (np.sqrt(dot(from_middle, from_middle)) + reach[block.own]).max(axis=1, keepdims=True)
             b = block.other
-            squared = segment_distance_squared(ball, starts[:, b], axes[:, b], lengths[:, b])
+            squared = segment_distance_squared(ball, starts[:, b], axes[:, b], squared_lengths[:, b])
             frames, columns = np.nonzero(squared < (radius + thick[b] + margin) ** 2)
             rows = frames * len(radii)
             b_rows, own_rows = rows[:, None] + b[columns, None], rows[:, None] + block.own
             squared = segment_distance_squared(
-                _take(middles, own_rows), _take(starts, b_rows), _take(axes, b_rows), lengths.reshape(-1).take(b_rows)
+                _take(middles, own_rows),
+                _take(starts, b_rows),
+                _take(axes, b_rows),
+                squared_lengths.reshape(-1).take(b_rows),
             )
             limit = reach[block.own] + thick[b[columns], None] + margin
             close, a = np.nonzero(squared < limit * limit)
@@ -141,10 +146,12 @@ def _take(points: FloatArray, at: Index) -> FloatArray:
     return points.reshape(-1, 3).take(at, axis=0)
 
 
-def segment_distance_squared(point: FloatArray, start: FloatArray, axis: FloatArray, length: FloatArray) -> FloatArray:
-    """Returns squared distances of points from line segments (..., 3) with axes of squared ``length`` (...)."""
+def segment_distance_squared(
+    point: FloatArray, start: FloatArray, axis: FloatArray, squared_length: FloatArray
+) -> FloatArray:
+    """Returns squared distances (...) of points from line segments (..., 3) with axes of ``squared_length`` (...)."""
     offset = point - start
-    share = np.clip(dot(offset, axis) / (length + TINY), 0.0, 1.0)
+    share = np.clip(dot(offset, axis) / (squared_length + TINY), 0.0, 1.0)
     offset = offset - share[..., None] * axis
     return dot(offset, offset)
 
@@ -167,9 +174,9 @@ class Clearances:
 def clearances(
     r: FloatArray, u: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
 ) -> Clearances:
-    """Returns skin distances of capsules with axes u from capsules with axes v (..., 3); r (..., 3) separates their
-    starts; radii (..., 2). Uses the nearest points of the two axes (Ericson 2005, 5.1.9) with the radii there: exact
-    for capsules of constant thickness, otherwise within the taper's slope.
+    """Returns skin distances of capsules with axes u from capsules with axes v (..., 3); r (..., 3) leads from the
+    starts of v to those of u; radii (..., 2). Uses the nearest points of the two axes (Ericson 2005, 5.1.9) with the
+    radii there: exact for capsules of constant thickness, otherwise within the taper's slope.
     """
     uu, vv, uv = dot(u, u) + TINY, dot(v, v) + TINY, dot(u, v)
     ur, vr = dot(u, r), dot(v, r)
@@ -202,8 +209,8 @@ WARN_M = 0.01
 """Depth of a hand in the body from which a clip gets a warning, m."""
 WARN_FOREARM_M = 0.03
 """The same for a forearm in the trunk, whose width is a guess, m."""
-_ROOM = 12_000
-"""Distances per block: arrays of over 128 kB cost page faults."""
+_MOST_DISTANCES = 12_000
+"""Most distances computed at once: arrays of over 128 kB cost page faults."""
 _WHOLE_HAND_WEIGHT = 1.2
 """Weight of the direction from hand to hand, relative to the exit direction of two capsules of the hands."""
 
@@ -258,9 +265,10 @@ class PosedCapsules:
         return PosedCapsules(self.body, self.starts[frames], self.ends[frames])
 
     def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,), forearms: bool = False) -> NearPairs:
-        """Returns pairs of capsules that may overlap after hands move by up to ``slack``, clip units: one of a hand,
-        taken as a ball about its middle, and one of head, trunk, the other arm or its hand.
+        """Returns pairs of capsules that may overlap once they come nearer by up to ``slack``, clip units: one of a
+        hand, taken as a ball about its middle, and one of head, trunk, the other arm or its hand.
 
+        slack: twice the largest move of a hand, if both hands move.
         firsts: first frames of the clips, if several lie end to end.
         forearms: adds pairs of a forearm and the other arm.
 
@@ -270,8 +278,8 @@ class PosedCapsules:
         if not forearms:
             hands, may_meet = hands[:2], may_meet[:2]
         radii = self.body.radii
-        lengths = np.diff([*firsts, len(self.starts)])
-        origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], lengths, axis=0)
+        clip_lengths = np.diff([*firsts, len(self.starts)])
+        origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], clip_lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
         middles = starts + 0.5 * axes
         reach = 0.5 * np.sqrt(dot(axes, axes)) + thick
@@ -311,7 +319,7 @@ class PosedCapsules:
         the unit vector (T, P, 3) away from it; ``most`` and 0 in frames in which all are farther.
         """
         rows, columns = np.asarray(own, np.intp), np.concatenate([np.asarray(part, np.intp) for part in parts])
-        step = max(1, _ROOM // (len(rows) * len(columns)))
+        step = max(1, _MOST_DISTANCES // (len(rows) * len(columns)))
         if len(self.starts) > step:
             blocks = [self[n : n + step].nearest(own, parts, most) for n in range(0, len(self.starts), step)]
             return np.concatenate([block[0] for block in blocks]), np.concatenate([block[1] for block in blocks])
@@ -346,8 +354,9 @@ class PosedCapsules:
         return distance, normals
 
     def penetration(self, firsts: Sequence[int] = (0,)) -> tuple[FloatArray, FloatArray]:
-        """Returns ``hand_penetration`` if a hand lies in something, in a fraction of the time: tests ``near_pairs``
-        only. Otherwise the depth is some number not above 0, and the exit direction is meaningless.
+        """Returns the depth (T, 2) of each hand in head, trunk, the other arm or its hand, clip units, and the exit
+        direction (T, 2, 3), both from ``near_pairs``. If a hand lies in nothing, its depth is some number not above 0,
+        and its exit direction is meaningless. ``firsts``: as there.
         """
         return self.near_pairs(firsts=firsts).penetration()
 
@@ -385,7 +394,7 @@ def _meet(
     """Tells whether (T, A, B) balls, middles (T, A, 3) and radii (T, A), meet capsules, starts and axes (T, B, 3) and
     radii (B,).
     """
-    step = max(1, _ROOM // max(1, middles.shape[1] * starts.shape[1]))
+    step = max(1, _MOST_DISTANCES // max(1, middles.shape[1] * starts.shape[1]))
     met = np.empty((len(middles), middles.shape[1], starts.shape[1]), bool)
     for n in range(0, len(middles), step):
         block = slice(n, n + step)
@@ -406,17 +415,18 @@ def _segment_distances_squared(points: FloatArray, starts: FloatArray, axes: Flo
 
 @dataclass(frozen=True, eq=False)
 class NearPairs:
-    """K pairs of capsules close to each other: one of a hand, and one that the hand must not enter.
+    """K pairs of capsules close to each other: one of a hand or forearm, and one that it must not enter.
 
     n_frames: T, of the clip.
     frames: (K,) the frame of each pair.
     pairs: (K,) a number for the two capsules of each.
-    hands: (K, 2) factors with which a pair's offset follows the left and right hand; 1 and -1 if both hands meet.
+    hands: (K, 2) factors with which a pair's offset follows the left and right hand or forearm; 1 and -1 if both hands
+        meet.
     meeting: (K,) whether both capsules are of hands.
     offsets: (K, 3) from the start of the other capsule to the start of the hand's.
     axes: (K, 3) of the hand's capsule and of the other.
     radii: (K, 2) of both, likewise.
-    apart: (K, 3) from the right to the left hand, if both meet.
+    apart: (K, 3) from the right to the left hand; 0 if no pair is of both.
     """
 
     n_frames: int
@@ -456,8 +466,8 @@ class NearPairs:
         return depth, exits
 
     def persistent_contact_distance(self) -> float:
-        """Returns the least skin distance that a pair of the two hands keeps at both ends of the clip, clip units,
-        negative inside; infinite if no pair is close at both.
+        """Returns the least skin distance that one pair of both hands does not exceed at either end of the clip, clip
+        units, negative inside; infinite if no pair is close at both.
         """
         ends = [np.flatnonzero(self.meeting & (self.frames == frame)) for frame in (0, self.n_frames - 1)]
         _, *matches = np.intersect1d(self.pairs[ends[0]], self.pairs[ends[1]], assume_unique=True, return_indices=True)
@@ -505,7 +515,7 @@ def _penetration(
     r: FloatArray, u: FloatArray, v: FloatArray, own_radii: FloatArray, other_radii: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Returns the depth (...) of capsules with axes u in capsules with axes v (..., 3), and the exit directions
-    (..., 3); r (..., 3) separates their starts; radii (..., 2).
+    (..., 3); r (..., 3) leads from the starts of v to those of u; radii (..., 2).
     """
     gaps = clearances(r, u, v, own_radii, other_radii)
     return -gaps.distance, gaps.normals

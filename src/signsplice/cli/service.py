@@ -70,8 +70,8 @@ def serve(
     files = [file for path in avatars for file in avatars_in(Path(path))]
     for file in files:
         load_avatar(str(file))  # fails now, not at the first request
-    places = {"allowed_origins": tuple(origins), "allowed_embedders": tuple(embedders), "avatars": tuple(files)}
-    settings = _settings(limits, **places, **given)
+    parsed = {"allowed_origins": tuple(origins), "allowed_embedders": tuple(embedders), "avatars": tuple(files)}
+    settings = _settings(limits, **parsed, **given)
 
     def on_open(address: str) -> None:
         if not settings.is_local:
@@ -94,7 +94,7 @@ def serve(
 @option("--browser/--no-browser", None, "Open the page in a browser.  [default: yes]", default=True)
 @reads_poses
 def view(
-    files: tuple[str, ...], reports: tuple[str, ...], roles: str | None, output: str | None, browser: bool, **place: Any
+    files: tuple[str, ...], reports: tuple[str, ...], roles: str | None, output: str | None, browser: bool, **given: Any
 ) -> None:
     """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
     if len(files) > 2:
@@ -109,7 +109,7 @@ def view(
             raise InputError(f"{output}: expected a name that ends in .html")
         check_output(output, [*files, *reports, roles])
     clips = [load(file, roles) for file in files]
-    read = [splice_reports.read(path, len(clip)) for path, clip in zip(reports, clips, strict=False)]
+    parsed_reports = [splice_reports.read(path, len(clip)) for path, clip in zip(reports, clips, strict=False)]
     try:
         _require_extra()
         from signsplice.service import page, scene
@@ -125,7 +125,7 @@ def view(
         head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         text = head + "".join(map(notebook.html, clips))
     else:
-        scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip_longest(clips, read)]
+        scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip_longest(clips, parsed_reports)]
         text = page.html(scenes, live=output is None)
     if output is not None:
         atomic.write(output, text)
@@ -139,10 +139,11 @@ def view(
 
             webbrowser.open(address)
 
-    _listen(_settings((), **place), scenes, on_open)
+    _listen(_settings((), **given), scenes, on_open)
 
 
 def _settings(limits: Sequence[str], **values: Any) -> Settings:
+    """Return settings with these fields and limits, each "NAME=N". Raises ``InputError`` for an unknown limit."""
     _require_extra()
     from signsplice.service.settings import Settings, limit_types
 

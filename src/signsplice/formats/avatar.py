@@ -34,7 +34,7 @@ from signsplice.errors import InputError
 from signsplice.formats import join_suffixes
 from signsplice.formats.fbx_avatar import as_glb
 from signsplice.formats.gltf_document import ROLES_EXTRA, VRM_0, VRM_1, Fields, chunks
-from signsplice.formats.gltf_face import bones_of, face_controls
+from signsplice.formats.gltf_face import face_controls, split_controls
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, format_errors, read_bytes, stem
@@ -249,7 +249,7 @@ class AvatarReader(MeshReader):
         origin = self.world(order[0])[:3, 3]
         above = self.parents.get(order[0])
         controls, n_targets, expressions = face_controls(self)
-        controls, look_at, opens_jaw = bones_of(self.json, nodes, controls)
+        controls, look_at, opens_jaw = split_controls(self.json, nodes, controls)
         file = AvatarFile(
             self._whole(content), tuple(order), turn, np.stack([self.world(node) for node in order]),
             np.eye(4) if above is None else self.world(above), controls, n_targets, expressions, look_at, opens_jaw,

@@ -37,11 +37,11 @@ _WEIGHTED_NEXT_LEFT = 0x2000000
 _THIRD = 1.0 / 3.0
 """Weight of a tangent with which time passes evenly."""
 _UNIT = 1.0 / 9999.0
-"""Weight of one unit in a file, as the SDK divides."""
+"""Files of version 7 store weights of tangents as whole numbers of this unit, as the SDK does."""
 _HALVINGS = 40
 """Bisection steps that find the curve parameter of a time."""
 _AT_KEY = 1e-7
-"""A frame within this many seconds of a key is at that key."""
+"""If every frame is within this many seconds of its key, the frames have the keys' values."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,8 @@ class KeyCurve:
         return np.where(is_held, np.where((flags & _NEXT) != 0, b, a), values)
 
     def _slopes(self, tangents: Tangents) -> tuple[FloatArray, FloatArray]:
-        """Return slopes (K - 1,) after each key and before the next. An automatic slope is the mean of the slope of the
-        chord between the neighbours and the weighted slope of both spans.
+        """Return slopes (K - 1,) after each key and before the next. An automatic slope is the mean of two: that of the
+        chord between the neighbours, and that of both spans, the shorter weighing more.
         """
         steps = np.diff(self.values) / np.diff(self.times)
         right_slopes, left_slopes = tangents.slopes[:-1, 0].copy(), tangents.slopes[:-1, 1].copy()
@@ -111,17 +111,21 @@ class KeyCurve:
 def _bezier(
     u: FloatArray, a: FloatArray, b: FloatArray, span: FloatArray, right: FloatArray, left: FloatArray, w: FloatArray
 ) -> FloatArray:
-    """Values (T,) between two keys of a cubic Bezier curve; ``w`` (T, 2): its tangents' weights."""
+    """Return values (T,) between two keys of a cubic Bezier curve.
+
+    u: (T,) fraction of the time between the keys. a, b: (T,) values at the keys. span: (T,) time between them, seconds.
+    right, left: (T,) slopes after the first key and before the second. w: (T, 2) weights of these tangents.
+    """
     first, second = w[:, 0], 1.0 - w[:, 1]
     s = u.copy()
     if np.abs(w - _THIRD).max() > 1e-4:  # otherwise time passes evenly
         low, high = np.zeros_like(u), np.ones_like(u)
         for _ in range(_HALVINGS):
             s = 0.5 * (low + high)
-            before = 3.0 * (1.0 - s) ** 2 * s * first + 3.0 * (1.0 - s) * s**2 * second + s**3 < u
-            low, high = np.where(before, s, low), np.where(before, high, s)
-    rise, fall = a + right * span * first, b - left * span * (1.0 - second)
-    return np.asarray((1 - s) ** 3 * a + 3 * (1 - s) ** 2 * s * rise + 3 * (1 - s) * s**2 * fall + s**3 * b)
+            is_early = 3.0 * (1.0 - s) ** 2 * s * first + 3.0 * (1.0 - s) * s**2 * second + s**3 < u
+            low, high = np.where(is_early, s, low), np.where(is_early, high, s)
+    after_a, before_b = a + right * span * first, b - left * span * (1.0 - second)
+    return np.asarray((1 - s) ** 3 * a + 3 * (1 - s) ** 2 * s * after_a + 3 * (1 - s) * s**2 * before_b + s**3 * b)
 
 
 def read_curve(record: Record, ticks: float, as_bits: bool) -> KeyCurve | None:
@@ -139,8 +143,10 @@ def read_curve(record: Record, ticks: float, as_bits: bool) -> KeyCurve | None:
     return KeyCurve(times[selected], values[selected], lambda: _read_tangents(record, as_bits, selected, len(times)))
 
 
-def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_] | slice, n_keys: int) -> Tangents:
-    """Read the tangents of an ``AnimationCurve``; each row of its attributes applies to one or more keys."""
+def _read_tangents(record: Record, as_bits: bool, selected: NDArray[np.bool_] | slice, n_keys: int) -> Tangents:
+    """Read the tangents of the ``selected`` ones of an ``AnimationCurve``'s ``n_keys`` keys; each row of its attributes
+    applies to one or more keys.
+    """
     counts = record.numbers("KeyAttrRefCount").astype(np.int64)
     flags, numbers = record.numbers("KeyAttrFlags").astype(np.int64), record.numbers("KeyAttrDataFloat")
     if len(flags) != len(counts) or len(numbers) != 4 * len(counts) or (counts < 0).any():
@@ -153,7 +159,7 @@ def _read_tangents(record: Record, as_bits: bool, kept: NDArray[np.bool_] | slic
     packed = np.stack([bits[:, 2] & 0xFFFF, bits[:, 2] >> 16], axis=1) * _UNIT
     weighted = np.stack([flags & _WEIGHTED_RIGHT, flags & _WEIGHTED_NEXT_LEFT], axis=1) != 0
     weights = np.clip(np.where(weighted, packed, _THIRD), 0.0, 1.0)
-    return Tangents(*(np.repeat(rows, counts, axis=0)[kept] for rows in (flags, slopes, weights)))
+    return Tangents(*(np.repeat(rows, counts, axis=0)[selected] for rows in (flags, slopes, weights)))
 
 
 def read_old_curve(record: Record, ticks: float) -> KeyCurve | None:
@@ -171,7 +177,11 @@ def read_old_curve(record: Record, ticks: float) -> KeyCurve | None:
 
 
 def _old_keys(values: Iterator[Any]) -> Iterator[tuple[float, ...]]:
-    """Yield time, value, flags, two slopes and two weights of each key of a list with letters for the kinds of keys."""
+    """Yield time (in the file's units), value, flags, two slopes and two weights of each key of a list.
+
+    Letters follow a key's time and value. C: held (n: it shows the next key's value). L: linear. U: cubic (a: automatic
+    slopes; s, b: two slopes follow), then whose tangents have a weight, which follows (a: both, r: right, l: left).
+    """
     for time in values:
         value, kind = float(next(values)), _letter(next(values))
         flags, slopes, weights = _LINEAR, [0.0, 0.0], [_THIRD, _THIRD]
@@ -202,7 +212,9 @@ def constant(value: float) -> KeyCurve:
 
 
 def _select_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_] | slice:
-    """Select the keys to use: the last of those at the same time. Raises ``InputError`` if they are not a curve."""
+    """Select the keys to use: the last of those at the same time. Raises ``InputError`` if a number is not finite or
+    times fall.
+    """
     steps = times[1:] - times[:-1]
     if not (np.isfinite(times.sum()) and np.isfinite(values.sum())):
         raise InputError("a key is not finite")
@@ -213,10 +225,13 @@ def _select_keys(times: FloatArray, values: FloatArray) -> NDArray[np.bool_] | s
 
 
 MOVES = ("Lcl Translation", "Lcl Rotation", "Lcl Scaling")
+"""The properties that move a model."""
 PERCENT = "DeformPercent"
 """The property of a blend shape's channel for its strength, percent."""
 _COLUMNS = {"d|X": 0, "d|Y": 1, "d|Z": 2, f"d|{PERCENT}": 0}
+"""Name of a number of a property, as its curve is connected -> its place in ``Curves``."""
 _OLD_CHANNELS = dict(zip("TRS", MOVES, strict=True))
+"""Name of a ``Channel`` of version 6 -> property."""
 _ADDITIVE = 0
 """Layer mode: adds to the layers below."""
 _OVERRIDE = 1
@@ -244,7 +259,9 @@ class Layer:
     adds_scales: bool = False
 
     def over(self, below: FloatArray, own: FloatArray, name: str, times: FloatArray, order: str) -> FloatArray:
-        """Combine values (T, n) of a property below this layer with its own; ``order``: axes of the angles."""
+        """Return the values (T, n) of property ``name`` with this layer: those of the layers below, combined with its
+        own. ``order``: axes of the angles.
+        """
         if self.weight is None:
             return own
         alpha = np.clip(self.weight.at(times) / 100.0, 0.0, 1.0)[:, None]
@@ -268,7 +285,7 @@ class Take:
     name: the take's name.
     span: start and end in seconds, which may be equal if the file names none.
     layers: the layers with curves, lowest first.
-    left_out: names of what it moves but is not read.
+    left_out: names of what it moves that is not read.
     """
 
     name: str
@@ -277,23 +294,25 @@ class Take:
     left_out: tuple[str, ...] = ()
 
     def model_curves(self) -> Iterator[tuple[Id, Curves]]:
-        """Yield each animated model with the curves of a property."""
+        """Yield (model, curves) for every property that moves a model, layer by layer."""
         for layer in self.layers:
             for (key, name), curves in layer.curves.items():
                 if name in MOVES:
                     yield key, curves
 
     def values(self, key: Id, name: str, rest: FloatArray, times: FloatArray, order: str = "XYZ") -> FloatArray:
-        """Return a property (T, n) at ``times`` (T,), or (1, n) if it is constant; ``rest``: (n,) without curves."""
+        """Return a property (T, n) at ``times`` (T,), or (1, n) if it is constant; ``rest``: its values (n,) in the
+        file's own pose, for numbers without curves.
+        """
         values = rest[None]
         for layer in self.layers:
             curves = layer.curves.get((key, name))
             if curves is None:
                 continue
-            still = np.full(len(rest), float(name == MOVES[2])) if layer.mode == _ADDITIVE else rest
+            without_curve = np.full(len(rest), float(name == MOVES[2])) if layer.mode == _ADDITIVE else rest
             layer_values = np.empty((len(times), len(rest)))
             for k, curve in enumerate(curves[: len(rest)]):
-                layer_values[:, k] = still[k] if curve is None else curve.at(times)
+                layer_values[:, k] = without_curve[k] if curve is None else curve.at(times)
             values = layer.over(values, layer_values, name, times, order)
         return values[:1] if (values == values[0]).all() else values
 
@@ -347,7 +366,9 @@ def _layer(objects: FbxObjects, key: Id, driven: Mapping[Id, Sequence[tuple[Id, 
 
 
 def _curves(objects: FbxObjects, node: Id, single: str = "") -> Curves:
-    """Read the curves of a node, of X, Y and Z or of one number; a number without curve is the node's constant."""
+    """Read the curves of a node, of X, Y and Z or of one number; a number without curve is the node's constant.
+    ``single``: name of the one number; if empty, one of ``_COLUMNS``.
+    """
     columns = {single: 0} if single else _COLUMNS
     curves: list[KeyCurve | None] = [None] * 3
     for source, what in objects.on(node, "AnimationCurve"):

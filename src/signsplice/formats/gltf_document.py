@@ -65,7 +65,8 @@ Fields = dict[str, Any]
 
 
 class Document:
-    """The content of a glTF file. Raises ``FormatError`` if it is not valid, or the error that its content causes.
+    """The content of a glTF file. Raises ``FormatError`` if it is not valid, or whatever error broken content causes,
+    which ``reading.format_errors`` turns into one.
 
     file: its name, for messages.
     folder: the folder of its buffer files; None if it may name none.

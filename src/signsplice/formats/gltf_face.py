@@ -56,8 +56,9 @@ _MOST_DEG = 180.0
 
 
 def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict[int, int], tuple[str, ...]]:
-    """Return the face controls, node -> number of its morph targets, and VRM's names of expressions that move targets;
-    empty if none has a known name.
+    """Return the face controls with known names, node -> number of its morph targets for nodes that these move, and
+    VRM's names of all expressions that move targets. Raises ``FormatError`` if a control moves a target that does not
+    exist.
     """
     nodes_of: dict[int, list[int]] = {}
     counts: dict[int, int] = {}
@@ -83,18 +84,18 @@ def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict
     return known, {node: n for node, n in counts.items() if node in moved}, names
 
 
-def bones_of(
+def split_controls(
     document: Fields, roles: Collection[str], controls: Sequence[FaceControl]
 ) -> tuple[tuple[FaceControl, ...], LookAt | None, bool]:
-    """Return the face controls that a player uses beside bones, the look-at of eye bones, None without them, and
-    whether a jaw bone opens the mouth. VRM's look-at moves either bones or its four presets.
+    """Return the face controls that a player uses beside bones, the look-at of the eye bones (None if no bones move the
+    eyes), and whether a jaw bone opens the mouth. VRM's look-at moves either bones or its four presets.
     """
     look_at, is_bones = look_at_of(document)
-    eyes = is_bones is not False and "leftEye" in roles and "rightEye" in roles
-    used = tuple(c for c in controls if not (eyes and is_bones and c.name.lower().startswith("look")))
+    turns_eyes = is_bones is not False and "leftEye" in roles and "rightEye" in roles
+    used = tuple(c for c in controls if not (turns_eyes and is_bones and c.name.lower().startswith("look")))
     shown = {channel for control in used for channel in shape_of(control.name) or ()}
-    eyes = eyes and not any(channel.startswith(LOOKS) for channel in shown)
-    return used, look_at if eyes else None, "jaw" in roles and "jawOpen" not in shown
+    turns_eyes = turns_eyes and not any(channel.startswith(LOOKS) for channel in shown)
+    return used, look_at if turns_eyes else None, "jaw" in roles and "jawOpen" not in shown
 
 
 def look_at_of(document: Fields) -> tuple[LookAt, bool | None]:
@@ -161,7 +162,9 @@ _AT_MOST = "degreesAtMost"
 """Our extra of a look-at: degrees of a gaze inward, outward, down and up with its coefficient at 1."""
 _LIDS = {"eyeBlinkLeft": "blinkLeft", "eyeBlinkRight": "blinkRight"}
 _PRESETS = ("aa", "ih", "ou", "ee", "oh", *_LIDS.values())
-"""Presets of a VRM animation, without look-at, which is no expression, and emotions, which no coefficient shows."""
+"""Presets that a VRM animation gets: all but look-at, which is no expression, and emotions, which no coefficient
+shows; ``blink`` only for avatars that lack ``blinkLeft``.
+"""
 
 
 class FaceReader(SkeletonDocument):
@@ -183,7 +186,7 @@ class FaceReader(SkeletonDocument):
                 values = self._weights(animation, channel["sampler"], times, fps)
                 n_bytes += values.nbytes
                 self.limits.check_memory("weights of a face", n_bytes, self.given_bytes, self.file)
-                for name, track in zip(names, values.T, strict=False):
+                for name, track in zip(names, values.T, strict=False):  # of a translation X holds the weight
                     tracks.setdefault(name, track)
         shown = {channel for name in tracks for channel in shape_of(name) or ()}
         if not any(channel.startswith(LOOKS) for channel in shown):
@@ -268,8 +271,9 @@ def target_names(document: Fields, node: Any) -> list[str]:
     number = as_object(nodes[node]).get("mesh") if isinstance(node, int) and 0 <= node < len(nodes) else None
     meshes = document.get("meshes") or []
     mesh = as_object(meshes[number]) if isinstance(number, int) and 0 <= number < len(meshes) else {}
-    parts = mesh.get("primitives")
-    holders = (mesh, parts[0] if isinstance(parts, list) and parts else None)  # older exporters name them in a part
+    primitives = mesh.get("primitives")
+    first_primitive = primitives[0] if isinstance(primitives, list) and primitives else None
+    holders = (mesh, first_primitive)  # older exporters name them in a primitive
     name_lists = [as_object(as_object(holder).get("extras")).get("targetNames") for holder in holders]
     named = next(([str(name) for name in names] for names in name_lists if isinstance(names, list) and names), [])
     if any(shape_of(name) is None for name in named) or not named:
@@ -298,7 +302,9 @@ def _binds(document: Fields) -> Iterator[tuple[str, tuple[str, Any], int]]:
 
 
 def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
-    """Animate the named targets of every mesh, and list the coefficients at rest, which have no targets."""
+    """Animate the named targets of every mesh, and list the coefficients that stay at rest. ``times``: number of the
+    accessor of key times.
+    """
     writer.gltf.animations[0].extras = {FACE_EXTRA: [name for name in face.channels if name not in face.moving]}
     for number, node in enumerate(writer.gltf.nodes):
         mesh = None if node.mesh is None else writer.gltf.meshes[node.mesh]
@@ -308,7 +314,9 @@ def write_face(writer: DocumentWriter, face: Face, times: int) -> None:
 
 
 def write_look_at(writer: DocumentWriter, face: Face, times: int, look_at: LookAt) -> Fields:
-    """Write the look-at of a VRM animation: a node that turns with the gaze, and the angles of a gaze at its limit."""
+    """Write the gaze of a VRM animation as a node that turns. Returns the extension's ``lookAt``, with the angles of a
+    gaze at its limit. ``times``: number of the accessor of key times.
+    """
     node = writer.node("lookAt")
     writer.gltf.scenes[0].nodes.append(node)
     writer.channel(node, "rotation", times, rotation.continuous(gaze_quats(face, look_at)))
@@ -319,7 +327,11 @@ def write_expressions(
     writer: DocumentWriter, face: Face, times: int, avatar: Collection[str] = ()
 ) -> dict[str, dict[str, dict[str, int]]]:
     """Write the expressions of a VRM animation: those of an avatar by name, or, for any avatar, the presets of the
-    lids, which equal their coefficients, and a custom one for each other coefficient. No two move the same.
+    lids, which equal their coefficients, and a custom one for each other coefficient. No two move the same. Returns the
+    extension's ``expressions``.
+
+    times: number of the accessor of key times.
+    avatar: names of the avatar's expressions; empty for any avatar.
     """
     presets = (*_PRESETS, *(("blink",) if "blinkLeft" not in avatar else ()))
     names = [name for name in avatar if name in presets or channel_of(name)]

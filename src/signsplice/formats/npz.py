@@ -147,7 +147,7 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
 
 
 def _unit(quats: FloatArray) -> FloatArray:
-    """Return quaternions (T, J, 4); in 32 bits, scaled to unit length if their length differs only by rounding."""
+    """Return quaternions (T, J, 4); 32-bit ones in 64 bits, scaled to unit length if only rounding changed it."""
     if quats.dtype.itemsize != 4:
         return quats
     wide = quats.astype(np.float64)

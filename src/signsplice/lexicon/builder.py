@@ -19,7 +19,7 @@ from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerp
 from signsplice.lexicon.gloss import Entry, fold, gloss_of, kind_of
 from signsplice.motion import Clip, Skeleton, copy_unchecked
 from signsplice.rig.info import active_span, arms
-from signsplice.rig.inspection import clip_warnings, stray_frames
+from signsplice.rig.inspection import clip_warnings, motion_span
 from signsplice.rig.rest_pose import with_rest_pose
 
 
@@ -70,11 +70,11 @@ def _rest_frames(clip: Clip) -> tuple[int | None, int | None]:
     """
     try:
         clip = with_rest_pose(clip)
-        stray = stray_frames(clip)
-        start, stop = active_span(arms(clip[stray.start : stray.stop]))
+        motion = motion_span(clip)
+        start, stop = active_span(arms(clip[motion.start : motion.stop]))
     except InputError:
         return None, None
-    return stray.start + start, len(clip) - stray.start - stop
+    return motion.start + start, len(clip) - motion.start - stop
 
 
 class SharedSkeletons:

@@ -34,13 +34,14 @@ _BODY = (
     "leftFoot",
     "rightFoot",
 )
+"""Roles of the joints that determine a placement, besides the root."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
     """The place and orientation of a signer, in world coordinates.
 
-    position: (3,) a point on the ground between the feet (the root without feet), clip units.
+    position: (3,) the middle between the joints of the feet (the root without feet), clip units.
     up: (3,) unit vector.
     forward: (3,) unit vector, the facing, at right angles to ``up``.
     """
@@ -55,7 +56,7 @@ ORIGIN = Placement(np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1
 
 
 def placement(clip: Clip) -> Placement:
-    """Returns the placement of the clip's signer: median position and mean facing of a few frames; kept with the clip.
+    """Returns the placement of the clip's signer: median position and mean facing of a few frames. Cached.
 
     Up is the world axis nearest to the direction from the hips to the head. Forward is at right angles to it and to
     the line of hips and shoulders. Skeletons without those roles stand at their root, up +Y, facing +Z (the usual axes
@@ -172,7 +173,7 @@ def reference(first: Clip, fps: float | None = None) -> Reference:
 
 
 def settle(carried: Clip, to: Reference) -> Clip:
-    """Brings a clip on the skeleton of a reference to its position, facing and frame rate."""
+    """Brings a clip that is on the skeleton of a reference to that reference's position, facing and frame rate."""
     return resample(place(carried, to.placement), to.fps)
 
 
@@ -182,8 +183,8 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
     both skeletons are one body.
 
     Bones keep their directions, the clip its place, and rotations that need no change their exact numbers. On another
-    body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` if the two rigs have
-    nothing in common.
+    body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` if joints match
+    neither by name nor by role: fewer than ``MIN_COMMON_ROLES`` roles, or no upper arm, in common.
 
     by_role: whether to match joints by role even if names match: otherwise rest poses of one rig on two bodies that
         differ by some degrees count as equal.
@@ -239,8 +240,8 @@ def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
 
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
-    """Maps target joints to source joints if the skeletons have most names in common; None if not, or if the names of
-    arms differ in meaning: a shoulder is the collar bone of one rig, the upper arm of another.
+    """Maps target joints to source joints by name; None if under half of the smaller one's names are common, or if
+    the names of arms differ in meaning: a shoulder is the collar bone of one rig, the upper arm of another.
     """
     ours, theirs = rig_info(target), rig_info(source)
     index = {name: j for j, name in enumerate(theirs.simple_names)}
@@ -267,12 +268,12 @@ def _rest_alike(source: Skeleton, target: Skeleton, pairs: Mapping[int, int]) ->
         if length > 0.0:
             total += 1
             agree += bool(a @ b >= np.cos(np.deg2rad(SAME_DIRECTION_DEG)) * length)
-            if _carries_a_hand(role_of.get(parent, "")) and a @ b < np.cos(np.deg2rad(SAME_ARM_DEG)) * length:
+            if _is_of_arm(role_of.get(parent, "")) and a @ b < np.cos(np.deg2rad(SAME_ARM_DEG)) * length:
                 return False
     return bool(total and agree >= 0.9 * total)
 
 
-def _carries_a_hand(role: str) -> bool:
+def _is_of_arm(role: str) -> bool:
     return role.endswith(("UpperArm", "LowerArm", "Hand", "Metacarpal", "Proximal", "Intermediate"))
 
 
@@ -313,11 +314,11 @@ def _transfer(
     globals_: list[FloatArray] = []
     for joint in range(len(target)):
         parent = int(target.parents[joint])
-        over = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(clip), 4))
+        parent_rotations = globals_[parent] if parent >= 0 else np.broadcast_to(rotation.IDENTITY, (len(clip), 4))
         source_joint = counterpart.get(joint)
         if source_joint is None:
             local[:, joint] = held_pose[joint]
-            globals_.append(rotation.multiply(over, held_pose[joint]))
+            globals_.append(rotation.multiply(parent_rotations, held_pose[joint]))
             continue
         goal = source_globals[:, source_joint]
         if source_t_pose is not None and target_t_pose is not None:
@@ -327,6 +328,6 @@ def _transfer(
         if plain and (parent < 0) == (source_parent < 0) and counterpart.get(parent, -1) == source_parent:
             local[:, joint] = clip.local_rotations[:, source_joint]
         else:
-            local[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(over), goal))
+            local[:, joint] = rotation.normalize(rotation.multiply(rotation.inverse(parent_rotations), goal))
         globals_.append(goal)
     return local

@@ -29,8 +29,8 @@ from signsplice.rig.roles import FINGERS, SIDES
 Mask = NDArray[np.bool_]
 
 JUMP_DEG = 60.0
-"""Rotation of a joint in one frame above which it jumps, degrees. Fingers do not count: if a capture loses them, they
-flip in otherwise correct motion.
+"""Rotation of a joint in one frame above which it jumps, degrees. Jumps of fingers are named, but leave out no frames:
+if a capture loses fingers, they flip in otherwise correct motion.
 """
 JUMP_M_S = 4.0
 """Speed above which a hand or the root jumps, m/s; shipped words reach 3."""
@@ -41,13 +41,15 @@ class StrayLimits:
     """Limits by which frames at the ends of clips are stray."""
 
     jump_ratio: float = 3.0
-    """Least ratio of a jump to the median of the two steps before and after it: fast motion accelerates gradually."""
+    """Least ratio of a jump to the median of the two steps before and two after it: fast motion speeds up gradually."""
     end_s: float = 0.5
     """Longest part beyond a jump that is left out, seconds."""
     end_fraction: float = 1.0 / 3.0
     """Largest part beyond a jump that is left out, as a fraction of the clip."""
     arm_deg: float = 12.0
-    """Largest angle of arm bones to their nominal direction in a reference pose followed by a jump, degrees."""
+    """Largest angle of arm bones to one direction in the frontal plane, equally low on both sides, in a reference pose
+    followed by a jump, degrees; arms leave a reference pose by a larger turn.
+    """
     finger_deg: float = 20.0
     """Largest angle of hand and fingers to the forearm in such a pose, degrees."""
     exact_arm_deg: float = 5.0
@@ -76,7 +78,7 @@ class WarningLimits:
     names: int = 12
     """Largest number of names in a warning."""
     raised_lift: float = 0.4
-    """Height of a wrist (``Arms.lift``) above which it signs."""
+    """Height of a wrist above which it signs, arm lengths above a hanging one (``Arms.lift``)."""
     distance_behind: float = 0.15
     """Median distance of signing wrists behind the shoulders above which left and right are exchanged, arm lengths."""
 
@@ -85,8 +87,8 @@ _WARNINGS = WarningLimits()
 
 
 @dataclass(frozen=True)
-class StrayFrames:
-    """The frames of a clip that belong to its motion.
+class MotionSpan:
+    """The frames of a clip that belong to its motion, without stray frames at its ends.
 
     start, stop: frames [start, stop) belong to it; splices leave the others out.
     warnings: about frames left out, and about jumps between the others; one line each, frames as in the clip.
@@ -102,51 +104,51 @@ class StrayFrames:
         return slice(first, max(first + 1, min(math.floor((self.stop - 1) / step + 1e-9) + 1, n_frames)))
 
 
-def stray_frames(clip: Clip) -> StrayFrames:
-    """Returns the frames of a clip that belong to its motion, kept as long as the clip lives.
+def motion_span(clip: Clip) -> MotionSpan:
+    """Returns the frames of a clip that belong to its motion; computed once for each clip.
 
     Stray frames at either end are those of a T-pose, an A-pose or the file's own rest pose with raised arms, with the
     movement out of it; and up to half a second beyond a jump (``JUMP_DEG``, ``JUMP_M_S``), unless that is a spike of a
     few wrong frames. All frames are kept if fewer than two would remain.
     """
-    return clip.derived[_stray_frames]
+    return clip.derived[_motion_span]
 
 
 def with_ends_held(clip: Clip) -> Clip:
     """Replaces stray frames by the first or last frame that belongs, so that frames keep their numbers; returns the
-    clip itself if all belong. Kept as long as the clip lives.
+    clip itself if all belong. Computed once for each clip.
     """
-    stray = stray_frames(clip)
-    is_whole = stray.stop - stray.start == len(clip.local_rotations)
+    motion = motion_span(clip)
+    is_whole = motion.stop - motion.start == len(clip.local_rotations)
     return clip if is_whole else clip.derived[_with_ends_held]
 
 
 def _with_ends_held(clip: Clip) -> Clip:
-    stray = stray_frames(clip)
-    frames = np.clip(np.arange(len(clip)), stray.start, stray.stop - 1)
+    motion = motion_span(clip)
+    frames = np.clip(np.arange(len(clip)), motion.start, motion.stop - 1)
     return copy_unchecked(at_frames(clip, frames), channels=clip.channels)
 
 
-def _stray_frames(clip: Clip) -> StrayFrames:
+def _motion_span(clip: Clip) -> MotionSpan:
     info = rig_info(clip.skeleton)
     angles, speeds = _steps(clip, info)
     n_frames = len(angles) + 1
     jumps = _jumps(angles[:, clip.skeleton.derived[_body_joints]].max(axis=1), JUMP_DEG) | _jumps(speeds, JUMP_M_S)
     first, last = _reference_poses(clip, info)
     if not (first[0] or last[0] or jumps.any() or (angles > JUMP_DEG).any()):
-        return StrayFrames(0, n_frames)
+        return MotionSpan(0, n_frames)
     before, shown_before = _stray_at_start(clip, jumps, *first)
     after, shown_after = _stray_at_start(at_frames(clip, slice(None, None, -1)), jumps[::-1], *last)
     start, stop = before, n_frames - after
     if before + after and stop - start < 2:
         shown = shown_before or shown_after
-        return StrayFrames(0, n_frames, (f"hardly a frame is left without {shown}: none is left out of splices",))
+        return MotionSpan(0, n_frames, (f"hardly a frame is left without {shown}: none is left out of splices",))
     lines = [
         f"{_numbers(*frames)}: {shown} that does not belong to the motion; left out of splices"
         for frames, shown in (((0, start), shown_before), ((stop, n_frames), shown_after))
         if shown
     ]
-    return StrayFrames(start, stop, (*lines, *_jump_warnings(clip, jumps, angles, speeds, start, stop)))
+    return MotionSpan(start, stop, (*lines, *_jump_warnings(clip, jumps, angles, speeds, start, stop)))
 
 
 def _numbers(start: int, stop: int) -> str:
@@ -243,8 +245,8 @@ def _reference_pose(skeleton: Skeleton, bones: FloatArray, local_rotations: Floa
 def _is_rest_pose(skeleton: Skeleton, local_rotations: FloatArray) -> bool:
     """Whether all arm joints are as in the file's rest pose, by their local rotations (J, 4)."""
     canonical = rig_info(skeleton).canonical
-    sides = np.r_[canonical.joints[LEFT], canonical.joints[RIGHT]]
-    local = local_rotations[sides[sides >= 0]]
+    joints = np.r_[canonical.joints[LEFT], canonical.joints[RIGHT]]  # -1 for those that the rig lacks
+    local = local_rotations[joints[joints >= 0]]
     return bool(np.rad2deg(rotation.angle_between(local, rotation.IDENTITY)).max() <= _STRAY.rest_pose_deg)
 
 
@@ -287,8 +289,9 @@ def _n_until_out(clip: Clip) -> int:
     pose, and the movement until it ends or slows down. All frames if the arms stay.
     """
     bones = _bone_directions(clip)
-    arms = bones[:, :, :2]
-    angles = np.rad2deg(np.arccos(np.clip(np.einsum("tskc,skc->tsk", arms, arms[0]), -1.0, 1.0))).max(axis=(1, 2))
+    arm_bones = bones[:, :, :2]
+    cosines = np.einsum("tskc,skc->tsk", arm_bones, arm_bones[0])
+    angles = np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))).max(axis=(1, 2))
     outside = np.flatnonzero(angles > _STRAY.arm_deg)
     if not len(outside):
         return len(clip)
@@ -330,7 +333,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
     humanoid, unit = info.roles, info.sizes.unit
     stands = placement(clip)
     try:
-        rest = [f"frames {a} to {b - 1}" for a, b in _rest_spans(clip, stray_frames(clip), arms(clip)) if b > a]
+        rest = [f"frames {a} to {b - 1}" for a, b in _rest_spans(clip, motion_span(clip), arms(clip)) if b > a]
     except InputError:
         rest = []
     return {
@@ -355,7 +358,7 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
 
 
 def clip_warnings(clip: Clip) -> tuple[str, ...]:
-    """Returns warnings about a clip before splicing, one line each, without its name; kept as long as the clip lives.
+    """Returns warnings about a clip before splicing, one line each, without its name; computed once for each clip.
     Raises ``InputError`` if the skeleton's own roles do not fit it.
     """
     return clip.derived[_clip_warnings]
@@ -364,12 +367,12 @@ def clip_warnings(clip: Clip) -> tuple[str, ...]:
 def _clip_warnings(clip: Clip) -> tuple[str, ...]:
     rested = with_rest_pose(clip)
     left_out = [line.removeprefix(f"{clip.name}: ") for line in left_out_warnings(clip)]
-    stray = stray_frames(rested)
+    motion = motion_span(rested)
     lines = [
-        *_arm_warnings(rested, stray),
+        *_arm_warnings(rested, motion),
         *left_out,
         *_motion_warnings(rested),
-        *stray.warnings,
+        *motion.warnings,
         *_rig_warnings(rested),
     ]
     return tuple(dict.fromkeys(lines))
@@ -380,22 +383,22 @@ def _axis(direction: np.ndarray[Any, np.dtype[np.float64]]) -> str:
     return ("-" if direction[axis] < 0 else "+") + "XYZ"[axis]
 
 
-def _rest_spans(clip: Clip, stray: StrayFrames, seen: Arms) -> list[tuple[int, int]]:
-    """The frames [start, stop) of rest before and after the sign, by what belongs to the motion and the arms."""
-    if stray.stop - stray.start < len(seen.wrists):
-        seen = arms(clip[stray.start : stray.stop])
-    start, stop = (stray.start + frame for frame in active_span(seen))
-    return [(stray.start, start), (stop, stray.stop)]
+def _rest_spans(clip: Clip, motion: MotionSpan, seen: Arms) -> list[tuple[int, int]]:
+    """The frames [start, stop) of rest before and after the sign, within those of the motion; empty without rest."""
+    if motion.stop - motion.start < len(seen.wrists):
+        seen = arms(clip[motion.start : motion.stop])
+    start, stop = (motion.start + frame for frame in active_span(seen))
+    return [(motion.start, start), (stop, motion.stop)]
 
 
-def _arm_warnings(clip: Clip, stray: StrayFrames) -> list[str]:
-    """Arms that are not known, that never rest, or that sign behind the body."""
+def _arm_warnings(clip: Clip, motion: MotionSpan) -> list[str]:
+    """Warnings of arms that are not known, that rest at neither end, or that sign behind the body."""
     try:
         seen = arms(clip)
     except InputError as error:
         return [str(error)]
     is_raised, lines = seen.lift > _WARNINGS.raised_lift, []
-    spans = _rest_spans(clip, stray, seen)
+    spans = _rest_spans(clip, motion, seen)
     if all(a == b for a, b in spans):
         lines.append("no rest found at either end: the arms neither rise at the start nor sink at the end")
     ahead = (seen.wrists - seen.shoulders.mean(axis=1, keepdims=True)) @ placement(clip).forward / seen.length
@@ -406,7 +409,7 @@ def _arm_warnings(clip: Clip, stray: StrayFrames) -> list[str]:
 
 
 def _motion_warnings(clip: Clip) -> list[str]:
-    """Clips that do not move."""
+    """A warning of a clip that does not move."""
     before, after = clip.local_rotations[:-1], clip.local_rotations[1:]
     if not len(after):
         return ["a single frame: it has no velocity, so transitions into and out of it start from rest"]
@@ -416,7 +419,7 @@ def _motion_warnings(clip: Clip) -> list[str]:
 
 
 def _rig_warnings(clip: Clip) -> list[str]:
-    """Roles, sizes, rest poses and bones that may not be what they are taken for."""
+    """Warnings of roles, sizes, rest poses and bones that may not be what they are taken for."""
     info, lines = rig_info(clip.skeleton), []
     unit = info.sizes.unit
     if not info.roles.joints:

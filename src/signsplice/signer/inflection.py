@@ -50,7 +50,7 @@ class HandSearch:
     n_rolls: int = 24
     """Number of rolls of the hand that are tried about each direction."""
     n_batches: int = 30
-    """Number of batches in which the cheaper half is tried."""
+    """Number of batches in which the cheaper half of these hands is tried, cheapest first."""
     other_direction_weight: float = 0.6
     """Weight of the turn of the direction, palm or fingers, that does not face the object; the other one counts 1."""
 
@@ -135,25 +135,29 @@ def inflect(sign: Sign, kind: str) -> Sign:
         raise InputError(f"{sign.gloss}-{kind.upper()}: {sign.gloss} has no movement to repeat")
     last = moves[-1]
     before, segment = sign.segments[last - 1], sign.segments[last]
-    goes = (segment.strong, segment.weak) != (before.strong, before.weak)
+    changes_posture = (segment.strong, segment.weak) != (before.strong, before.weak)
     segments = list(sign.segments)
-    if kind == "plural" and goes:
+    if kind == "plural" and changes_posture:
         segments[last] = replace(segment, times=3, step=(_FORMS.plural_step_cm, 0.0, 0.0), lift=segment.lift or 3.0)
     elif kind == "plural":
         segments[last:] = [_sidewards(s, sign) for s in segments[last:]]
     elif kind == "habitual":
-        segments[last] = replace(_repeat_movement(segment, goes, 2), tempo=_FORMS.habitual_tempo, seconds=None)
+        repeated = _repeat_movement(segment, changes_posture, 2)
+        segments[last] = replace(repeated, tempo=_FORMS.habitual_tempo, seconds=None)
     else:
-        repeated, lift = _repeat_movement(segment, goes, 2), _FORMS.continuative_arch_cm if goes else 0.0
+        repeated = _repeat_movement(segment, changes_posture, 2)
+        lift = _FORMS.continuative_arch_cm if changes_posture else 0.0
         segments[last] = replace(repeated, tempo=_FORMS.continuative_tempo, lift=lift, seconds=None)
     gloss = f"{sign.gloss}-{kind.upper()}"
     return _check_sign(replace(sign, gloss=gloss, segments=tuple(segments), synonyms=()))
 
 
-def _repeat_movement(segment: Segment, goes: bool, more: int) -> Segment:
-    """Repeats a movement ``more`` more times; a movement in one place lasts longer in proportion."""
-    times = min(segment.times + more, 8)
-    if goes:
+def _repeat_movement(segment: Segment, changes_posture: bool, n_extra: int) -> Segment:
+    """Returns the movement with ``n_extra`` repetitions more, as far as the notation allows; one that does not change
+    the posture has cycles or revolutions in proportion instead.
+    """
+    times = min(segment.times + n_extra, 8)
+    if changes_posture:
         return replace(segment, times=times)
     factor = times / segment.times
     local = segment.local and replace(segment.local, cycles=min(segment.local.cycles * factor, 10.0))
@@ -169,13 +173,13 @@ def _sidewards(segment: Segment, sign: Sign) -> Segment:
         what = f"{sign.gloss}-PLURAL: {sign.gloss} moves in one place"
         raise InputError(f"{what}, and only hands=one or base in space go on from it")
     if strong.location not in ON_BASE:
-        strong = replace(strong, shift=_plus(strong.shift, 2.0 * _FORMS.plural_step_cm))
-    weak = weak and replace(weak, shift=_plus(weak.shift, -2.0 * _FORMS.plural_step_cm))
+        strong = replace(strong, shift=_shift_out(strong.shift, 2.0 * _FORMS.plural_step_cm))
+    weak = weak and replace(weak, shift=_shift_out(weak.shift, -2.0 * _FORMS.plural_step_cm))
     moved = replace(segment, strong=strong, weak=weak)
     return replace(_repeat_movement(moved, False, 1), seconds=None) if segment.kind == "M" else moved
 
 
-def _plus(shift: Vector, out: float) -> Vector:
+def _shift_out(shift: Vector, out: float) -> Vector:
     return shift[0] + out, shift[1], shift[2]
 
 
@@ -192,7 +196,8 @@ def _hands(segment: Segment) -> list[Posture]:
 
 def _yaw(subject: str | None, object: str | None) -> float:
     """The angle about the vertical, radians, positive to the strong side, from straight ahead to the direction from
-    subject to object. The default subject is the signer, whose hand turns round if the signer is the object.
+    subject to object. By default the subject is the signer, the object the addressee; if the signer is the object, the
+    hand turns round.
     """
     start, end = (locations.locate(f"locus:{person}", _WEAK_ARM).point for person in (subject or "1", object or "2"))
     outward, forward = -(end - start)[0], (end - start)[2]
@@ -220,7 +225,9 @@ def _agreeing(posture: Posture, persons: dict[str, str | None], yaw: float, is_w
 
 
 def _facing(posture: Posture, by_palm: bool) -> Posture:
-    """Turns the posture's hand as far as is easy for its arm, the leading direction, palm or fingers, first."""
+    """Returns the posture with the directions of palm and fingers nearest to its own that are easy for its arm,
+    unchanged if none is found. ``by_palm``: whether the palm faces the object, and so counts more, else the fingers.
+    """
     targets = np.array([posture.palm, posture.fingers])
     directions = _directions(_SEARCH.n_directions)
     rolls = 2.0 * np.pi * np.arange(_SEARCH.n_rolls) / _SEARCH.n_rolls

@@ -6,8 +6,8 @@ modes give it more time.
 **transition**, the default: if it would exceed ``SPEEDS.largest_m_s``, the transition is lengthened for the whole body.
 **natural**: it moves to rest over the first frames of the next sign, or leaves rest in the last frames of the sign
 before, as long as it rests there. Its arm follows one curve over the transition and those frames (``quintic``: minimum
-jerk between the velocities of both ends), avoids the body and the other hand, and is as slow as human hands. All other
-joints keep the frames of the sign.
+jerk between the velocities of both ends), avoids the body and the other hand, and is as slow as human hands if those
+frames suffice. All other joints keep the frames of the sign.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class RestLimits:
 
 @dataclass(frozen=True)
 class IdleHandSpeeds:
-    """Speeds of idle hands, and the limit of attempts to reach them."""
+    """Largest speeds of idle hands, and the number of attempts to reach them."""
 
     largest_m_s: float = 2.2
     """Largest speed of an idle hand, m/s."""
@@ -64,8 +64,8 @@ class IdleHandSpeeds:
     """Largest speed under ``natural``, m/s: that of 9 of 10 sinking hands in running signing (15 movements of 0.15 to
     0.4 m in 16 sentences of the DGS Corpus: median 0.8 m/s, at most 1.8).
     """
-    most_lengthenings: int = 8
-    """Largest number of times that a transition is lengthened."""
+    most_tries: int = 8
+    """Largest number of lengths of a transition that are tried, the planned one included."""
 
 
 _REST = RestLimits()
@@ -90,19 +90,19 @@ def idle_hands(before: Clip, after: Clip, cut: Cut) -> list[IdleHand]:
     """Returns the idle hands of a seam; none if the rig's arms are not known by name."""
     if not rig_info(before.skeleton).has_arms:
         return []
-    p, q = arms(before), arms(after)
+    arms_before, arms_after = arms(before), arms(after)
     hands = []
     for side in (0, 1):
-        n_rest_before = _frames_at_rest(p, side, cut.pre, -1)
-        n_rest_after = _frames_at_rest(q, side, cut.post, 1)
+        n_rest_before = _frames_at_rest(arms_before, side, cut.pre, -1)
+        n_rest_after = _frames_at_rest(arms_after, side, cut.post, 1)
         if bool(n_rest_before) != bool(n_rest_after):
             hands.append(IdleHand(side, n_rest_after > 0, n_rest_before or n_rest_after))
     return hands
 
 
 def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
-    """Counts the frames from ``frame`` on, forwards or backwards, in which a hand is in its rest position at that end
-    of the clip (step 1: the beginning); 0 if it does not rest there.
+    """Counts the frames from ``frame`` on in which a hand stays where it rests at one end of the clip: counting
+    forwards (``step`` 1) at its beginning, backwards (-1) at its end; 0 if it does not rest there.
     """
     end = 0 if step > 0 else -1
     positions = motion.wrists - motion.hips[:, None]  # (T, 2, 3)
@@ -115,8 +115,8 @@ def _frames_at_rest(motion: Arms, side: int, frame: int, step: int) -> int:
     frames, end_rotation = slice(frame, None, step), motion.hand_rotations[end, side]
     is_close = np.linalg.norm(positions[frames, side] - positions[end, side], axis=-1) < _REST.distance * motion.length
     cosines = 0.5 * (np.einsum("tab,ab->t", motion.hand_rotations[frames, side], end_rotation) - 1.0)
-    run = is_close & (cosines > np.cos(_REST.rotation))
-    return len(run) if run.all() else int(np.argmin(run))
+    rests = is_close & (cosines > np.cos(_REST.rotation))
+    return len(rests) if rests.all() else int(np.argmin(rests))
 
 
 def is_approached(clip: Clip, side: int) -> NDArray[np.bool_]:
@@ -171,18 +171,18 @@ class FreeHands(Pass):
     def change(self, seam: Seam) -> Seam:
         """Returns the seam with slower idle hands, or unchanged if they are slow enough."""
         seam = self.refill.fresh(seam)
-        least = SPEEDS.natural_m_s if self.natural else SPEEDS.largest_m_s
-        if not _is_faster(seam, least):
+        limit_m_s = SPEEDS.natural_m_s if self.natural else SPEEDS.largest_m_s
+        if not _is_faster(seam, limit_m_s):
             return seam
         hands, longest = (
             idle_hands(seam.before_clip, seam.after_clip, seam.retimed_cut),
             most_frames(seam.gap.before.fps),
         )
         done = seam
-        for _ in range(SPEEDS.most_lengthenings if hands else 0):
+        for _ in range(SPEEDS.most_tries if hands else 0):
             done = seam
             for hand in hands if self.natural else ():
-                done = _let_free(done, hand, self.avoids)
+                done = _slow_hand(done, hand, self.avoids)
             peak = max(_peak_with_rest(done, hand) for hand in hands)
             n_frames = seam.gap.n_frames
             if not self.lengthens or peak <= SPEEDS.largest_m_s or n_frames >= longest:
@@ -192,11 +192,11 @@ class FreeHands(Pass):
         return done
 
 
-def _let_free(seam: Seam, hand: IdleHand, avoids: bool) -> Seam:
-    """Gives one idle hand as many frames of the sign as it needs, as far as available."""
+def _slow_hand(seam: Seam, hand: IdleHand, avoids: bool) -> Seam:
+    """Returns the seam with as many frames of the sign for one idle hand as it needs and ``_n_frames_free`` allows."""
     n_frames = seam.gap.n_frames
-    peak = least = _peak(_window(seam.gap, seam.new_frames), hand.side)
-    limit = _frames_free(seam, hand)
+    peak = lowest_peak = _peak(_window(seam.gap, seam.new_frames), hand.side)
+    limit = _n_frames_free(seam, hand)
     best: _ArmPath | None = None
     n_more = 0
     while peak > SPEEDS.natural_m_s and n_more < limit:
@@ -205,12 +205,12 @@ def _let_free(seam: Seam, hand: IdleHand, avoids: bool) -> Seam:
         path = _arm_path(seam, hand, n_more, avoids)
         peak = path.peak
         # A path around the body may be longer, and faster, than the transition's own.
-        if peak < least and path.depth <= max(TOLERANCE_M, seam.depth or 0.0):
-            best, least = path, peak
+        if peak < lowest_peak and path.depth <= max(TOLERANCE_M, seam.depth or 0.0):
+            best, lowest_peak = path, peak
     return seam if best is None else _apply_arm_path(seam, hand, best)
 
 
-def _frames_free(seam: Seam, hand: IdleHand) -> int:
+def _n_frames_free(seam: Seam, hand: IdleHand) -> int:
     """Returns the number of frames of the sign that an idle hand may take: it rests in them and in one more, and the
     other hand is not close to its arm.
     """
@@ -237,7 +237,8 @@ class _ArmPath:
 
     clip: the transition and the ``n_more`` frames of the sign.
     peak: the wrist's highest speed, m/s.
-    depth: depth of the hand in the body or in the other hand, beyond that of both ends, m.
+    depth: depth of the hand in the body or in the other hand, beyond that of both ends, m; 0 without collision
+        avoidance.
     """
 
     clip: Clip
@@ -247,7 +248,7 @@ class _ArmPath:
 
 
 def _arm_path(seam: Seam, hand: IdleHand, n_more: int, avoids: bool) -> _ArmPath:
-    """Moves the idle arm on one curve over the transition and ``n_more`` frames of the sign."""
+    """Returns the idle arm on one curve over the transition and ``n_more`` frames of the sign."""
     cut, entry, before, after = seam.retimed_cut, seam.before.first_frame, seam.before_clip, seam.after_clip
     post, stop = cut.post, cut.pre + 1
     if hand.arrives:

@@ -20,7 +20,7 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.gloss import is_letter
 from signsplice.motion import Clip, resample
 from signsplice.rig.align import Reference, reference
-from signsplice.rig.inspection import clip_warnings, stray_frames, with_ends_held
+from signsplice.rig.inspection import clip_warnings, motion_span, with_ends_held
 from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut
@@ -87,25 +87,25 @@ class Planner:
         clip, speed, system = with_rest_pose(clip), self.options.sign_speed, self.options.whole_system
         fps = first.fps if first else self._output_fps(clip)
         self.options.limits.check_resampling(clip, fps, speed)
-        stray, held_clip = stray_frames(clip), with_ends_held(clip)
+        motion, held_clip = motion_span(clip), with_ends_held(clip)
         to = first or reference(held_clip, fps)
         if system is not None:
             to = system.place_reference(held_clip, to, is_first=first is None)
         aligned = align(held_clip, replace(to, fps=clip.fps))
         resampled = resample(aligned.clip, fps, speed)
         step = clip.fps * speed / fps
-        motion_span = stray.resample_span(step, len(resampled))
+        resampled_span = motion.resample_span(step, len(resampled))
         shown, recorded = resampled, aligned.clip
         if held_clip is not clip:
-            shown, recorded = resampled[motion_span], aligned.clip[stray.start : stray.stop]
+            shown, recorded = resampled[resampled_span], aligned.clip[motion.start : motion.stop]
         warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
         if system is not None:
             warnings = (*warnings, *system.rate_warnings(clip))
-        frames = FrameMap(n_left_out=motion_span.start)
+        frames = FrameMap(n_left_out=resampled_span.start)
         keyed = judge_keyedness(held_clip).is_keyed
         word = AlignedWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name), keyed=keyed)
         if resampled is not aligned.clip:
-            word = replace(word, own=recorded, own_step=step, own_first=step * motion_span.start - stray.start)
+            word = replace(word, own=recorded, own_step=step, own_first=step * resampled_span.start - motion.start)
         return word, first or to
 
     def _output_fps(self, clip: Clip) -> float:

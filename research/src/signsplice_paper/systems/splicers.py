@@ -19,6 +19,7 @@ from signsplice_paper.configs import PaperConfig, RunConfig
 from signsplice_paper.prediction import N_NUMBERS, Prediction
 
 DECODINGS = ("one-by-one", "without-cache", "parallel")
+"""Every frame is fed back, with a cache of what was read; the same without a cache; all frames are made in one pass."""
 FRAME = 1
 """Kind of a decoder input: a frame that the decoder made."""
 
@@ -30,6 +31,10 @@ class PaperSystem(ABC):
     - config: its bundle.json
     - graphs: the exported graphs
     - decoding: one of ``DECODINGS``
+    - fr: frames that Culling keeps on each side; None without Culling
+    - marked: whether the encoder is given the positions as marks on the whole X
+    - most_frames: largest number of frames that are made
+    - token_bias: added to the logits of both tokens
     - n_numbers: numbers of a frame
     """
 
@@ -55,13 +60,13 @@ class PaperSystem(ABC):
     @abstractmethod
     def predict_fixed(self, before: FloatArray, after: FloatArray, pre: int, post: int, n_frames: int) -> FloatArray:
         """Returns the frames (n_frames, 159) of a prediction with a fixed outcome, for timing: positions are predicted,
-        but ``n_frames`` frames are made at pre and post. The cost depends only on the sizes of the networks, not on
-        their weights.
+        but ``n_frames`` frames are made at pre and post. The cost does not depend on the networks'
+        weights.
         """
 
     @abstractmethod
     def tokens(self, before: FloatArray, after: FloatArray) -> Array:
-        """Returns the logits (N + M, 3) of the tokens."""
+        """Returns the logits (N + M, 3) of no token, of pre and of post at each frame."""
 
     def _decode(self, encoded: Mapping[str, Array], n_frames: int | None = None) -> FloatArray:
         """Returns the transition frames (n, 159) that the decoder makes from the encoder's outputs. With ``n_frames``
@@ -123,7 +128,7 @@ class TwoNetworkSystem(PaperSystem):
         n_before = len(before) if self.fr is None else self.fr
         inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
         if self.marked:
-            marks = np.zeros((1, len(x), 2), np.float32)  # a position without a token has no mark
+            marks = np.zeros((1, len(x), 2), np.float32)  # a token that is not emitted has no mark
             if pre is not None:
                 marks[0, pre, 0] = 1.0
             if post is not None:

@@ -1,12 +1,14 @@
 """Clips redrawn between keys as animation programs draw them, and captured clips with noise or smoothed.
 
-    LINES        slerp between quaternions (glTF LINEAR; Blender, Unity), or lines between Euler angles (Maya)
-    BLENDER      auto-clamped handles with continuous acceleration, its default since 2.80; BLENDER_OLD without
-    MAYA         "auto" and "clamped" tangents of Euler channels
-    UNITY        clamped-auto tangents of quaternion components
-    SPLINE       a cubic with continuous second derivative through all keys of a quaternion component
+    line, euler-line          slerp between quaternions (glTF LINEAR; Blender, Unity); lines between Euler angles (Maya)
+    blender, blender-euler    auto-clamped handles with continuous acceleration, Blender's default since 2.80
+    blender-old               auto-clamped handles without it
+    maya-auto, maya-clamped   "auto" and "clamped" tangents of Euler channels
+    unity                     clamped-auto tangents of quaternion components
+    spline                    a cubic with continuous second derivative through all keys of a quaternion component
 
-Each function for tangents names its source. A curve is a cubic of time between two keys, except for BLENDER_OLD.
+Each function for a program's tangents names its source. A curve is a cubic of time between two keys, except for
+blender-old.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ def _limit_slopes(slopes: FloatArray, secants: FloatArray, handle: float) -> Flo
 
 
 def _average_secants(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the means of the secants on either side, and the secants."""
+    """Returns the means (K, C) of the secants on either side of a key, 0 at both ends, and the secants (K - 1, C)."""
     secants = _compute_secants(times, values)
     slopes = np.zeros_like(values)
     slopes[1:-1] = 0.5 * (secants[:-1] + secants[1:])
@@ -78,8 +80,8 @@ def _compute_old_blender_slopes(times: FloatArray, values: FloatArray) -> tuple[
 
 
 def _compute_blender_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the same with smoothing "Continuous Acceleration": ``bezier_handle_calc_smooth_fcurve`` (same file)
-    solves for slopes at which the second derivative is continuous; flat keys stay, and handles that overshoot are
+    """Returns auto-clamped handles with smoothing "Continuous Acceleration": ``bezier_handle_calc_smooth_fcurve`` (same
+    file) solves for slopes at which the second derivative is continuous; flat keys stay, and handles that overshoot are
     locked at the limit and the others solved again.
     """
     steps, secants = np.diff(times), _compute_secants(times, values)
@@ -131,7 +133,7 @@ def _compute_maya_clamped_slopes(times: FloatArray, values: FloatArray) -> tuple
 
 
 _LEVEL = 1e-4
-"""Radians; Maya does not publish its tolerance."""
+"""Difference of two keys, radians, below which they count as level; Maya does not publish its own."""
 
 
 def _compute_unity_slopes(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -160,7 +162,7 @@ DRAWINGS = {
     "unity": Drawing(None, _compute_unity_slopes),
     "spline": Drawing(None, _compute_spline_slopes),
 }
-"""Kinds of drawing by name."""
+"""Kinds of drawing by name, as the module's docstring describes them."""
 
 
 def choose_key_frames(
@@ -191,7 +193,8 @@ def rekey_clip(
     """Returns the clip keyed every so many frames, with what a program draws between the keys.
 
     every, rng: of ``choose_key_frames``. kind: of ``DRAWINGS``. fps: the rate at which the program plays its curves;
-    None: the clip's. ``motion.resample`` of the result is another motion. joints: those that are keyed, by default all.
+    None: the clip's. (``motion.resample`` of the result would slerp between its frames instead.) joints: those that are
+    keyed, by default all.
     """
     drawing, keys = DRAWINGS[kind], choose_key_frames(len(clip), every, rng)
     rate = clip.fps if fps is None else fps
@@ -248,7 +251,9 @@ def _evaluate_curves(
 
 
 def add_noise(clip: Clip, rad: float, rng: np.random.Generator, width: float = 0.0) -> Clip:
-    """Returns the clip with noise of ``rad`` on every joint: white, or smoothed over ``width`` frames and as strong."""
+    """Returns the clip with noise of deviation ``rad``, radians, about each axis of every joint: white, or smoothed
+    over ``width`` frames and as strong.
+    """
     noise = rng.normal(size=(*clip.local_rotations.shape[:2], 3))
     if width:
         noise = gaussian_filter1d(noise, width, axis=0, mode="nearest")
@@ -271,8 +276,8 @@ KEY_FRAMES = (3, 12)
 
 
 def with_keys(quats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Returns the motion redrawn between keys some ``KEY_FRAMES`` apart: by lines, by the cubics through their
-    neighbours (Catmull and Rom 1974), or by cubics that do not overshoot (Fritsch and Carlson 1980).
+    """Returns the rotations (T, R, 4) redrawn between keys some ``KEY_FRAMES`` apart: by lines, by the cubics through
+    their neighbours (Catmull and Rom 1974), or by cubics that do not overshoot (Fritsch and Carlson 1980).
     """
     interval, last_frame = int(rng.integers(KEY_FRAMES[0], KEY_FRAMES[1] + 1)), len(quats) - 1
     keys = np.unique([0, *range(int(rng.integers(interval)), last_frame, interval), last_frame])

@@ -21,8 +21,11 @@ from signsplice_workshop.measure.collisions import hand_penetration
 from signsplice_workshop.measure.measures import Progress
 
 LIMIT_CM = 0.5
-"""Greatest depth of a hand in head, trunk, the other arm or its hand that a pair may have."""
+"""Greatest depth that a pair may have of a hand in head, trunk, the other arm or its hand, or of a forearm in the other
+arm.
+"""
 _ROUNDING = np.deg2rad(0.05)
+"""Angle beyond a limit that counts as rounding, radians."""
 _WRISTS = [JOINTS["RightHand"], JOINTS["LeftHand"]]
 
 
@@ -31,16 +34,18 @@ class CorpusChecks:
     """The worst values over all pairs.
 
     n_pairs: number of pairs examined.
-    deepest_word_cm: greatest depth of a hand in head, trunk, the other arm or its hand, in the words.
+    deepest_word_cm: greatest depth of a hand in head, trunk, the other arm or its hand, or of a forearm in the other
+        arm, in the words.
     deepest_transition_cm: the same in the transitions.
     forearm_word_cm, forearm_transition_cm: greatest depth of a forearm in the trunk, in words and in transitions.
-    n_too_deep: number of pairs with a hand deeper than ``LIMIT_CM``.
+    n_too_deep: number of pairs with such a depth over ``LIMIT_CM`` in their kept frames or transition.
     over_limit_deg: largest angle by which a joint is beyond its limits.
     bone_change_cm: largest change of a bone's length.
     transition_step_cm: largest step of a joint from one frame to the next, in transitions and across their seams.
     word_step_cm: the same within the words.
     seam_wrist_change_cm: largest change of a wrist's step from one frame to the next at a seam.
-    n_misplaced: number of pairs whose cut or transition lies outside the stored frames.
+    n_misplaced: number of pairs that are cut within two frames of the first word's start or the second one's end, or
+        whose transition is not stored right after the one before.
     """
 
     n_pairs: int
@@ -105,7 +110,8 @@ class _PosedClip:
     """Values of one clip that are checked.
 
     positions: (T, J, 3) global joint positions, cm.
-    depth: (T,) depth of the deeper hand in the body, cm.
+    depth: (T, 2) depth of the left and the right hand in the body, or of its forearm in the other arm if that is
+        deeper, cm; negative: the distance.
     forearm: (T,) depth of the deeper forearm in the trunk, cm.
     steps: (T - 1,) largest step of a joint between two frames, cm.
     bone_change: largest change of a bone's length, cm.
@@ -162,7 +168,7 @@ def over_limit(local_rotations: FloatArray) -> float:
 
 
 def check_version(pairs: Pairs) -> None:
-    """Raises ``InputError`` for a corpus of another version than this code makes."""
+    """Raises ``InputError`` for a corpus of another version than ``pairs.VERSION``."""
     if pairs.version != VERSION:
         raise InputError(
             f"{pairs.folder}: is a corpus of version {pairs.version}, which an earlier commit makes "
@@ -174,7 +180,7 @@ def replan(pairs: Pairs, signs: Mapping[str, Sign], n_pairs: int = 400) -> tuple
     """Returns the number of drawn pairs of the first signer planned anew from their signs, and the number that differ.
 
     A pair differs if any bit of its utterance's rotations or roots is not the stored one. Pairs with a word that
-    ``signs`` lacks are left out. Raises ``InputError`` for a corpus of version 1.
+    ``signs`` lacks are left out. Raises the error of ``check_version``.
     """
     check_version(pairs)
     words = pairs.head["words"]

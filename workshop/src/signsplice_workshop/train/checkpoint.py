@@ -22,9 +22,9 @@ NAME = "checkpoint.pt"
 
 
 def save(folder: Path, step: int, network: nn.Module, optimiser: torch.optim.Optimizer, recipe: str) -> None:
-    """Writes the state after ``step`` steps."""
+    """Writes the state after ``step`` steps. ``recipe``: hash of all that the training depends on except the code."""
     state = {"step": step, "recipe": recipe, "network": network.state_dict(), "optimiser": optimiser.state_dict()}
-    content = io.BytesIO()  # torch reports a full disk as an error of another kind
+    content = io.BytesIO()  # in memory first: torch would report a full disk by an error of its own
     torch.save(state, content)
     atomic.write(folder / NAME, content.getbuffer())
 
@@ -62,7 +62,9 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def load_weights(folder: Path, network: nn.Module) -> None:
-    """Sets a network to the weights of a checkpoint. Raises ``InputError`` if it is of another network."""
+    """Sets a network to the weights of a checkpoint. Raises ``InputError`` if that is missing, broken, or of another
+    network.
+    """
     state = read(folder)
     with _convert_read_errors(folder / NAME):
         network.load_state_dict(state["network"])

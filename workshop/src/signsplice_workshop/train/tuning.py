@@ -21,7 +21,7 @@ from signsplice.errors import InputError
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.motion import Clip, resample, rotation
 from signsplice.rig.info import FEATURE_FPS, canonical_motion
-from signsplice.rig.inspection import stray_frames
+from signsplice.rig.inspection import motion_span
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing import features
 from signsplice.splicing.bundle import BUNDLE_FILE, read_file
@@ -169,7 +169,7 @@ def split(lexicon: Path) -> tuple[list[Clip], list[Clip]]:
 
 def _cut_stray_frames(clip: Clip) -> Clip:
     clip = with_rest_pose(clip)
-    signing = stray_frames(clip)
+    signing = motion_span(clip)
     return clip[signing.start : signing.stop]
 
 
