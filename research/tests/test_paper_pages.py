@@ -60,7 +60,9 @@ def test_a_template_takes_a_figure_from_the_rows(asked: str, figure: str) -> Non
 def test_a_template_takes_times_from_files_and_lines_from_rows(tmp_path: Path) -> None:
     timed = {"system": "lstm", "decoding": "one-by-one", "writes": "transition", "n_parameters": 2_340_000}
     (tmp_path / "speed-cpu.json").write_text(json.dumps({"rows": [timed | {"ms_median": 1.26, "times_base": 0.5}]}))
-    text = pages.fill_template("{{speed cpu}}{{speed cpu transformer}}\n{{summary lstm lptransformer*}}", FOUND, "cpu", tmp_path)
+    text = pages.fill_template(
+        "{{speed cpu}}{{speed cpu transformer}}\n{{summary lstm lptransformer*}}", FOUND, "cpu", tmp_path
+    )
     assert text.splitlines() == [
         "| LSTM | one-by-one | transition | 2.3 | 1.3 | 0.50 |",
         f"| LSTM | {published.EQUAL} | {tables.HERE} | 0.990 | 0.250 | 0.9800 | 0.0016 | 0.500 | - | 0.800 | - |",
